@@ -1,0 +1,257 @@
+"""Every parameter of the product, declared once: default, unit, range, meaning.
+
+The dataclasses below are the one table from which the ROS parameter declarations, `config/*.yaml` and the
+documentation come. A configuration file is ROS 2 parameter YAML, the same for node and command.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+
+from lasso_motion_ros.errors import ConfigurationError
+
+Value = bool | int | float | str
+Config = TypeVar("Config")
+
+
+def parameter(
+    default: Value,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    read_only: bool = True,
+) -> Any:
+    """A dataclass field that is a ROS parameter; the metadata is what declaration and documentation show."""
+    return field(
+        default=default,
+        metadata={
+            "description": description,
+            "unit": unit,
+            "minimum": minimum,
+            "maximum": maximum,
+            "choices": choices,
+            "read_only": read_only,
+        },
+    )
+
+
+@dataclass(frozen=True)
+class PathConfig:
+    """Minimal path between the clicks."""
+
+    line_sigma_mm: float = parameter(
+        0.25, "scale of the line filter under the path cost, at the iso-centre", unit="mm", minimum=0.05, maximum=2.0
+    )
+    cost_floor: float = parameter(
+        0.05, "cost of a pixel on a perfect line, relative to one off any line", minimum=1e-3, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """The 3-D model of the loop."""
+
+    points: int = parameter(100, "points on the model curve (L)", minimum=16, maximum=1000)
+
+
+@dataclass(frozen=True)
+class FeatureConfig:
+    """Feature images of the published method."""
+
+    roi_px: int = parameter(400, "side of the region of interest, at a 1024-pixel image", unit="px", minimum=64)
+    sigma_min_px: float = parameter(
+        1.5, "smallest scale of the line filter, at a 1024-pixel image", unit="px", minimum=0.5, maximum=10.0
+    )
+    sigma_max_px: float = parameter(
+        3.0, "largest scale of the line filter, at a 1024-pixel image", unit="px", minimum=0.5, maximum=20.0
+    )
+    scales: int = parameter(3, "number of scales, spaced geometrically", minimum=1, maximum=8)
+
+
+@dataclass(frozen=True)
+class RegistrationConfig:
+    """Best-neighbour registration of the published method."""
+
+    normal_search_px: int = parameter(
+        5, "each model point takes the smallest distance within ± this along the normal", unit="px", minimum=0, maximum=40
+    )
+    translation_step_mm: float = parameter(2.0, "first step of the translation", unit="mm", minimum=0.01)
+    rotation_step_deg: float = parameter(2.0, "first step of the rotation", unit="deg", minimum=0.01)
+    smallest_step: float = parameter(
+        0.02, "steps are halved until below this fraction of the first", minimum=1e-4, maximum=1.0
+    )
+
+
+@dataclass(frozen=True)
+class SyncConfig:
+    """How images of the two planes are paired, by their stamps."""
+
+    jitter_s: float = parameter(0.005, "a B this much earlier than its A still belongs to it", unit="s", minimum=0.0)
+    plane_b_offset_s: float = parameter(
+        -1.0, "known time from A's to B's exposure; negative: unknown, pair by the half-period rule", unit="s"
+    )
+
+
+@dataclass(frozen=True)
+class TrackerConfig:
+    """All that the tracker's method depends on."""
+
+    method: str = parameter("brost2009", "tracking method", choices=("brost2009",))
+    polarity: str = parameter(
+        "auto", "the catheter against its background", choices=("auto", "dark", "bright")
+    )
+    path: PathConfig = field(default_factory=PathConfig)
+    model: ModelConfig = field(default_factory=ModelConfig)
+    features: FeatureConfig = field(default_factory=FeatureConfig)
+    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+
+
+@dataclass(frozen=True)
+class ProductConfig(TrackerConfig):
+    """The tracker's parameters and those of the stream around it."""
+
+    world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of every pose published")
+    seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds with an older stamp", minimum=1, maximum=1000)
+    sync: SyncConfig = field(default_factory=SyncConfig)
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One row of the parameter table.
+
+    Attributes:
+        name: full dotted name, as in ROS.
+        default: default value; its type is the parameter's type.
+        description: what it does.
+        unit: unit of a number, or empty.
+        minimum: smallest value allowed, or None.
+        maximum: largest value allowed, or None.
+        choices: the strings allowed, or empty.
+        read_only: whether it is fixed once the node is up.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+    read_only: bool
+
+    def checked(self, value: Any) -> Value:
+        """The value in the parameter's type.
+
+        Raises:
+            ConfigurationError: wrong type, out of range, or not one of the choices.
+        """
+        kind = type(self.default)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not kind:
+            raise ConfigurationError(f"{self.name} must be a {kind.__name__}, found {value!r}")
+        if kind is float and value != value:
+            raise ConfigurationError(f"{self.name} must be a number, found nan")
+        if self.minimum is not None and value < self.minimum:
+            raise ConfigurationError(f"{self.name} must be at least {self.minimum} {self.unit}".rstrip() + f", found {value}")
+        if self.maximum is not None and value > self.maximum:
+            raise ConfigurationError(f"{self.name} must be at most {self.maximum} {self.unit}".rstrip() + f", found {value}")
+        if self.choices and value not in self.choices:
+            raise ConfigurationError(f"{self.name} must be one of {', '.join(self.choices)}, found {value!r}")
+        return value  # type: ignore[no-any-return]
+
+
+def parameter_table(config_type: type = ProductConfig, prefix: str = "") -> Iterator[ParameterSpec]:
+    """The parameters of a configuration dataclass, nested groups joined by dots, in the order declared."""
+    defaults = config_type()
+    for entry in dataclasses.fields(config_type):
+        value = getattr(defaults, entry.name)
+        if dataclasses.is_dataclass(value):
+            yield from parameter_table(type(value), f"{prefix}{entry.name}.")
+        else:
+            yield ParameterSpec(name=prefix + entry.name, default=value, **entry.metadata)
+
+
+def configuration_from_values(config_type: type[Config], values: Mapping[str, Any]) -> Config:
+    """A configuration from dotted parameter names; what is not named keeps its default.
+
+    Raises:
+        ConfigurationError: an unknown name, a wrong type, or a value out of range.
+    """
+    known = {spec.name: spec for spec in parameter_table(config_type)}
+    for name in values:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise ConfigurationError(f"unknown parameter {name!r}{hint}")
+    return _build(config_type, {name: known[name].checked(value) for name, value in values.items()}, "")
+
+
+def load_configuration(path: str | Path, config_type: type[Config], node_name: str = "lasso_tracker") -> Config:
+    """Read a ROS 2 parameter YAML file.
+
+    Sections `/**` and the node's own name (with or without a leading `/`, `/**/`) apply, in the order written.
+
+    Raises:
+        ConfigurationError: unreadable file, not parameter YAML, or a value that is not allowed.
+    """
+    try:
+        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise ConfigurationError(f"{path}: cannot be read as YAML: {error}") from error
+    if not isinstance(document, dict):
+        raise ConfigurationError(f"{path}: expected ROS parameter YAML (node name: ros__parameters: …)")
+    values: dict[str, Any] = {}
+    for section, body in document.items():
+        if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
+            raise ConfigurationError(f"{path}: section {section!r} has no ros__parameters")
+        if str(section) in {"/**", node_name, f"/{node_name}", f"/**/{node_name}"}:
+            values.update(_flatten(body["ros__parameters"]))
+    try:
+        return configuration_from_values(config_type, values)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+
+
+def configuration_values(config: Any, prefix: str = "") -> dict[str, Value]:
+    """All parameters of a configuration as dotted names and values; inverse of `configuration_from_values`."""
+    values: dict[str, Value] = {}
+    for entry in dataclasses.fields(config):
+        value = getattr(config, entry.name)
+        if dataclasses.is_dataclass(value):
+            values.update(configuration_values(value, f"{prefix}{entry.name}."))
+        else:
+            values[prefix + entry.name] = value
+    return values
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            flat.update(_flatten(value, f"{prefix}{name}."))
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _build(config_type: type[Config], values: Mapping[str, Value], prefix: str) -> Config:
+    defaults: Any = config_type()
+    arguments: dict[str, Any] = {}
+    for entry in dataclasses.fields(defaults):
+        default = getattr(defaults, entry.name)
+        if dataclasses.is_dataclass(default):
+            arguments[entry.name] = _build(type(default), values, f"{prefix}{entry.name}.")
+        elif prefix + entry.name in values:
+            arguments[entry.name] = values[prefix + entry.name]
+    return config_type(**arguments)

@@ -1,0 +1,72 @@
+"""Rigid transforms of the world frame: 4×4 matrices, rotation vectors, quaternions."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+
+def rotation_from_vector(vector: npt.ArrayLike) -> Array:
+    """(3, 3) rotation about the axis `vector` (3,) by its length in radians (Rodrigues' formula)."""
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    angle = float(np.sqrt(x * x + y * y + z * z))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    # Series of sin(a)/a and (1 − cos a)/a² keep full precision near zero.
+    first = np.sinc(angle / np.pi)
+    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
+    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
+
+
+def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike, centre: npt.ArrayLike = (0, 0, 0)) -> Array:
+    """(4, 4) transform: rotate about `centre` (3,) m by a rotation vector (3,) rad, then shift (3,) m."""
+    matrix = np.eye(4)
+    centre = np.asarray(centre, dtype=np.float64)
+    matrix[:3, :3] = rotation_from_vector(rotation_vector)
+    matrix[:3, 3] = centre - matrix[:3, :3] @ centre + np.asarray(translation, dtype=np.float64)
+    return matrix
+
+
+def inverse(transform: Array) -> Array:
+    """Inverse of a (4, 4) rigid transform."""
+    matrix = np.eye(4)
+    matrix[:3, :3] = transform[:3, :3].T
+    matrix[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
+    return matrix
+
+
+def apply(transform: Array, points: Array) -> Array:
+    """Move world points (..., 3) by a (4, 4) transform."""
+    return np.asarray(np.asarray(points) @ transform[:3, :3].T + transform[:3, 3])
+
+
+def quaternion_from_rotation(rotation: Array) -> Array:
+    """(4,) unit quaternion x, y, z, w with w ≥ 0 of a (3, 3) rotation (Shepperd 1978: largest term first)."""
+    m = rotation
+    trace = np.trace(m)
+    squares = np.array([1 + 2 * m[0, 0] - trace, 1 + 2 * m[1, 1] - trace, 1 + 2 * m[2, 2] - trace, 1 + trace])
+    largest = int(np.argmax(squares))
+    if largest == 3:
+        q = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]])
+    else:
+        i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
+        q = np.zeros(4)
+        q[i] = squares[i]
+        q[j] = m[j, i] + m[i, j]
+        q[k] = m[k, i] + m[i, k]
+        q[3] = m[k, j] - m[j, k]
+    q /= np.linalg.norm(q)
+    return q if q[3] >= 0 else -q
+
+
+def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Array:
+    """(3, 3) rotation of a quaternion (4,) x, y, z, w of any non-zero length."""
+    x, y, z, w = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
