@@ -126,6 +126,45 @@ class ProductConfig(TrackerConfig):
 
 
 @dataclass(frozen=True)
+class OverlayStyleConfig:
+    """How the overlay looks; every entry can be changed while the node runs."""
+
+    drawing: str = parameter(
+        "both", "what is drawn of the surface", choices=("outline", "fill", "both"), read_only=False
+    )
+    fill_opacity: float = parameter(0.30, "opacity of the fill at its rim", minimum=0.0, maximum=1.0, read_only=False)
+    outline_width_px: float = parameter(
+        2.0, "width of the outline, at a 1024-pixel image", unit="px", minimum=1.0, maximum=10.0, read_only=False
+    )
+    show_static: bool = parameter(True, "draw the uncompensated place faintly beside the compensated", read_only=False)
+    compensated_colour: str = parameter("#4be08a", "colour at the compensated place, #rrggbb", read_only=False)
+    static_colour: str = parameter("#8fb4d8", "colour at the static place beside it, #rrggbb", read_only=False)
+    warning_colour: str = parameter("#ffb000", "colour of all that is not compensated, #rrggbb", read_only=False)
+
+
+@dataclass(frozen=True)
+class OverlayConfig:
+    """All parameters of the overlay node."""
+
+    volume_file: str = parameter("", "surface that is drawn (STL, PLY or OBJ)")
+    registration: str = parameter(
+        "0 0 0 0 0 0 1",
+        "volume to world at the reference pair: x y z and quaternion x y z w, or 16 numbers of a 4x4 matrix row by row; "
+        "metres",
+    )
+    units: str = parameter("", "unit of the file's coordinates; must be given for STL, PLY and OBJ", choices=("", "mm", "m"))
+    motion_wait_s: float = parameter(
+        0.05, "an image waits this long for its pair's motion", unit="s", minimum=0.0, maximum=5.0
+    )
+    motion_timeout_s: float = parameter(
+        1.0, "a motion older than this is not applied any more", unit="s", minimum=0.0, maximum=60.0
+    )
+    world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of motion and registration")
+    sync: SyncConfig = field(default_factory=SyncConfig)
+    style: OverlayStyleConfig = field(default_factory=OverlayStyleConfig)
+
+
+@dataclass(frozen=True)
 class ParameterSpec:
     """One row of the parameter table.
 
