@@ -1,0 +1,101 @@
+"""The `lasso-motion` command: finds the command's module, runs it, and turns errors into one plain line."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import ModuleType
+from typing import cast
+
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.share import version
+
+EXIT_DONE = 0
+EXIT_BAD_INPUT = 2
+EXIT_PART = 3  # done, with part of the input (a truncated recording, say)
+EXIT_INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Command:
+    """One subcommand.
+
+    Attributes:
+        name: as typed.
+        summary: one line for `lasso-motion --help`, kept here so that help imports no command.
+        module: name of its module in `lasso_motion_ros.cli`, with HELP, add_arguments(parser) and run(args).
+    """
+
+    name: str
+    summary: str
+    module: str
+
+
+COMMANDS = (
+    Command("demo", "the whole graph, live: player, tracker and overlay; video, plots and a table", "demo"),
+    Command("synth", "render a biplane recording with exact truth", "synth"),
+    Command("track", "follow the lasso through a recording, offline", "track"),
+    Command("play", "publish a recording on its topics in real time", "play"),
+    Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
+    Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),
+)
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command.
+
+    Args:
+        argv: arguments without the program's name; None takes the process's own.
+
+    Returns:
+        The exit status: 0 done, 2 bad input, 3 done with part of the input, 130 interrupted.
+    """
+    arguments = list(sys.argv[1:] if argv is None else argv)
+    named = next((command for command in COMMANDS if arguments and command.name == arguments[0]), None)
+    parser = _parser(named)
+    try:
+        options = parser.parse_args(arguments)
+    except SystemExit as stop:  # argparse's own way out: 0 after --help, 2 after a usage error
+        return int(stop.code or 0)
+    if named is None:
+        parser.print_help()
+        return EXIT_BAD_INPUT
+    try:
+        return cast(Callable[[argparse.Namespace], int], options.run)(options)
+    except LassoMotionError as error:
+        print(f"lasso-motion {named.name}: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    except BrokenPipeError:
+        # The reader of our output has gone (`| head`); what it read is all it wanted.
+        sys.stdout = None
+        return EXIT_DONE
+    except KeyboardInterrupt:
+        print(f"lasso-motion {named.name}: interrupted", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def _parser(named: Command | None) -> argparse.ArgumentParser:
+    """The parser; only the command that was named has its module imported, which keeps the others' cost away."""
+    parser = argparse.ArgumentParser(
+        prog="lasso-motion",
+        description="Breathing motion from a lasso catheter in biplane X-ray. Research use only, not a medical device.",
+    )
+    parser.add_argument("--version", action="version", version=f"lasso-motion {version()}")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND")
+    for command in COMMANDS:
+        if command is not named:
+            commands.add_parser(command.name, help=command.summary)
+            continue
+        module: ModuleType = importlib.import_module(f"lasso_motion_ros.cli.{command.module}")
+        subparser = commands.add_parser(command.name, help=command.summary, description=module.HELP)
+        subparser.add_argument("--quiet", action="store_true", help="print results and errors only")
+        module.add_arguments(subparser)
+        subparser.set_defaults(run=module.run)
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Thin rclpy nodes: parameters in, callbacks to the pipeline, results out."""

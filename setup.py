@@ -1,0 +1,54 @@
+"""Build of the ament_python package: the same file serves pip and colcon."""
+
+from glob import glob
+from xml.etree import ElementTree
+
+from setuptools import find_packages, setup
+
+NAME = "lasso_motion_ros"
+
+setup(
+    name=NAME,
+    version=ElementTree.parse("package.xml").getroot().findtext("version"),
+    description="Respiratory motion compensation from a lasso catheter in biplane X-ray, for ROS 2",
+    license="Apache-2.0",
+    maintainer="lasso_motion_ros maintainers",
+    maintainer_email="maintainers@users.noreply.github.com",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
+    package_data={NAME: ["py.typed"], "msg_adapters": ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml", "LICENSE"]),
+        (f"share/{NAME}/config", sorted(glob("config/*"))),
+        (f"share/{NAME}/launch", sorted(glob("launch/*"))),
+        (f"share/{NAME}/bags", sorted(glob("bags/*.yaml") + glob("bags/*.mcap"))),
+    ],
+    zip_safe=False,
+    install_requires=[
+        "numpy>=1.26",
+        "scipy>=1.11",
+        "opencv-python-headless>=4.6",
+        "scikit-fmm>=2023.4",
+        "PyYAML>=6",
+        "mcap>=1.1",
+        "rosbags>=0.10",
+        "matplotlib>=3.6",
+        "threadpoolctl>=3",
+        "tqdm>=4.60",
+    ],
+    extras_require={
+        # Not needed, and not wanted, beside an apt installation of ROS 2, which they would shadow.
+        "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
+        "video": ["av>=12"],
+        "volume": ["SimpleITK>=2.3"],
+        "dev": ["hypothesis", "mcap-ros2-support", "mypy", "pytest", "pytest-timeout", "ruff", "types-PyYAML"],
+    },
+    entry_points={
+        "console_scripts": [
+            f"lasso-motion = {NAME}.cli.main:main",
+            f"lasso_tracker = {NAME}.nodes.lasso_tracker:main",
+            f"lasso_overlay = {NAME}.nodes.lasso_overlay:main",
+        ]
+    },
+)
