@@ -149,10 +149,12 @@ class OverlayConfig:
     volume_file: str = parameter("", "surface that is drawn (STL, PLY or OBJ)")
     registration: str = parameter(
         "0 0 0 0 0 0 1",
-        "volume to world at the reference pair: x y z and quaternion x y z w, or 16 numbers of a 4x4 matrix row by row; "
-        "metres",
+        "volume to world at the reference pair, metres: x y z and quaternion x y z w, or the 16 numbers of a 4x4 "
+        "matrix, row by row",
     )
-    units: str = parameter("", "unit of the file's coordinates; must be given for STL, PLY and OBJ", choices=("", "mm", "m"))
+    units: str = parameter(
+        "", "unit of the file's coordinates; must be given for STL, PLY and OBJ", choices=("", "mm", "m")
+    )
     motion_wait_s: float = parameter(
         0.05, "an image waits this long for its pair's motion", unit="s", minimum=0.0, maximum=5.0
     )
