@@ -1,0 +1,117 @@
+"""The published method, faithfully: Brost, Liao, Hornegger and Strobel, MICCAI 2009. The baseline."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.errors import SeedError, TrackingError
+from lasso_motion_ros.features import distance_map
+from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.reconstruction import reconstruct_ellipse
+from lasso_motion_ros.registration import View, register
+from lasso_motion_ros.seeding import is_bright, outlines, require_both_planes
+from lasso_motion_ros.tracker import TrackerState, TrackResult
+from lasso_motion_ros.transforms import apply, inverse
+
+Array = npt.NDArray[np.float64]
+
+
+class Brost2009Tracker:
+    """3-D ellipse from clicks, then rigid registration of it to Otsu-thresholded lines, pair by pair.
+
+    As published it never says that it has lost the catheter: every pair with both planes gets a pose. A pair
+    that lacks a plane gets none (LOST), since the method is defined on two views.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
+        self._bright = False
+        self._model: Array | None = None  # (L, 3) at the seed's phase
+        self._motion = np.eye(4)  # from the seed's phase to the last pair's
+        self._reference = np.eye(4)  # from the seed's phase to the reference's
+        self._reference_stamp_ns = 0
+        self._stamp_ns = 0
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        """Build the model from the clicks on `pair`; its motion is the identity, its phase the reference.
+
+        Raises:
+            SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
+            ReconstructionError: no 3-D ellipse explains the clicks.
+        """
+        projections = require_both_planes(pair)
+        bright = is_bright(pair, seed, self._config)
+        reconstruction = reconstruct_ellipse(projections, outlines(pair, seed, self._config, bright=bright))
+        self._model = reconstruction.chosen.ellipse.points(self._config.model.points)
+        self._bright = bright
+        self._motion = self._reference = np.eye(4)
+        self._reference_stamp_ns = self._stamp_ns = pair.stamp_ns
+        return self._result({plane: reconstruction.chosen.reprojection_px for plane in PLANES})
+
+    def track(self, pair: FramePair) -> TrackResult:
+        """Register the model to the next pair, starting from the last one's motion.
+
+        Raises:
+            TrackingError: no model yet.
+        """
+        if self._model is None:
+            raise TrackingError("there is no model to track: seed the tracker first")
+        self._stamp_ns = pair.stamp_ns
+        try:
+            projections = require_both_planes(pair)
+        except SeedError:
+            missing = "A" if pair.a is None else "B"
+            return TrackResult(
+                stamp_ns=pair.stamp_ns,
+                state=TrackerState.LOST,
+                reason=f"plane {missing} is missing and the method needs both",
+                motion=None,
+                covariance=None,
+                loop=None,
+                reference_stamp_ns=self._reference_stamp_ns,
+            )
+        centre = apply(self._motion, self._model).mean(axis=0)
+        views = tuple(
+            View(
+                projections[plane],
+                distance_map(
+                    frame.pixels, projections[plane].project(centre), self._config.features, bright=self._bright
+                ),
+            )
+            for plane in PLANES
+            if (frame := pair.frame(plane)) is not None
+        )
+        self._motion, residuals = register(self._model, self._motion, views, self._config.registration)
+        return self._result(dict(zip(PLANES, residuals, strict=True)))
+
+    def reset(self) -> None:
+        """Forget model and motion."""
+        self._model = None
+
+    def set_reference(self) -> None:
+        """Make the present phase the reference.
+
+        Raises:
+            TrackingError: no model yet.
+        """
+        if self._model is None:
+            raise TrackingError("there is no motion to refer to: seed the tracker first")
+        self._reference, self._reference_stamp_ns = self._motion, self._stamp_ns
+
+    def _result(self, residual_px: dict[Plane, float]) -> TrackResult:
+        model = self._model
+        if model is None:
+            raise TrackingError("there is no model to track: seed the tracker first")
+        closed = np.vstack([model, model[:1]])
+        return TrackResult(
+            stamp_ns=self._stamp_ns,
+            state=TrackerState.TRACKING,
+            reason="",
+            motion=self._motion @ inverse(self._reference),
+            covariance=None,
+            loop=apply(self._motion, closed),
+            reference_stamp_ns=self._reference_stamp_ns,
+            residual_px=residual_px,
+        )

@@ -1,0 +1,81 @@
+"""From a user's clicks to outlines: polarity of the catheter, the path along the loop in each plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.errors import SeedError
+from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.line_filter import sato
+from lasso_motion_ros.minimal_path import path_through_clicks
+
+Array = npt.NDArray[np.float64]
+
+FEWEST_CLICKS = 6
+
+
+def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
+    """The pair's projections.
+
+    Raises:
+        SeedError: a plane is missing, so that no 3-D model can be built on this pair.
+    """
+    missing = [plane.upper() for plane in PLANES if pair.frame(plane) is None]
+    if missing:
+        raise SeedError(f"the clicked pair lacks plane {' and '.join(missing)}; both planes are needed for a seed")
+    return {plane: frame.projection for plane in PLANES if (frame := pair.frame(plane)) is not None}
+
+
+def line_sigma_px(projection: Projection, sigma_mm: float) -> float:
+    """A line filter's scale in pixels of an image, from millimetres at the world origin's depth."""
+    return max(0.8, sigma_mm / projection.millimetres_per_pixel(np.zeros(3)))
+
+
+def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
+    """Whether the catheter is brighter than its background: as configured, or (auto) as the clicks show."""
+    if config.polarity != "auto":
+        return config.polarity == "bright"
+    evidence = 0.0
+    for plane in PLANES:
+        frame = pair.frame(plane)
+        if frame is None:
+            continue
+        grey = frame.pixels.astype(np.float32)
+        sigma = line_sigma_px(frame.projection, config.path.line_sigma_mm)
+        dark, bright = sato(grey, (sigma,)), sato(-grey, (sigma,))
+        for x, y in np.rint(seed.points(plane)).astype(int):
+            # Clicks are a few pixels off: the strongest line nearby speaks for each.
+            window = (slice(max(y - 4, 0), max(y + 5, 1)), slice(max(x - 4, 0), max(x + 5, 1)))
+            if dark[window].size:
+                peaks = float(dark[window].max()), float(bright[window].max())
+                evidence += (peaks[1] - peaks[0]) / max(sum(peaks), 1e-6)
+    return evidence > 0.0
+
+
+def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> dict[Plane, Array]:
+    """The loop in each plane, (M, 2) pixels from the first click to the last, by minimal paths.
+
+    Raises:
+        SeedError: a missing plane, fewer than six clicks, or a click outside its image.
+    """
+    paths: dict[Plane, Array] = {}
+    for plane in PLANES:
+        frame, clicks = pair.frame(plane), seed.points(plane)
+        if frame is None:
+            raise SeedError(f"the clicked pair lacks plane {plane.upper()}; both planes are needed for a seed")
+        if len(clicks) < FEWEST_CLICKS:
+            raise SeedError(f"plane {plane.upper()}: {len(clicks)} clicks, expected at least {FEWEST_CLICKS}")
+        try:
+            paths[plane] = path_through_clicks(
+                frame.pixels,
+                clicks,
+                bright=bright,
+                sigma_px=line_sigma_px(frame.projection, config.path.line_sigma_mm),
+                cost_floor=config.path.cost_floor,
+            )
+        except SeedError as error:
+            raise SeedError(f"plane {plane.upper()}: {error}") from error
+    return paths

@@ -1,0 +1,12 @@
+"""The tracker that a configuration names."""
+
+from __future__ import annotations
+
+from lasso_motion_ros.brost2009 import Brost2009Tracker
+from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.tracker import Tracker
+
+
+def create_tracker(config: TrackerConfig) -> Tracker:
+    """A new tracker of the configured method."""
+    return Brost2009Tracker(config)
