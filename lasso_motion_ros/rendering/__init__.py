@@ -1,0 +1,1 @@
+"""What people look at: overlays, tracking pictures, plots, videos."""
