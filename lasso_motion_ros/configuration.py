@@ -118,10 +118,19 @@ class TrackerConfig:
 
 @dataclass(frozen=True)
 class ProductConfig(TrackerConfig):
-    """The tracker's parameters and those of the stream around it."""
+    """The tracker's parameters and those of the stream around it.
+
+    What concerns the live node alone (how it starts, how it subscribes) stands here too, since one file serves the
+    node and the offline command, which has no use for it.
+    """
 
     world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of every pose published")
     seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds with an older stamp", minimum=1, maximum=1000)
+    autostart: bool = parameter(True, "the node configures and activates itself")
+    image_reliability: str = parameter(
+        "auto", "how the node subscribes to images; auto: as the publisher offers", choices=("auto", "reliable", "best_effort")
+    )
+    image_depth: int = parameter(10, "images a plane that may wait in the node's subscription", minimum=1, maximum=100)
     sync: SyncConfig = field(default_factory=SyncConfig)
 
 

@@ -1,0 +1,88 @@
+"""`lasso-motion play`: publish a recording on its topics in real time."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import threading
+
+from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
+from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.nodes.processes import LOOPBACK
+from lasso_motion_ros.nodes.running import require_ros
+
+HELP = (
+    "Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker has put "
+    "out is left out, so that one can be run on it. Only this machine sees it unless ROS_AUTOMATIC_DISCOVERY_RANGE says "
+    "otherwise."
+)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
+    parser.add_argument("--rate", type=_positive, default=1.0, help="times the recorded speed (default 1)")
+    parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
+    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
+    parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
+    parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
+    parser.add_argument("--remap", action="append", default=[], metavar="A:=B", help="publish topic A as B")
+    parser.add_argument(
+        "--wait", type=_not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
+    )
+    parser.add_argument(
+        "--subscribers", type=int, default=1, metavar="N", help="with --wait: so many on each image topic (default 1)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Play the recording and say what was published."""
+    require_ros()
+    for name, value in LOOPBACK.items():
+        os.environ.setdefault(name, value)
+    from lasso_motion_ros.nodes.player import PlayOptions, play
+
+    interrupted = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: interrupted.set())
+    options = PlayOptions(
+        rate=args.rate,
+        loop=args.loop,
+        start_s=args.start,
+        clock=args.clock,
+        everything=args.all,
+        wait_s=args.wait,
+        subscribers=args.subscribers,
+    )
+    summary = play(args.recording, options, args.remap, interrupted)
+    if not args.quiet:
+        messages = sum(summary.published.values())
+        print(
+            f"published {messages} messages on {len(summary.published)} topics in {summary.seconds:.1f} s, "
+            f"none later than {summary.latest_s * 1e3:.0f} ms"
+        )
+        for topic in summary.unknown:
+            print(f"left out {topic}: its message type is not installed")
+    if summary.unacknowledged:
+        raise RecordingError(f"a subscriber did not acknowledge all of {', '.join(summary.unacknowledged)}")
+    if interrupted.is_set():
+        return EXIT_INTERRUPTED
+    if summary.damage:
+        print(f"{args.recording}: {summary.damage}")
+        return EXIT_PART
+    return EXIT_DONE
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"must be above zero, found {text}")
+    return value
+
+
+def _not_negative(text: str) -> float:
+    value = float(text)
+    if not value >= 0.0:
+        raise argparse.ArgumentTypeError(f"must not be negative, found {text}")
+    return value

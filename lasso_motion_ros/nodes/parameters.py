@@ -1,0 +1,92 @@
+"""ROS parameters from the one table in `configuration.py`: declared with description, unit and range, then read back."""
+
+from __future__ import annotations
+
+import difflib
+from typing import Any, TypeVar
+
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lasso_motion_ros.configuration import ParameterSpec, configuration_from_values, parameter_table
+from lasso_motion_ros.errors import ConfigurationError
+
+Config = TypeVar("Config")
+
+INTEGER_LIMIT = 2**63 - 1
+FLOAT_LIMIT = 1.7976931348623157e308
+BUILT_IN = ("use_sim_time", "start_type_description_service", "qos_overrides.")
+"""Parameters, or prefixes of them, that belong to rclpy itself."""
+
+
+def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
+    """What `ros2 param describe` shows of one row of the table."""
+    described = ParameterDescriptor(
+        name=spec.name,
+        description=f"{spec.description} [{spec.unit}]" if spec.unit else spec.description,
+        read_only=spec.read_only,
+        additional_constraints=f"one of: {', '.join(spec.choices)}" if spec.choices else "",
+    )
+    bounded = spec.minimum is not None or spec.maximum is not None
+    if bounded and isinstance(spec.default, float):
+        described.floating_point_range = [
+            FloatingPointRange(
+                from_value=-FLOAT_LIMIT if spec.minimum is None else float(spec.minimum),
+                to_value=FLOAT_LIMIT if spec.maximum is None else float(spec.maximum),
+            )
+        ]
+    elif bounded and isinstance(spec.default, int):
+        described.integer_range = [
+            IntegerRange(
+                from_value=-INTEGER_LIMIT if spec.minimum is None else int(spec.minimum),
+                to_value=INTEGER_LIMIT if spec.maximum is None else int(spec.maximum),
+            )
+        ]
+    return described
+
+
+def declare_configuration(node: Node, config_type: type[Config]) -> Config:
+    """Declare every parameter of a configuration on a node and give back what the user asked for.
+
+    The node must have been made with `automatically_declare_parameters_from_overrides=True`: only so are the names
+    seen that the user gave and the table does not know. Each is declared anew with its type, range and description;
+    a whole number is taken where a float is meant, as in a file read by the commands.
+
+    Args:
+        node: the node.
+        config_type: the configuration dataclass.
+
+    Raises:
+        ConfigurationError: an unknown name, a wrong type, or a value out of range.
+    """
+    given = {
+        name: parameter.value
+        for name, parameter in node.get_parameters_by_prefix("").items()
+        if not name.startswith(BUILT_IN)
+    }
+    table = list(parameter_table(config_type))
+    known = {spec.name for spec in table}
+    for name in given:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            raise ConfigurationError(f"unknown parameter {name!r}" + (f"; did you mean {near[0]}?" if near else ""))
+    values: dict[str, Any] = {}
+    for spec in table:
+        value = spec.checked(given[spec.name]) if spec.name in given else spec.default
+        if spec.name in given:
+            node.undeclare_parameter(spec.name)
+        node.declare_parameter(spec.name, value, descriptor(spec), ignore_override=True)
+        values[spec.name] = value
+    return configuration_from_values(config_type, values)
+
+
+def current_configuration(node: Node, config_type: type[Config]) -> Config:
+    """The configuration as the node's parameters stand now.
+
+    Raises:
+        ConfigurationError: a value that the table does not allow.
+    """
+    names = [spec.name for spec in parameter_table(config_type)]
+    parameters: list[Parameter] = node.get_parameters(names)
+    return configuration_from_values(config_type, {one.name: one.value for one in parameters})

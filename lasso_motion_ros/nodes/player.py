@@ -1,0 +1,278 @@
+"""Publishes a recording on its topics, at its own timing, and loses nothing of it."""
+
+from __future__ import annotations
+
+import importlib
+import queue
+import threading
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.nodes.qos import qos
+from msg_adapters.messages import NANOSECONDS, ns_to_stamp
+from msg_adapters.recording_reader import RawMessage, RecordingReader
+from msg_adapters.topics import GROUND_TRUTH, INPUTS, OUTPUTS, OVERLAY_SURFACE, Topic, overlay_topic, tracking_topic
+
+DEPTH = 32
+READ_AHEAD = 16
+CLOCK_PERIOD_S = 0.01
+ACKNOWLEDGE_WAIT_S = 10.0
+OUTPUT_NAMES = frozenset(
+    topic.recorded_name
+    for topic in (
+        *OUTPUTS,
+        OVERLAY_SURFACE,
+        *(make(plane) for make in (tracking_topic, overlay_topic) for plane in "ab"),
+    )
+)
+LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """How to play.
+
+    Attributes:
+        rate: times the recorded speed.
+        loop: begin again at the end, until interrupted.
+        start_s: seconds of the recording to leave out; what is latched in them is published nonetheless.
+        clock: publish /clock with the recording's time.
+        everything: also what a tracker has put out.
+        wait_s: wait this long for subscribers; 0 does not wait.
+        subscribers: how many each image topic must have before the first message.
+    """
+
+    rate: float = 1.0
+    loop: bool = False
+    start_s: float = 0.0
+    clock: bool = False
+    everything: bool = False
+    wait_s: float = 0.0
+    subscribers: int = 1
+
+
+@dataclass
+class PlaySummary:
+    """What was played.
+
+    Attributes:
+        published: number of messages by topic.
+        seconds: how long it took.
+        latest_s: the furthest that a message was behind its time.
+        unacknowledged: topics of which a subscriber did not confirm everything.
+        unknown: topics left out because their message type is not installed.
+        damage: what is wrong with the file, if part of it could not be read.
+    """
+
+    published: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    latest_s: float = 0.0
+    unacknowledged: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+    damage: str | None = None
+
+
+class Player:
+    """Publishes the messages as they were recorded, byte by byte: nothing is decoded on the way.
+
+    Args:
+        reader: the recording.
+        options: how to play it.
+        interrupted: set it to end early.
+    """
+
+    def __init__(self, reader: RecordingReader, options: PlayOptions, interrupted: threading.Event) -> None:
+        self._reader = reader
+        self._options = options
+        self._interrupted = interrupted
+        self._summary = PlaySummary()
+        self._node: Node = rclpy.create_node("lasso_player", enable_rosout=False, start_parameter_services=False)
+        self._publishers: dict[str, Publisher] = {}
+        for topic, type_name in reader.topics.items():
+            if topic in OUTPUT_NAMES and not options.everything:
+                continue
+            message_class = _message_class(type_name)
+            if message_class is None:
+                self._summary.unknown.append(topic)
+                continue
+            latched = topic in LATCHED_NAMES or topic in reader.latched_topics
+            self._publishers[topic] = self._node.create_publisher(
+                message_class, topic, qos(depth=DEPTH, latched=latched)
+            )
+        if not self._publishers:
+            raise RecordingError(f"{reader.path}: no topic to play")
+        self._latched = {
+            topic for topic in self._publishers if topic in LATCHED_NAMES or topic in reader.latched_topics
+        }
+        self._clock = self._node.create_publisher(Clock, "/clock", qos(depth=1)) if options.clock else None
+
+    def wait_for_subscribers(self) -> None:
+        """Wait until the image topics have the subscribers asked for, and every other input as well has one.
+
+        Raises:
+            RecordingError: they have not come in time.
+        """
+        inputs = {topic.recorded_name: topic for topic in INPUTS}
+        wanted = {
+            name: self._options.subscribers if inputs[name].type_name == "sensor_msgs/msg/Image" else 1
+            for name in self._publishers
+            if name in inputs
+        }
+        deadline = time.monotonic() + self._options.wait_s
+        while lacking := [n for n, count in wanted.items() if self._publishers[n].get_subscription_count() < count]:
+            if self._interrupted.wait(0.02):
+                return
+            if time.monotonic() > deadline:
+                raise RecordingError(f"no subscriber on {', '.join(lacking)} within {self._options.wait_s:g} s")
+
+    def play(self) -> PlaySummary:
+        """Play to the end, or until interrupted, and wait until every subscriber has acknowledged everything."""
+        began = time.monotonic()
+        while True:
+            self._play_once()
+            if not self._options.loop or self._interrupted.is_set():
+                break
+        self._summary.seconds = time.monotonic() - began
+        self._summary.damage = self._reader.damage
+        if not self._interrupted.is_set():
+            for topic, publisher in self._publishers.items():
+                if not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_WAIT_S)):
+                    self._summary.unacknowledged.append(topic)
+        return self._summary
+
+    def close(self) -> None:
+        """Take the publishers down."""
+        self._node.destroy_node()
+
+    def _play_once(self) -> None:
+        began: float | None = None
+        first_ns = start_ns = 0
+        with ReadAhead(self._reader.raw_messages(list(self._publishers)), READ_AHEAD) as messages:
+            for message in messages:
+                if began is None:
+                    began = time.monotonic()
+                    first_ns = message.log_time_ns
+                    start_ns = first_ns + round(self._options.start_s * NANOSECONDS)
+                if message.log_time_ns < start_ns:
+                    if message.topic in self._latched:
+                        self._publish(message)
+                    continue
+                due = began + (message.log_time_ns - start_ns) / NANOSECONDS / self._options.rate
+                self._wait_until(due, message.log_time_ns)
+                if self._interrupted.is_set():
+                    return
+                self._publish(message)
+                self._summary.latest_s = max(self._summary.latest_s, time.monotonic() - due)
+        if began is None:
+            raise RecordingError(f"{self._reader.path}: no message to play")
+
+    def _wait_until(self, due: float, recorded_ns: int) -> None:
+        while not self._interrupted.is_set():
+            left = due - time.monotonic()
+            if self._clock is not None:
+                now_ns = recorded_ns - round(max(left, 0.0) * self._options.rate * NANOSECONDS)
+                self._clock.publish(_clock_message(now_ns))
+                left = min(left, CLOCK_PERIOD_S)
+            if left <= 0.0 or self._interrupted.wait(left):
+                return
+            if self._clock is None:
+                return
+
+    def _publish(self, message: RawMessage) -> None:
+        self._publishers[message.topic].publish(message.data)
+        self._summary.published[message.topic] = self._summary.published.get(message.topic, 0) + 1
+
+
+class ReadAhead:
+    """Reads messages in a thread of its own, a few ahead, so that unpacking a chunk delays no message.
+
+    Args:
+        messages: what to read.
+        depth: how many to keep ready.
+    """
+
+    def __init__(self, messages: Iterable[RawMessage], depth: int) -> None:
+        self._messages = messages
+        self._ready: queue.Queue[RawMessage | Exception | None] = queue.Queue(depth)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="read-ahead", daemon=True)
+
+    def __enter__(self) -> ReadAhead:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        while self._thread.is_alive():
+            while not self._ready.empty():
+                self._ready.get_nowait()
+            self._thread.join(0.01)
+
+    def __iter__(self) -> Iterator[RawMessage]:
+        while (item := self._ready.get()) is not None:
+            if isinstance(item, Exception):
+                raise item
+            yield item
+
+    def _read(self) -> None:
+        try:
+            for message in self._messages:
+                self._ready.put(message)
+                if self._stop.is_set():
+                    return
+        except Exception as error:  # noqa: BLE001 - raised again in the thread that plays
+            self._ready.put(error)
+        self._ready.put(None)
+
+
+def play(path: str, options: PlayOptions, remap: Sequence[str], interrupted: threading.Event) -> PlaySummary:
+    """Play a recording in this process.
+
+    Args:
+        path: the recording.
+        options: how.
+        remap: `recorded:=published` names.
+        interrupted: set it to end early.
+
+    Raises:
+        RecordingError: no such recording, nothing in it to play, or no subscriber in time.
+    """
+    reader = RecordingReader(path, remap=parse_remap(remap))
+    use_image_profile()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        player = Player(reader, options, interrupted)
+        try:
+            if options.wait_s > 0.0:
+                player.wait_for_subscribers()
+            return player.play()
+        finally:
+            player.close()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _message_class(type_name: str) -> Any:
+    package, _, name = type_name.partition("/msg/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError, ValueError):
+        return None
+
+
+def _clock_message(now_ns: int) -> Clock:
+    message = Clock()
+    stamp = ns_to_stamp(now_ns)
+    message.clock.sec, message.clock.nanosec = stamp["sec"], stamp["nanosec"]
+    return message

@@ -1,0 +1,141 @@
+"""What every node's process does: profile, start, spin, stop cleanly on a signal, stay up on a bad message."""
+
+from __future__ import annotations
+
+import functools
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any, Protocol, TypeVar
+
+from lasso_motion_ros.errors import LassoMotionError
+
+NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
+LOG_PERIOD_S = 5.0
+
+EXIT_DONE = 0
+EXIT_FAILED = 1
+EXIT_BAD_INPUT = 2
+
+Callback = TypeVar("Callback", bound=Callable[..., Any])
+
+
+def require_ros() -> None:
+    """Say plainly when there is no ROS.
+
+    Raises:
+        LassoMotionError: rclpy cannot be imported.
+    """
+    try:
+        import rclpy  # noqa: F401 - only whether it is there
+    except ImportError as error:
+        raise LassoMotionError(NO_ROS) from error
+
+
+class RunnableNode(Protocol):
+    """An rclpy node that can be closed before it is destroyed."""
+
+    def start(self) -> None:
+        """Begin to work; called before the first callback."""
+
+    def close(self) -> None:
+        """End threads and say goodbye on the topics, while the node can still publish."""
+
+    def destroy_node(self) -> None:
+        """As rclpy's."""
+
+    def get_logger(self) -> Any:
+        """As rclpy's."""
+
+
+def guarded(method: Callback) -> Callback:
+    """A callback whose exceptions are logged, throttled, instead of ending the node."""
+
+    @functools.wraps(method)
+    def call(self: RunnableNode, *arguments: Any) -> Any:
+        try:
+            return method(self, *arguments)
+        except Exception as error:  # noqa: BLE001 - whatever a message provokes, the node stays up
+            log_throttled(self, error)
+            return None
+
+    return call  # type: ignore[return-value]
+
+
+def log_throttled(node: RunnableNode, error: Exception) -> None:
+    """Log what went wrong, at most once in a few seconds."""
+    text = str(error) if isinstance(error, LassoMotionError) else f"{type(error).__name__}: {error}"
+    node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD_S)
+
+
+def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None = None) -> int:
+    """Run a node until SIGINT or SIGTERM.
+
+    The executor has a thread of its own, so that the main thread can take the signal at once and the node can still
+    publish its last state: rclpy's own handlers would have shut the context down by then.
+
+    Args:
+        make_node: makes the node, once rclpy is up.
+        arguments: the process's arguments, ROS arguments included; None takes `sys.argv`.
+
+    Returns:
+        Exit status: 0 stopped by a signal, 1 failed, 2 bad parameters.
+    """
+    try:
+        require_ros()
+    except LassoMotionError as error:
+        print(error, file=sys.stderr)  # noqa: T201 - there is no logger without ROS
+        return EXIT_BAD_INPUT
+    import rclpy
+    from rclpy.executors import SingleThreadedExecutor
+    from rclpy.signals import SignalHandlerOptions
+
+    from lasso_motion_ros.nodes.fastdds import use_image_profile
+
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stopped.set())
+    warning = use_image_profile()
+    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        try:
+            node = make_node()
+        except LassoMotionError as error:
+            rclpy.logging.get_logger("lasso_motion_ros").fatal(str(error))
+            return EXIT_BAD_INPUT
+        if warning:
+            node.get_logger().warning(warning)
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        spinning = threading.Thread(target=_spin, args=(executor, node, stopped), name="executor", daemon=True)
+        try:
+            node.start()
+            spinning.start()
+            stopped.wait()
+            return EXIT_DONE
+        except LassoMotionError as error:
+            node.get_logger().fatal(str(error))
+            return EXIT_BAD_INPUT
+        finally:
+            stopped.set()
+            executor.wake()
+            if spinning.ident is not None:
+                spinning.join()
+            node.close()
+            executor.shutdown()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
+    from rclpy.executors import ExternalShutdownException, ShutdownException
+
+    while not stopped.is_set():
+        try:
+            executor.spin_once()
+        except (ExternalShutdownException, ShutdownException):
+            stopped.set()
+        except Exception as error:  # noqa: BLE001 - a sample that cannot be deserialised, say
+            log_throttled(node, error)

@@ -1,0 +1,103 @@
+"""Subscriptions that hear whatever a publisher offers: reliable or best effort, latched or not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+from lasso_motion_ros.nodes.qos import offered_reliably, qos
+
+DISCOVERY_PERIOD_S = 0.1
+
+
+class OfferedSubscription:
+    """Subscribes as reliably as the publishers of the topic offer, once one is discovered.
+
+    A fixed choice would be wrong for somebody: a reliable subscription never matches a best-effort publisher, a
+    best-effort one loses images of a reliable publisher. Should other publishers come later, it subscribes anew.
+
+    Args:
+        node: the node.
+        message_type: class of the messages.
+        topic: name, relative or absolute, before remapping.
+        callback: called with each message.
+        reliability: `auto`, or `reliable` or `best_effort` to have it fixed and at once.
+        depth: of the queue.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any], None],
+        reliability: str,
+        depth: int,
+    ) -> None:
+        self._node = node
+        self._message_type = message_type
+        self._topic = topic
+        self._callback = callback
+        self._depth = depth
+        self._subscription: Subscription | None = None
+        self._reliable: bool | None = None
+        self._timer = None
+        if reliability == "auto":
+            self._timer = node.create_timer(DISCOVERY_PERIOD_S, self._discover)
+            self._discover()
+        else:
+            self._subscribe(reliability == "reliable")
+
+    @property
+    def reliable(self) -> bool | None:
+        """Whether it is subscribed reliably; None while no publisher is known."""
+        return self._reliable
+
+    def destroy(self) -> None:
+        """Stop listening."""
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+
+    def _discover(self) -> None:
+        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
+        reliable = offered_reliably(offer.qos_profile for offer in offers)
+        if reliable is not None and reliable != self._reliable:
+            self._subscribe(reliable)
+
+    def _subscribe(self, reliable: bool) -> None:
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+        self._reliable = reliable
+        self._subscription = self._node.create_subscription(
+            self._message_type, self._topic, self._callback, qos(depth=self._depth, reliable=reliable)
+        )
+
+
+class CalibrationSubscription:
+    """Hears a calibration that comes with every frame as well as one that is latched.
+
+    A volatile subscription misses what was latched before it existed, and a latched one never matches a volatile
+    publisher: so there are two. What both hear is heard twice, which does no harm to a calibration.
+
+    Args:
+        node: the node.
+        message_type: sensor_msgs/msg/CameraInfo.
+        topic: name, relative or absolute, before remapping.
+        callback: called with each message.
+        depth: of the queues.
+    """
+
+    def __init__(self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None], depth: int) -> None:
+        self._node = node
+        self._per_frame = OfferedSubscription(node, message_type, topic, callback, "auto", depth)
+        self._latched = node.create_subscription(message_type, topic, callback, qos(depth=depth, latched=True))
+
+    def destroy(self) -> None:
+        """Stop listening."""
+        self._per_frame.destroy()
+        self._node.destroy_subscription(self._latched)
