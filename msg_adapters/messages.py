@@ -1,0 +1,191 @@
+"""Messages made from plain fields: as real ROS classes (live) or as recorded dataclasses (no ROS needed)."""
+
+from __future__ import annotations
+
+import array
+import importlib
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any, Protocol
+
+import numpy as np
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys.store import Typestore
+
+from lasso_motion_ros.errors import MessageError
+
+NANOSECONDS = 1_000_000_000
+_ARRAY_CODES = {
+    "uint8": "B",
+    "octet": "B",
+    "int8": "b",
+    "uint16": "H",
+    "int16": "h",
+    "uint32": "I",
+    "int32": "i",
+    "uint64": "Q",
+    "int64": "q",
+    "float": "f",
+    "double": "d",
+}
+_SEQUENCE = re.compile(r"sequence<(?P<item>[^,>]+)(?:, \d+)?>$")
+_FIXED = re.compile(r"(?P<item>[^\[]+)\[\d+\]$")
+
+
+class MessageFactory(Protocol):
+    """Makes messages; what it makes has the message's fields, whoever made it."""
+
+    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
+        """A message of `type_name` (`package/msg/Name`).
+
+        Args:
+            type_name: the message type.
+            fields: values by field name; nested messages as mappings, arrays as sequences, bytes or NumPy
+                arrays. A field that is not named keeps its default.
+
+        Raises:
+            MessageError: an unknown type or field.
+        """
+
+
+def stamp_to_ns(stamp: Any) -> int:
+    """Nanoseconds of a `builtin_interfaces/Time`-like object."""
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)
+
+
+def ns_to_stamp(stamp_ns: int) -> dict[str, int]:
+    """The fields of a `builtin_interfaces/Time`."""
+    seconds, nanoseconds = divmod(int(stamp_ns), NANOSECONDS)
+    return {"sec": seconds, "nanosec": nanoseconds}
+
+
+def header_fields(stamp_ns: int, frame_id: str = "") -> dict[str, Any]:
+    """The fields of a `std_msgs/Header`."""
+    return {"stamp": ns_to_stamp(stamp_ns), "frame_id": frame_id}
+
+
+class RosMessages:
+    """Real ROS message classes; needs a ROS installation when first used."""
+
+    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
+        """See `MessageFactory.make`; also raises MessageError where the package is not installed."""
+        message = _ros_class(type_name)()
+        _fill_ros(message, fields)
+        return message
+
+
+@lru_cache(maxsize=256)
+def _ros_class(type_name: str) -> Any:
+    package, _, name = type_name.replace("/msg/", "/").partition("/")
+    try:
+        return getattr(importlib.import_module(f"{package}.msg"), name)
+    except (ImportError, AttributeError) as error:
+        raise MessageError(f"message type {type_name} is not installed ({error})") from error
+
+
+def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
+    kinds: dict[str, str] = message.get_fields_and_field_types()
+    for name, value in fields.items():
+        if name not in kinds:
+            raise MessageError(f"{type(message).__name__} has no field {name!r}")
+        if isinstance(value, Mapping):
+            _fill_ros(getattr(message, name), value)
+        else:
+            setattr(message, name, _ros_value(kinds[name], value))
+
+
+def _ros_value(kind: str, value: Any) -> Any:
+    sequence = _SEQUENCE.match(kind)
+    fixed = _FIXED.match(kind)
+    if sequence is None and fixed is None:
+        if kind == "octet" and isinstance(value, int):
+            return bytes([value])
+        if kind in ("float", "double"):
+            return float(value)
+        return value.item() if isinstance(value, np.generic) else value
+    item = (sequence or fixed)["item"]  # type: ignore[index]
+    if "/" in item:
+        return [_ros_item(item, entry) for entry in value]
+    if item not in _ARRAY_CODES or (item == "octet"):
+        return list(value)
+    if fixed is not None:
+        return np.asarray(value, dtype=np.dtype(_ARRAY_CODES[item])).reshape(-1)
+    # Assigning an ndarray or a list to a sequence field is checked element by element (a second for a 2 MB
+    # image); an array.array is taken as it is.
+    filled = array.array(_ARRAY_CODES[item])
+    if isinstance(value, (bytes, bytearray, memoryview)):
+        filled.frombytes(value)
+    else:
+        filled.frombytes(np.ascontiguousarray(value, dtype=np.dtype(_ARRAY_CODES[item])).tobytes())
+    return filled
+
+
+def _ros_item(type_name: str, value: Any) -> Any:
+    if not isinstance(value, Mapping):
+        return value
+    message = _ros_class(type_name)()
+    _fill_ros(message, value)
+    return message
+
+
+@lru_cache(maxsize=1)
+def jazzy_types() -> Typestore:
+    """The message definitions of ROS 2 Jazzy, without ROS."""
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+class RecordedMessages:
+    """Dataclasses of the rosbags library: what recordings are written from and read into."""
+
+    def __init__(self, types: Typestore | None = None) -> None:
+        self._types = types if types is not None else jazzy_types()
+
+    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
+        """See `MessageFactory.make`."""
+        if type_name not in self._types.fielddefs:
+            raise MessageError(f"message type {type_name} is not known")
+        definitions = self._types.fielddefs[type_name][1]
+        names = [name for name, _ in definitions]
+        for name in fields:
+            if name not in names:
+                raise MessageError(f"{type_name} has no field {name!r}")
+        arguments = {name: self._value(definition, fields.get(name)) for name, definition in definitions}
+        return self._types.types[type_name](**arguments)
+
+    def _value(self, definition: Any, value: Any) -> Any:
+        kind, detail = definition
+        if kind == Nodetype.NAME:
+            if value is None or isinstance(value, Mapping):
+                return self.make(detail, value or {})
+            return value
+        if kind == Nodetype.BASE:
+            return _base_value(detail[0], value)
+        item, length = detail
+        if item[0] == Nodetype.NAME or item[1][0] == "string":
+            count = length if kind == Nodetype.ARRAY else 0
+            entries = value if value is not None else [None] * count
+            return [self._value(item, entry) for entry in entries]
+        dtype = np.dtype("uint8" if item[1][0] in ("octet", "byte", "char") else item[1][0])
+        if value is None:
+            return np.zeros(length if kind == Nodetype.ARRAY else 0, dtype=dtype)
+        if isinstance(value, (bytes, bytearray, memoryview, array.array)):
+            filled = np.frombuffer(value, dtype=dtype)
+        else:
+            filled = np.ascontiguousarray(value, dtype=dtype).reshape(-1)
+        if kind == Nodetype.ARRAY and filled.size != length:
+            raise MessageError(f"an array of {length} was expected, found {filled.size} values")
+        return filled
+
+
+def _base_value(kind: str, value: Any) -> Any:
+    if kind == "string":
+        return "" if value is None else str(value)
+    if kind == "bool":
+        return bool(value)
+    if kind.startswith("float"):
+        return 0.0 if value is None else float(value)
+    if isinstance(value, bytes):
+        return value[0]
+    return 0 if value is None else int(value)

@@ -1,0 +1,63 @@
+"""Rigid transforms between 4×4 matrices and pose messages."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.transforms import quaternion_from_rotation, rotation_from_quaternion
+
+Array = npt.NDArray[np.float64]
+
+
+def encode_pose(transform: Array) -> dict[str, Any]:
+    """The fields of a `geometry_msgs/Pose` for a rigid (4, 4) transform, metres."""
+    x, y, z, w = quaternion_from_rotation(transform[:3, :3])
+    return {
+        "position": {name: float(value) for name, value in zip("xyz", transform[:3, 3], strict=True)},
+        "orientation": {"x": float(x), "y": float(y), "z": float(z), "w": float(w)},
+    }
+
+
+def encode_pose_stamped(transform: Array, header: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of a `geometry_msgs/PoseStamped`."""
+    return {"header": header, "pose": encode_pose(transform)}
+
+
+def encode_pose_with_covariance_stamped(
+    transform: Array, covariance: Array, header: Mapping[str, Any]
+) -> dict[str, Any]:
+    """The fields of a `geometry_msgs/PoseWithCovarianceStamped`.
+
+    Args:
+        transform: (4, 4) rigid, metres.
+        covariance: (6, 6), ROS order x, y, z, rotation about the fixed axes x, y, z (m, rad).
+        header: fields of the header.
+    """
+    flat = np.asarray(covariance, dtype=np.float64).reshape(36)
+    return {"header": header, "pose": {"pose": encode_pose(transform), "covariance": flat}}
+
+
+def decode_pose(message: Any) -> Array:
+    """The (4, 4) transform of a Pose, PoseStamped or PoseWithCovarianceStamped, metres.
+
+    Raises:
+        MessageError: values that are not finite, or a quaternion without length.
+    """
+    while hasattr(message, "pose"):
+        message = message.pose
+    orientation = message.orientation
+    quaternion = np.array([orientation.x, orientation.y, orientation.z, orientation.w], dtype=np.float64)
+    position = np.array([message.position.x, message.position.y, message.position.z], dtype=np.float64)
+    if not (np.all(np.isfinite(quaternion)) and np.all(np.isfinite(position))):
+        raise MessageError("pose: a value is not finite")
+    if np.linalg.norm(quaternion) < 1e-6:
+        raise MessageError("pose.orientation: a quaternion of length zero")
+    transform = np.eye(4)
+    transform[:3, :3] = rotation_from_quaternion(quaternion)
+    transform[:3, 3] = position
+    return transform

@@ -1,0 +1,99 @@
+"""The topics of the contract in one table: name, type, durability, queue depth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+PLANE_NAMES = ("a", "b")
+IMAGE_TYPE = "sensor_msgs/msg/Image"
+COMPRESSED_IMAGE_TYPE = "sensor_msgs/msg/CompressedImage"
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic.
+
+    Attributes:
+        name: relative name, as a node uses it (namespaces and remapping then work).
+        type_name: message type, `package/msg/Name`.
+        latched: transient-local durability: a late joiner gets the last message.
+        depth: queue depth of the publisher.
+    """
+
+    name: str
+    type_name: str
+    latched: bool = False
+    depth: int = 10
+
+    @property
+    def recorded_name(self) -> str:
+        """The name in a recording: absolute, in the root namespace."""
+        return self.name if self.name.startswith("/") else "/" + self.name
+
+
+def image_topic(plane: str) -> Topic:
+    """The X-ray images of one plane (`a` or `b`)."""
+    return Topic(f"plane_{plane}/image_raw", IMAGE_TYPE)
+
+
+def compressed_image_topic(plane: str) -> Topic:
+    """The same images as image_transport's `compressed` plugin publishes them (offline input only)."""
+    return Topic(f"plane_{plane}/image_raw/compressed", COMPRESSED_IMAGE_TYPE)
+
+
+def camera_info_topic(plane: str) -> Topic:
+    """The calibration of one plane, per frame or latched."""
+    return Topic(f"plane_{plane}/camera_info", "sensor_msgs/msg/CameraInfo")
+
+
+def seed_topic(plane: str) -> Topic:
+    """The user's clicks in one plane."""
+    return Topic(f"plane_{plane}/seed", "geometry_msgs/msg/PolygonStamped")
+
+
+def tracking_topic(plane: str) -> Topic:
+    """One plane's picture with what is tracked drawn in."""
+    return Topic(f"plane_{plane}/tracking", IMAGE_TYPE)
+
+
+def overlay_topic(plane: str) -> Topic:
+    """One plane's picture with the compensated volume drawn in."""
+    return Topic(f"plane_{plane}/overlay", IMAGE_TYPE)
+
+
+R_PEAK = Topic("ecg/r_peak", "std_msgs/msg/Header")
+
+MOTION = Topic("motion", "geometry_msgs/msg/PoseStamped")
+MOTION_RAW = Topic("motion_raw", "geometry_msgs/msg/PoseStamped")
+MOTION_WITH_COVARIANCE = Topic("motion_with_covariance", "geometry_msgs/msg/PoseWithCovarianceStamped")
+REFERENCE = Topic("reference", "std_msgs/msg/Header", latched=True, depth=1)
+CATHETER = Topic("catheter", "visualization_msgs/msg/Marker")
+STATE = Topic("state", "std_msgs/msg/String", latched=True, depth=1)
+DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+OVERLAY_SURFACE = Topic("overlay/surface", "visualization_msgs/msg/Marker")
+
+TRUE_MOTION = Topic("/ground_truth/motion", "geometry_msgs/msg/PoseStamped")
+TRUE_RESPIRATORY_MOTION = Topic("/ground_truth/motion_respiratory", "geometry_msgs/msg/PoseStamped")
+TRUE_CATHETER = Topic("/ground_truth/catheter", "visualization_msgs/msg/Marker", latched=True, depth=1)
+TRUE_TARGETS = Topic("/ground_truth/targets", "visualization_msgs/msg/Marker", latched=True, depth=1)
+
+
+def true_centreline_topic(plane: str) -> Topic:
+    """The loop's true centreline in one plane's pixels, at plane A's exposure."""
+    return Topic(f"/ground_truth/plane_{plane}/catheter", "geometry_msgs/msg/PolygonStamped")
+
+
+INPUTS: tuple[Topic, ...] = (
+    *(image_topic(plane) for plane in PLANE_NAMES),
+    *(camera_info_topic(plane) for plane in PLANE_NAMES),
+    *(seed_topic(plane) for plane in PLANE_NAMES),
+    R_PEAK,
+)
+OUTPUTS: tuple[Topic, ...] = (MOTION, MOTION_RAW, MOTION_WITH_COVARIANCE, REFERENCE, CATHETER, STATE)
+GROUND_TRUTH: tuple[Topic, ...] = (
+    TRUE_MOTION,
+    TRUE_RESPIRATORY_MOTION,
+    *(true_centreline_topic(plane) for plane in PLANE_NAMES),
+    TRUE_CATHETER,
+    TRUE_TARGETS,
+)
