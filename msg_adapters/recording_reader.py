@@ -88,6 +88,16 @@ class RecordingReader:
         return {self._names[topic]: schema.name for topic, schema in self._recorded_topics().items()}
 
     @property
+    def latched_topics(self) -> frozenset[str]:
+        """Topics (after remapping) that were offered with transient-local durability."""
+        return frozenset(
+            self._names[channel.topic]
+            for file in self._files
+            for channel, _ in file.known.values()
+            if _offered_latched(channel.metadata.get("offered_qos_profiles", ""))
+        )
+
+    @property
     def time_span_ns(self) -> tuple[int, int]:
         """First and last log time, nanoseconds.
 
@@ -303,6 +313,14 @@ def _found(topics: Collection[str]) -> str:
     names = sorted(topics)
     shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
     return f"; it has {shown}" if names else "; it has no topics"
+
+
+def _offered_latched(profiles: str) -> bool:
+    """Whether the recorded QoS says transient local, as a number (rosbag2 before Jazzy) or by name."""
+    try:
+        return any(profile["durability"] in (1, "transient_local") for profile in yaml.safe_load(profiles) or ())
+    except (yaml.YAMLError, KeyError, TypeError):
+        return False
 
 
 def _absolute(topic: str) -> str:
