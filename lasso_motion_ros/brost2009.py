@@ -48,7 +48,7 @@ class Brost2009Tracker:
         self._bright = bright
         self._motion = self._reference = np.eye(4)
         self._reference_stamp_ns = self._stamp_ns = pair.stamp_ns
-        return self._result({plane: reconstruction.chosen.reprojection_px for plane in PLANES})
+        return self._result(dict.fromkeys(PLANES, reconstruction.chosen.reprojection_px))
 
     def track(self, pair: FramePair) -> TrackResult:
         """Register the model to the next pair, starting from the last one's motion.

@@ -101,12 +101,12 @@ def ellipse_from_conic(conic: Array) -> Ellipse:
     determinant = float(np.linalg.det(shape))
     if not determinant > 0.0:
         raise EllipseError("the conic is not an ellipse: its quadratic part is not definite")
-    centre = -np.linalg.solve(shape, linear)
+    centre = np.asarray(-np.linalg.solve(shape, linear))
     constant = float(conic[2, 2] + linear @ centre)
     values, directions = np.linalg.eigh(-shape / constant if constant != 0.0 else shape)
     if not (constant != 0.0 and np.all(values > 0.0)):
         raise EllipseError("the conic is empty or a single point: no real ellipse")
-    lengths = 1.0 / np.sqrt(values)
+    lengths = np.asarray(1.0 / np.sqrt(values))
     if lengths[1] < SMALLEST_AXIS_RATIO * lengths[0]:
         raise EllipseError("the ellipse has collapsed to a line segment")
     return Ellipse(centre, lengths[0] * directions[:, 0], lengths[1] * directions[:, 1])

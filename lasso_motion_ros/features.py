@@ -84,8 +84,7 @@ def distance_map(
     """
     scale = image.shape[1] / REFERENCE_WIDTH_PX
     rows, columns = region_of_interest(image.shape, centre, max(32, round(config.roi_px * scale)))
-    region = np.ascontiguousarray(image[rows, columns])
-    equalised = equalise(region)
+    equalised = equalise(image[rows, columns].copy())
     sigmas = np.geomspace(config.sigma_min_px, config.sigma_max_px, config.scales) * scale
     response = sato(cv2.bitwise_not(equalised) if bright else equalised, np.maximum(sigmas, 0.7))
     mask = line_mask(response)

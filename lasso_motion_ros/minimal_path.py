@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -53,8 +55,8 @@ def path_through_clicks(
     high = np.minimum(np.ceil(clicks.max(axis=0)).astype(int) + MARGIN_PX + 1, [width, height])
     cost = _line_cost(image[low[1] : high[1], low[0] : high[0]], bright, sigma_px, cost_floor)
     local = clicks - low
-    pieces = [_minimal_path(cost, start, end) for start, end in zip(local[:-1], local[1:], strict=True)]
-    return np.vstack([pieces[0][:1], *(piece[1:] for piece in pieces)]) + low
+    pieces = [_minimal_path(cost, start, end) for start, end in pairwise(local)]
+    return np.asarray(np.vstack([pieces[0][:1], *(piece[1:] for piece in pieces)]) + low)
 
 
 def _line_cost(image: npt.NDArray[np.generic], bright: bool, sigma_px: float, cost_floor: float) -> Array:
@@ -93,7 +95,7 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
 
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
-    gradient_y, gradient_x = np.gradient(arrival)
+    gradient_y, gradient_x = (np.asarray(np.gradient(arrival, axis=axis)) for axis in (0, 1))
     point, path = start.astype(np.float64), [start.astype(np.float64)]
     last = np.array(arrival.shape[::-1]) - 1.001
     for _ in range(20 * sum(arrival.shape)):

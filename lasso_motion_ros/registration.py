@@ -79,14 +79,15 @@ def register(
 
     def cost(parameters: Array) -> Array:
         candidates = motions(parameters)
-        return np.sum([normal_search_cost(model, candidates, v, config.normal_search_px) for v in views], axis=0)
+        costs = [normal_search_cost(model, candidates, v, config.normal_search_px) for v in views]
+        return np.asarray(np.sum(costs, axis=0))
 
     steps = np.array([config.translation_step_mm * 1e-3] * 3 + [np.radians(config.rotation_step_deg)] * 3)
     parameters = best_neighbour(cost, np.zeros(6), steps, config.smallest_step, free=3)
     parameters = best_neighbour(cost, parameters, steps, config.smallest_step, free=6)
     motion = motions(parameters[None])
     residuals = tuple(float(normal_search_cost(model, motion, v, config.normal_search_px)[0]) for v in views)
-    return motion[0], residuals
+    return np.asarray(motion[0]), residuals
 
 
 def best_neighbour(
