@@ -119,23 +119,27 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
             conics[plane] = _cone(fit_ellipse(outlines[plane]).conic, scaled[plane])
         except EllipseError as error:
             refusals.append(f"plane {plane.upper()}: {error}")
-    ellipses: list[tuple[Ellipse3D, Plane | None]] = []
+
+    def candidate(ellipse: Ellipse3D, edge_on: Plane | None) -> Candidate:
+        return Candidate(ellipse, edge_on, max(_reprojection(ellipse, projections[p], outlines[p]) for p in PLANES))
+
+    cone_cone: list[Candidate] = []
     if len(conics) == 2:
         for space_plane in quan_planes(conics["a"], conics["b"]):
-            ellipses += [(e, None) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
+            # Under noise one plane cuts the two cones a little differently: the cut that reprojects better is kept.
+            cuts = [candidate(e, None) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
+            cone_cone += sorted(cuts, key=lambda c: c.reprojection_px)[:1]
+    plane_cone: list[Candidate] = []
     pairs: tuple[tuple[Plane, Plane], ...] = (("a", "b"), ("b", "a"))
     for edge_on, other in pairs:
         if other in conics:
-            space_plane = scaled[edge_on].T @ fit_line(outlines[edge_on])
-            ellipses += [(e, edge_on) for e in _cut(conics[other], space_plane, frame)]
-    candidates = [
-        Candidate(ellipse, edge_on, max(_reprojection(ellipse, projections[p], outlines[p]) for p in PLANES))
-        for ellipse, edge_on in ellipses
-    ]
-    cone_cone = [c for c in candidates if c.edge_on is None]
-    # Under noise one plane cuts the two cones a little differently: of each such pair the better reprojects.
-    cone_cone = [min(cone_cone[i : i + 2], key=lambda c: c.reprojection_px) for i in range(0, len(cone_cone), 2)]
-    candidates = sorted(cone_cone + [c for c in candidates if c.edge_on], key=lambda c: c.misfit)
+            try:
+                space_plane = scaled[edge_on].T @ fit_line(outlines[edge_on])
+            except EllipseError as error:
+                refusals.append(f"plane {edge_on.upper()}: {error}")
+                continue
+            plane_cone += [candidate(e, edge_on) for e in _cut(conics[other], space_plane, frame)]
+    candidates = sorted(cone_cone + plane_cone, key=lambda c: c.misfit)
     if not candidates:
         raise ReconstructionError("no 3-D ellipse explains the two outlines: " + ("; ".join(refusals) or "cones miss"))
     chosen = candidates[0]
@@ -146,7 +150,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     if not chosen.reprojection_px < LARGEST_REPROJECTION_SHARE * radius_px:
         raise ReconstructionError(
             f"no 3-D ellipse explains the two outlines: the best lies {chosen.reprojection_px:.1f} px from them, "
-            f"expected under {LARGEST_REPROJECTION_SHARE * radius_px:.1f} px; do both show the same loop at the same time?"
+            f"expected under {LARGEST_REPROJECTION_SHARE * radius_px:.1f} px; do both show the same loop at once?"
         )
     circular = sorted((c.ellipse.circularity for c in cone_cone), reverse=True)
     margin = circular[0] - circular[1] if len(circular) == 2 else float("nan")
