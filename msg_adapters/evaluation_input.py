@@ -80,7 +80,9 @@ def read_truth(path: str | Path, remap: Mapping[str, str] | None = None) -> Read
         elif topic in single:
             curves[topic] = decode_points(message)
         elif topic in plane_of_centreline:
-            centrelines[stamp_ns][plane_of_centreline[topic]] = decode_polygon(message)
+            centreline = decode_polygon(message)
+            if len(centreline) > 1:
+                centrelines[stamp_ns][plane_of_centreline[topic]] = centreline
         else:
             calibrations[plane_of_calibration[topic]][stamp_ns] = decode_camera_info(message)
     if not motion and not centrelines:
