@@ -11,6 +11,7 @@ from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
+from msg_adapters.recording_reader import RecordingReader
 
 HELP = (
     "Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker has put "
@@ -43,6 +44,8 @@ def run(args: argparse.Namespace) -> int:
         os.environ.setdefault(name, value)
     from lasso_motion_ros.nodes.player import PlayOptions, play
 
+    reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
+
     interrupted = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: interrupted.set())
@@ -55,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
         wait_s=args.wait,
         subscribers=args.subscribers,
     )
-    summary = play(args.recording, options, args.remap, interrupted)
+    summary = play(reader, options, interrupted)
     if not args.quiet:
         messages = sum(summary.published.values())
         print(
@@ -72,6 +75,21 @@ def run(args: argparse.Namespace) -> int:
         print(f"{args.recording}: {summary.damage}")
         return EXIT_PART
     return EXIT_DONE
+
+
+def parse_remap(entries: list[str]) -> dict[str, str]:
+    """`recorded:=published` entries as a mapping.
+
+    Raises:
+        RecordingError: an entry that is not of that form.
+    """
+    remap: dict[str, str] = {}
+    for entry in entries:
+        recorded, separator, published = entry.partition(":=")
+        if not (recorded and separator and published):
+            raise RecordingError(f"--remap expects A:=B, found {entry!r}")
+        remap[recorded] = published
+    return remap
 
 
 def _positive(text: str) -> float:

@@ -6,7 +6,7 @@ import importlib
 import queue
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,7 +22,15 @@ from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
 from msg_adapters.messages import NANOSECONDS, ns_to_stamp
 from msg_adapters.recording_reader import RawMessage, RecordingReader
-from msg_adapters.topics import GROUND_TRUTH, INPUTS, OUTPUTS, OVERLAY_SURFACE, Topic, overlay_topic, tracking_topic
+from msg_adapters.topics import (
+    GROUND_TRUTH,
+    IMAGE_TYPE,
+    INPUTS,
+    OUTPUTS,
+    OVERLAY_SURFACE,
+    overlay_topic,
+    tracking_topic,
+)
 
 DEPTH = 32
 READ_AHEAD = 16
@@ -98,6 +106,7 @@ class Player:
         self._interrupted = interrupted
         self._summary = PlaySummary()
         self._node: Node = rclpy.create_node("lasso_player", enable_rosout=False, start_parameter_services=False)
+        self._latched = LATCHED_NAMES | reader.latched_topics
         self._publishers: dict[str, Publisher] = {}
         for topic, type_name in reader.topics.items():
             if topic in OUTPUT_NAMES and not options.everything:
@@ -106,15 +115,11 @@ class Player:
             if message_class is None:
                 self._summary.unknown.append(topic)
                 continue
-            latched = topic in LATCHED_NAMES or topic in reader.latched_topics
             self._publishers[topic] = self._node.create_publisher(
-                message_class, topic, qos(depth=DEPTH, latched=latched)
+                message_class, topic, qos(depth=DEPTH, latched=topic in self._latched)
             )
         if not self._publishers:
             raise RecordingError(f"{reader.path}: no topic to play")
-        self._latched = {
-            topic for topic in self._publishers if topic in LATCHED_NAMES or topic in reader.latched_topics
-        }
         self._clock = self._node.create_publisher(Clock, "/clock", qos(depth=1)) if options.clock else None
 
     def wait_for_subscribers(self) -> None:
@@ -125,7 +130,7 @@ class Player:
         """
         inputs = {topic.recorded_name: topic for topic in INPUTS}
         wanted = {
-            name: self._options.subscribers if inputs[name].type_name == "sensor_msgs/msg/Image" else 1
+            name: self._options.subscribers if inputs[name].type_name == IMAGE_TYPE else 1
             for name in self._publishers
             if name in inputs
         }
@@ -231,24 +236,22 @@ class ReadAhead:
                 self._ready.put(message)
                 if self._stop.is_set():
                     return
-        except Exception as error:  # noqa: BLE001 - raised again in the thread that plays
+        except Exception as error:
             self._ready.put(error)
         self._ready.put(None)
 
 
-def play(path: str, options: PlayOptions, remap: Sequence[str], interrupted: threading.Event) -> PlaySummary:
+def play(reader: RecordingReader, options: PlayOptions, interrupted: threading.Event) -> PlaySummary:
     """Play a recording in this process.
 
     Args:
-        path: the recording.
+        reader: the recording.
         options: how.
-        remap: `recorded:=published` names.
         interrupted: set it to end early.
 
     Raises:
-        RecordingError: no such recording, nothing in it to play, or no subscriber in time.
+        RecordingError: nothing in it to play, or no subscriber in time.
     """
-    reader = RecordingReader(path, remap=parse_remap(remap))
     use_image_profile()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:

@@ -88,6 +88,22 @@ class Processes:
         self._children[name] = child
         return child
 
+    def wait(self, name: str, patience_s: float) -> int:
+        """The exit status of a child, once it has ended.
+
+        Raises:
+            LassoMotionError: it has not ended in time.
+        """
+        try:
+            return self._children[name].wait(patience_s)
+        except subprocess.TimeoutExpired as error:
+            raise LassoMotionError(f"{name} has not ended within {patience_s:g} s") from error
+
+    def send(self, name: str, number: signal.Signals) -> None:
+        """Send a signal to a child that is still there."""
+        if self._children[name].poll() is None:
+            self._children[name].send_signal(number)
+
     def ended(self) -> dict[str, int]:
         """Exit statuses of the children that have ended, by name."""
         statuses = {name: child.poll() for name, child in self._children.items()}

@@ -56,7 +56,7 @@ def guarded(method: Callback) -> Callback:
     def call(self: RunnableNode, *arguments: Any) -> Any:
         try:
             return method(self, *arguments)
-        except Exception as error:  # noqa: BLE001 - whatever a message provokes, the node stays up
+        except Exception as error:
             log_throttled(self, error)
             return None
 
@@ -137,5 +137,5 @@ def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
             executor.spin_once()
         except (ExternalShutdownException, ShutdownException):
             stopped.set()
-        except Exception as error:  # noqa: BLE001 - a sample that cannot be deserialised, say
+        except Exception as error:
             log_throttled(node, error)

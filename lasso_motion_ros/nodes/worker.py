@@ -68,5 +68,5 @@ class Worker(Generic[Item]):
                 item = self._waiting.popleft()
             try:
                 self._work(item)
-            except Exception as error:  # noqa: BLE001 - one bad item must not end the node
+            except Exception as error:
                 self._on_error(error)

@@ -1,0 +1,69 @@
+"""Real processes over DDS for the tests of the nodes: each test in a domain of its own, waiting for events only."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain
+from msg_adapters.topics import Topic
+
+PATIENCE_S = 30.0
+
+
+class Heard:
+    """Messages by topic name, with the order in which they came."""
+
+    def __init__(self) -> None:
+        self.messages: dict[str, list[Any]] = defaultdict(list)
+        self.order: list[tuple[str, Any]] = []
+        self._changed = threading.Condition()
+
+    def __call__(self, topic: Topic, message: Any) -> None:
+        with self._changed:
+            self.messages[topic.name].append(message)
+            self.order.append((topic.name, message))
+            self._changed.notify_all()
+
+    def wait_for(self, what: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+        """Wait until it holds; looked at again with every message."""
+        with self._changed:
+            if not self._changed.wait_for(what, patience_s):
+                counts = {name: len(messages) for name, messages in self.messages.items()}
+                raise AssertionError(f"did not happen within {patience_s} s; heard {counts}")
+
+
+class Graph:
+    """A domain with a listener in this process and any number of child processes; a context manager."""
+
+    def __init__(self, topics: Iterable[Topic], logs: Path) -> None:
+        from lasso_motion_ros.nodes.listener import Listener
+
+        self.domain = free_domain()
+        self.heard = Heard()
+        self.processes = Processes({"ROS_DOMAIN_ID": str(self.domain), **LOOPBACK}, logs)
+        self.listener = Listener(topics, self.heard, domain=self.domain)
+
+    def __enter__(self) -> Graph:
+        self.listener.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.processes.stop()
+        self.listener.__exit__()
+
+    def wait_for_end(self, name: str, patience_s: float = PATIENCE_S) -> int:
+        """The exit status of a child, once it has ended."""
+        return self.processes.wait(name, patience_s)
+
+    def wait_until(self, what: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
+        """Wait for a change of the graph, which comes without a message."""
+        deadline = time.monotonic() + patience_s
+        tick = threading.Event()
+        while not what():
+            assert time.monotonic() < deadline, f"did not happen within {patience_s} s"
+            tick.wait(0.02)
