@@ -38,7 +38,7 @@ def parse_colour(text: str) -> Colour:
 
 def text_scale(image: RgbImage) -> float:
     """Size of the words, by the picture's smaller side, never below legibility."""
-    return max(0.42, 0.62 * min(image.shape[:2]) / 1024.0)
+    return max(0.45, 0.7 * min(image.shape[:2]) / 1024.0)
 
 
 def line_width(image: RgbImage, at_1024_px: float) -> float:

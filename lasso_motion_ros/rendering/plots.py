@@ -1,0 +1,114 @@
+"""Plots of a run: the motion against the truth, and the 2-D error of every frame (as the paper's Fig. 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.frames import PLANES, Plane
+
+Array = npt.NDArray[np.float64]
+
+TRUTH_COLOUR, FOUND_COLOUR = "#3b4252", "#0a8f4f"
+PLANE_COLOURS: dict[Plane, str] = {"a": "#1f6fb4", "b": "#d1662b"}
+PLANE_MARKERS: dict[Plane, str] = {"a": "o", "b": "s"}
+PAPER_ERROR_MM = 1.0
+
+
+def motion_figure(
+    times_s: Array, found_mm: Array, true_mm: Array | None, *, title: str = "Breathing motion at the lasso"
+) -> Any:
+    """The displacement since the reference, one panel an axis.
+
+    Args:
+        times_s: (N,) time since the first pair, seconds.
+        found_mm: (N, 3) published displacement of the loop's centre, world axes, mm; NaN where there was no pose.
+        true_mm: (N, 3) the true one, NaN where unknown; or None.
+        title: what stands above.
+
+    Returns:
+        A matplotlib Figure.
+    """
+    figure, axes = _panels(3, title, height=6.4)
+    answered = np.isfinite(found_mm).all(axis=1)
+    for number, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
+        if true_mm is not None:
+            axis.plot(times_s, true_mm[:, number], color=TRUTH_COLOUR, linewidth=2.2, alpha=0.55, label="truth")
+        axis.plot(times_s, found_mm[:, number], "o-", color=FOUND_COLOUR, markersize=4, linewidth=1, label="published")
+        for time in times_s[~answered]:
+            axis.axvline(time, color="#c0392b", alpha=0.25, linewidth=4)
+        axis.set_ylabel(f"{name} (mm)")
+    if (~answered).any():
+        axes[0].plot([], [], color="#c0392b", alpha=0.25, linewidth=4, label="no pose published")
+    axes[0].legend(loc="upper right", ncols=3, frameon=False)
+    axes[-1].set_xlabel("time since the first pair (s)")
+    return figure
+
+
+def error_figure(
+    errors_mm: Mapping[Plane, Array], reference: npt.NDArray[np.bool_], *, title: str = "2-D error at the lasso"
+) -> Any:
+    """The 2-D error of every frame in both planes.
+
+    Args:
+        errors_mm: per plane (N,) mean distance between projected model and true centreline, mm at the loop's
+            depth; NaN where there was no pose or no truth.
+        reference: (N,) the pairs whose motion is the identity by definition: their error is the model's.
+        title: what stands above.
+
+    Returns:
+        A matplotlib Figure.
+    """
+    figure, (axis,) = _panels(1, title, height=4.0)
+    frames = np.arange(len(reference))
+    top = PAPER_ERROR_MM
+    for plane in PLANES:
+        values = errors_mm[plane]
+        colour, marker = PLANE_COLOURS[plane], PLANE_MARKERS[plane]
+        known = values[~reference & np.isfinite(values)]
+        label = f"plane {plane.upper()}"
+        if known.size:
+            label += f": {known.mean():.2f} ± {known.std():.2f} mm"
+        axis.plot(frames, values, marker=marker, color=colour, markersize=4.5, linewidth=1, label=label)
+        axis.plot(frames[reference], values[reference], marker, color="white", markeredgecolor=colour, markersize=8)
+        top = max(top, float(np.nanmax(values, initial=0.0)))
+    axis.plot([], [], "o", color="white", markeredgecolor="#555555", markersize=8, label="reference (model error)")
+    axis.axhline(PAPER_ERROR_MM, color="#888888", linestyle=":", linewidth=1, label="the paper's mean, 1.0 mm")
+    axis.set_ylim(0.0, 1.25 * top)
+    axis.set_xlabel("frame")
+    axis.set_ylabel("2-D error (mm, at the loop's depth)")
+    axis.legend(loc="upper right", ncols=2, frameon=False)
+    return figure
+
+
+def save_figure(figure: Any, path: str | Path) -> None:
+    """Write a figure as PNG (or what else the suffix says), overwriting.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    try:
+        # No date and no version inside: the same numbers give the same file.
+        figure.savefig(path, dpi=130, metadata={"Software": None})
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
+    # The object API draws without a display and keeps no global state.
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(title, fontsize=12)
+    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
+    for axis in axes:
+        axis.grid(alpha=0.25)
+        axis.spines[["top", "right"]].set_visible(False)
+    return figure, axes
