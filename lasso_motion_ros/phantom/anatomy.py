@@ -1,0 +1,234 @@
+"""A procedural thorax about the left atrium: what is still, what the heart and the breath move.
+
+Patient axes LPS (+x left, +y posterior, +z cranial) with the left atrium at the origin, in millimetres in the tables
+below. Attenuation coefficients are those of a monochromatic beam of about 60 keV (NIST XCOM: water 0.206 /cm, cortical
+bone about 0.6 /cm, inflated lung about a quarter of water's density).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.phantom.bodies import Body, cylinder, ellipsoid
+from lasso_motion_ros.phantom.tubes import Segments, chain, joined
+from lasso_motion_ros.transforms import rotation_from_vector
+
+Array = npt.NDArray[np.float64]
+
+# Linear attenuation, 1/m.
+SOFT = 20.6
+FAT = 18.2
+LUNG = 5.6
+TRABECULAR = 27.0
+CORTICAL = 50.0
+VESSEL_BLOOD = 21.4
+
+
+@dataclass(frozen=True, eq=False)
+class Additive:
+    """A body that adds to the attenuation of what surrounds it.
+
+    Attributes:
+        body: where.
+        attenuation: difference to the surroundings, 1/m.
+    """
+
+    body: Body
+    attenuation: float
+
+
+@dataclass(frozen=True, eq=False)
+class Thorax:
+    """All of the body at end-expiration.
+
+    Attributes:
+        trunk: skin; everything inside is soft tissue unless said otherwise.
+        fixed: spine, sternum, fat and muscle: what breathing does not move.
+        ribs: centrelines as segments, moved a little by breathing.
+        cavities: the two halves of the chest, filled with lung except where something else lies.
+        heart: chambers, moved with the heart; they displace lung.
+        great_vessels: arch, descending aorta and mediastinum, hardly moved; they displace lung.
+        domes: the halves of the diaphragm, moved along z; they displace lung.
+        under_diaphragm: additive bodies that move with the domes (stomach gas).
+        heart_fat: additive low-contrast lumps that move with the heart.
+        airways: trachea and main bronchi, air.
+        lung_vessels: arteries and veins in the lungs, moved more the lower they lie.
+    """
+
+    trunk: Body
+    fixed: list[Additive]
+    ribs: Segments
+    cavities: list[Body]
+    heart: list[Body]
+    great_vessels: list[Body]
+    domes: list[Body]
+    under_diaphragm: list[Additive]
+    heart_fat: list[Additive]
+    airways: Segments
+    lung_vessels: Segments
+
+
+def build_thorax(random: np.random.Generator) -> Thorax:
+    """A thorax of average proportions, its irregularities (vessels, lumps, rib angles) drawn from `random`."""
+    cavities = [ellipsoid((-78, -2, 5), (66, 92, 165)), ellipsoid((80, -2, 5), (64, 92, 165))]
+    heart = [
+        ellipsoid((0, 0, 0), (33, 21, 26)),  # left atrium
+        ellipsoid((34, -34, -24), (52, 33, 33), _turn(-0.55, 0.35)),  # left ventricle, towards the apex
+        ellipsoid((58, -48, -38), (30, 24, 24), _turn(-0.5, 0.3)),  # apex
+        ellipsoid((8, -55, -22), (42, 26, 34), _turn(-0.3, 0.2)),  # right ventricle
+        ellipsoid((-34, -30, -12), (27, 28, 36)),  # right atrium
+        ellipsoid((27, -13, 22), (17, 17, 19)),  # atrial appendage
+        ellipsoid((16, -34, 36), (17, 19, 28), _turn(0.1, -0.5)),  # pulmonary trunk
+    ]
+    great_vessels = [
+        ellipsoid((-6, -32, 48), (17, 18, 48)),  # ascending aorta
+        ellipsoid((8, -5, 84), (28, 34, 17)),  # arch
+        cylinder((25, 48, -40), (13, 13, 150)),  # descending aorta
+        cylinder((-30, -18, 75), (11, 11, 62)),  # superior vena cava
+        cylinder((-31, -4, -75), (14, 15, 45)),  # inferior vena cava
+        cylinder((-2, 30, 30), (26, 34, 190)),  # oesophagus, nodes, fat before the spine
+        cylinder((-4, 62, 0), (23, 30, 220)),  # spine
+    ]
+    domes = [ellipsoid((-76, 2, -135), (84, 100, 92)), ellipsoid((74, 4, -140), (80, 98, 84))]
+    under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * SOFT)]
+    return Thorax(
+        trunk=ellipsoid((0, 2, -20), (178, 122, 520)),
+        fixed=_spine(random) + _sternum() + _lumps(random, 44, (150, 100, 130), (10, 30), 0.55, -2.0),
+        ribs=_ribs(random),
+        cavities=cavities,
+        heart=heart,
+        great_vessels=great_vessels,
+        domes=domes,
+        under_diaphragm=under_diaphragm,
+        heart_fat=_lumps(random, 16, (55, 45, 45), (6, 16), 0.0, -2.4),
+        airways=_airways(),
+        lung_vessels=_lung_vessels(random),
+    )
+
+
+def _turn(about_z: float, about_y: float) -> Array:
+    return np.asarray(rotation_from_vector((0.0, 0.0, about_z)) @ rotation_from_vector((0.0, about_y, 0.0)))
+
+
+def _spine(random: np.random.Generator) -> list[Additive]:
+    """Vertebrae with end plates, pedicles, transverse and spinous processes, 24 mm apart."""
+    parts: list[Additive] = []
+    for index in range(-6, 7):
+        z = 24.0 * index + 5.0 + random.normal(0.0, 0.5)
+        # The thoracic kyphosis: the spine bends forward above and below.
+        y = 62.0 - 0.0009 * z * z
+        x = -4.0 + random.normal(0.0, 0.7)
+        parts.append(Additive(cylinder((x, y, z), (16.5, 13.5, 9.6)), TRABECULAR - SOFT))
+        for side in (-1.0, 1.0):
+            parts.append(Additive(cylinder((x, y, z + side * 9.2), (17.2, 14.2, 0.8)), 0.55 * (CORTICAL - SOFT)))
+            parts.append(Additive(ellipsoid((x + side * 11.0, y + 18.0, z + 4.0), (4.0, 9.0, 6.5)), 14.0))
+            process = _turn(side * 0.45, 0.0)
+            parts.append(Additive(ellipsoid((x + side * 24.0, y + 27.0, z + 3.0), (15.0, 4.5, 5.0), process), 12.0))
+            parts.append(Additive(ellipsoid((x + side * 8.0, y + 25.0, z - 6.0), (5.5, 4.0, 9.0)), 11.0))
+        parts.append(Additive(ellipsoid((x, y + 36.0, z - 12.0), (3.0, 13.0, 13.0)), 12.0))
+    return parts
+
+
+def _sternum() -> list[Additive]:
+    return [Additive(ellipsoid((0, -104, 35), (17, 5.5, 75)), 6.0), Additive(ellipsoid((0, -108, 118), (28, 6, 26)), 6.0)]
+
+
+def _lumps(
+    random: np.random.Generator,
+    count: int,
+    spread_mm: tuple[float, float, float],
+    size_mm: tuple[float, float],
+    hollow: float,
+    attenuation: float,
+) -> list[Additive]:
+    """Ellipsoidal lumps of fat and muscle, uniform in a shell of a box (`hollow` of it empty, 0 for none)."""
+    lumps: list[Additive] = []
+    while len(lumps) < count:
+        place = random.uniform(-1.0, 1.0, 3)
+        size = random.uniform(*size_mm, 3)
+        turn = rotation_from_vector(random.uniform(-1.5, 1.5, 3))
+        value = attenuation * random.uniform(-0.7, 1.0)
+        if np.hypot(place[0], place[1]) >= hollow and np.hypot(place[0], place[1]) <= 1.0:
+            lumps.append(Additive(ellipsoid(place * np.asarray(spread_mm), size, turn), value))
+    return lumps
+
+
+def _ribs(random: np.random.Generator) -> Segments:
+    """Twelve pairs of ribs, a cortical shell about trabecular bone, sloping down to the front."""
+    parts = []
+    for index in range(-6, 7):
+        top = 24.0 * index + 12.0
+        for side in (-1.0, 1.0):
+            slope = 62.0 + random.normal(0.0, 3.0)
+            angle = np.linspace(0.12, 2.55, 34)
+            width = 150.0 - 0.0018 * (top - 20.0) ** 2
+            x = side * (16.0 + (width - 16.0) * np.sin(angle) ** 0.9)
+            y = 4.0 + 84.0 * np.cos(angle)
+            z = top - slope * (angle / 2.55) ** 1.25 + random.normal(0.0, 1.0)
+            curve = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=1) * 1e-3
+            bone, cartilage = curve[:29], curve[28:]
+            parts.append(chain(bone, 5.4e-3, 0.62 * (CORTICAL - SOFT)))
+            parts.append(chain(bone, 4.3e-3, TRABECULAR - SOFT - 0.62 * (CORTICAL - SOFT)))
+            parts.append(chain(cartilage, 5.0e-3, 3.0))
+    return joined(parts)
+
+
+def _airways() -> Segments:
+    """Air in the trachea and the main bronchi; their tissue is the mediastinum's, so air subtracts it."""
+    paths = (
+        (((-3, 8, 190), (-3, 14, 100), (-3, 18, 62)), 8.0),
+        (((-3, 18, 62), (-16, 20, 48), (-32, 20, 34)), 6.5),
+        (((-3, 18, 62), (14, 22, 48), (36, 24, 36)), 5.6),
+    )
+    parts = []
+    for points, radius in paths:
+        curve = _smooth(np.asarray(points, dtype=np.float64), 14) * 1e-3
+        parts.append(chain(curve, radius * 1e-3, -0.8 * SOFT))
+    return joined(parts)
+
+
+def _smooth(points: Array, samples: int) -> Array:
+    """A quadratic Bézier curve through the first and last of three points, pulled to the middle one."""
+    t = np.linspace(0.0, 1.0, samples)[:, None]
+    return np.asarray((1 - t) ** 2 * points[0] + 2 * t * (1 - t) * points[1] + t**2 * points[2])
+
+
+def _lung_vessels(random: np.random.Generator) -> Segments:
+    """Branching trees from both hila, dividing until thinner than 0.6 mm; the area is kept at each branching (Murray)."""
+    starts: list[Array] = []
+    ends: list[Array] = []
+    radii: list[float] = []
+    for side, roots in ((-1.0, 11), (1.0, 11)):
+        hilum = np.array([side * 40.0, 10.0, 12.0])
+        for _ in range(roots):
+            heading = random.normal(0.0, 1.0, 3) * np.array([0.45, 0.8, 1.0]) + np.array([side * 0.9, 0.0, -0.15])
+            begin = hilum + random.normal(0.0, 6.0, 3)
+            stack = [(begin, heading / np.linalg.norm(heading), random.uniform(2.4, 3.9))]
+            while stack:
+                place, direction, radius = stack.pop()
+                length = random.uniform(5.0, 8.0) * radius**0.6
+                pieces = max(2, int(length / 5.0))
+                for _piece in range(pieces):
+                    direction = direction + random.normal(0.0, 0.10, 3)
+                    direction /= np.linalg.norm(direction)
+                    target = place + direction * length / pieces
+                    starts.append(place)
+                    ends.append(target)
+                    radii.append(radius)
+                    place = target
+                    radius *= 0.985
+                # Out of the chest a vessel would lie over the wall.
+                if abs(place[0] - side * 79.0) > 56.0 or abs(place[1]) > 76.0 or not -75.0 < place[2] < 130.0:
+                    continue
+                share = random.uniform(0.45, 0.8)
+                for part in (share, 1.0 - share):
+                    child = radius * part ** (1.0 / 2.3)
+                    if child >= 0.6:
+                        turned = direction + random.normal(0.0, 0.42, 3)
+                        stack.append((place, turned / np.linalg.norm(turned), child))
+    count = len(radii)
+    attenuation = np.full(count, VESSEL_BLOOD - LUNG)
+    return Segments(np.asarray(starts) * 1e-3, np.asarray(ends) * 1e-3, np.asarray(radii) * 1e-3, attenuation)

@@ -1,0 +1,117 @@
+"""From optical depth to the published picture: beam, quanta, detector, display."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.phantom.scenario import ImagingSettings
+
+Image = npt.NDArray[np.float32]
+Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+SCATTER_WIDTH = 0.14
+PENUMBRA_PX = 1.6
+
+
+class ImagingChain:
+    """One plane's tube, detector and display. It remembers: gain and window from its first picture, lag from the last.
+
+    The order is that of the physics: Beer–Lambert, focal spot, collimator, scatter, Poisson quanta, detector blur
+    (signal and noise alike), read-out noise, lag; then display curve, edge enhancement, polarity, bits.
+
+    Args:
+        settings: the scenario's.
+        focal_spot_px: width (FWHM) of the focal spot's image on the detector, pixels.
+    """
+
+    def __init__(self, settings: ImagingSettings, focal_spot_px: float) -> None:
+        self._settings = settings
+        self._focal_sigma = focal_spot_px / 2.3548
+        self._gain = 0.0
+        self._white = 0.0
+        self._last: Image | None = None
+
+    def fluence(self, optical_depth: npt.NDArray[np.floating]) -> Image:
+        """Primary and scattered fluence behind the patient, (H, W), 1 for the open beam."""
+        settings = self._settings
+        primary = blurred(np.exp(-np.asarray(optical_depth, dtype=np.float32)), self._focal_sigma)
+        opening = collimator_mask(primary.shape, settings.collimator)
+        primary *= opening
+        # Scatter is as broad as the patient is thick; it also reaches what the collimator covers.
+        small = cv2.resize(primary, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA)
+        sigma = SCATTER_WIDTH * small.shape[1]
+        spread = cv2.GaussianBlur(small, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+        height, width = primary.shape
+        scatter = cv2.resize(spread, (width, height), interpolation=cv2.INTER_LINEAR)
+        return np.asarray(primary + np.float32(settings.scatter) * scatter, dtype=np.float32)
+
+    def expose(self, optical_depth: npt.NDArray[np.floating], dose: float, random: np.random.Generator) -> Pixels:
+        """One picture.
+
+        Args:
+            optical_depth: (H, W) line integrals of the attenuation.
+            dose: tube output relative to the first picture's.
+            random: draws the quanta.
+
+        Returns:
+            (H, W) uint8, or uint16 up to 4095.
+        """
+        fluence = self.fluence(optical_depth)
+        if self._last is None:
+            # The exposure control settles on the mean of the open field.
+            opening = collimator_mask(fluence.shape, self._settings.collimator)
+            self._gain = self._settings.quanta * float(opening.sum() / (fluence * opening).sum())
+            self._white = float(np.percentile(fluence[opening > 0.5], 99.0)) * self._gain * 1.08
+        signal = self.detect(fluence * np.float32(self._gain * dose), random)
+        lag = np.float32(self._settings.lag)
+        self._last = signal if self._last is None else signal * (1 - lag) + self._last * lag
+        return self.display(self._last)
+
+    def detect(self, expected: Image, random: np.random.Generator) -> Image:
+        """Quanta counted, blurred with the detector, and read out: (H, W) in quanta."""
+        settings = self._settings
+        counted = random.poisson(expected).astype(np.float32)
+        signal = blurred(counted, settings.detector_blur_px)
+        if settings.electronic_noise > 0.0:
+            noise = random.standard_normal(signal.shape, dtype=np.float32)
+            signal += noise * np.float32(settings.electronic_noise)
+        return signal
+
+    def display(self, signal: Image) -> Pixels:
+        """Display curve, edge enhancement, polarity and quantisation of a detector signal in quanta."""
+        settings = self._settings
+        grey = np.power(np.maximum(signal, 0.0) / np.float32(self._white), np.float32(settings.gamma))
+        if settings.edge_enhancement > 0.0:
+            width = max(1.0, 2.5 * grey.shape[1] / 1024.0)
+            grey += np.float32(settings.edge_enhancement) * (grey - blurred(grey, width))
+        if settings.polarity == "bright":
+            grey = np.float32(1.0) - grey
+        top = 255 if settings.bits == 8 else 4095
+        quantised = np.rint(np.clip(grey, 0.0, 1.0) * np.float32(top))
+        return quantised.astype(np.uint8) if settings.bits == 8 else quantised.astype(np.uint16)
+
+
+def blurred(image: Image, sigma_px: float) -> Image:
+    """The image convolved with a Gaussian; unchanged where sigma is 0."""
+    if sigma_px <= 0.0:
+        return image
+    side = 2 * int(np.ceil(4.0 * sigma_px)) + 1
+    return np.asarray(cv2.GaussianBlur(image, (side, side), sigma_px, borderType=cv2.BORDER_REFLECT_101), np.float32)
+
+
+def collimator_mask(shape: tuple[int, ...], covered: tuple[float, ...]) -> Image:
+    """(H, W) transmission of the collimator: 1 open, 0.02 covered, with a penumbra.
+
+    Args:
+        shape: rows and columns.
+        covered: part of the field covered at left, top, right, bottom.
+    """
+    height, width = shape[:2]
+    left, top, right, bottom = covered
+    mask = np.full((height, width), 0.02, dtype=np.float32)
+    rows = slice(round(top * height), height - round(bottom * height))
+    columns = slice(round(left * width), width - round(right * width))
+    mask[rows, columns] = 1.0
+    return mask if not any(covered) else blurred(mask, PENUMBRA_PX)

@@ -1,0 +1,251 @@
+"""The simulator: a scenario in, biplane pairs with exact truth out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.phantom.anatomy import Thorax, build_thorax
+from lasso_motion_ros.phantom.body_renderer import BodyRenderer, BodyState, heart_surface_points
+from lasso_motion_ros.phantom.catheters import (
+    SEPTUM,
+    Loop,
+    ablation,
+    build_loop,
+    coronary_sinus,
+    deformed_loop,
+    lasso_shaft,
+    loop_segments,
+)
+from lasso_motion_ros.phantom.distractors import distractor_segments
+from lasso_motion_ros.phantom.gantry import concerns, progress, published_projection, true_projection
+from lasso_motion_ros.phantom.imaging import ImagingChain, Pixels
+from lasso_motion_ros.phantom.motion import Breathing, Heartbeat, Motion
+from lasso_motion_ros.phantom.scenario import Event, Scenario
+from lasso_motion_ros.phantom.seeds import clicks_along_loop
+from lasso_motion_ros.phantom.tubes import Segments, chain, joined, optical_depth
+from lasso_motion_ros.transforms import apply, inverse, rigid
+
+Array = npt.NDArray[np.float64]
+
+EPOCH_NS = 1_760_000_000 * 1_000_000_000
+TARGETS = 200
+SHAFT_ATTENUATION, SHAFT_RADIUS = 85.0, 0.75e-3
+
+# Purposes of the random streams; a pair's noise does not depend on how many pairs are rendered.
+_ANATOMY, _BREATHING, _HEART, _TARGETS, _SEEDS, _DOSE, _QUANTA = range(7)
+
+
+class BodySource(Protocol):
+    """What renders the patient without catheters: the procedural thorax, or a CT volume."""
+
+    def optical_depth(self, projection: Projection, state: BodyState) -> npt.NDArray[np.float32]:
+        """Line integrals (H, W) through every pixel."""
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedFrame:
+    """One plane's picture.
+
+    Attributes:
+        stamp_ns: time of its own exposure.
+        pixels: (H, W) uint8 or uint16.
+        published: the projection to be published with it.
+        rendered: the projection it was rendered with.
+    """
+
+    stamp_ns: int
+    pixels: Pixels
+    published: Projection
+    rendered: Projection
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedPair:
+    """One pair with its truth.
+
+    Attributes:
+        index: number of the pair.
+        stamp_ns: plane A's exposure.
+        frames: the pictures; a dropped plane is missing.
+        motion: (4, 4) of the atrium since pair 0 at A's exposure, breathing and heartbeat.
+        respiratory: (4, 4) of breathing alone.
+        centrelines: plane → (90, 2) the loop's centreline in pixels at A's exposure; missing where it is not in view.
+        loop: (90, 3) the loop at A's exposure, world metres; None while it is hidden or removed.
+    """
+
+    index: int
+    stamp_ns: int
+    frames: dict[Plane, SimulatedFrame]
+    motion: Array
+    respiratory: Array
+    centrelines: dict[Plane, Array]
+    loop: Array | None
+
+
+class Simulator:
+    """Renders one scenario.
+
+    Args:
+        scenario: what to render.
+        body: the patient; a procedural thorax drawn from the scenario's seed if not given.
+    """
+
+    def __init__(self, scenario: Scenario, body: dict[Plane, BodySource] | None = None) -> None:
+        self.scenario = scenario
+        duration = (scenario.pairs + 1) / scenario.rate_hz
+        self.motion = Motion(
+            Breathing(scenario.breathing, self._random(_BREATHING), duration),
+            Heartbeat(scenario.heart, self._random(_HEART), duration),
+        )
+        self.thorax: Thorax = build_thorax(self._random(_ANATOMY))
+        self._bodies: dict[Plane, BodySource] = body or {plane: BodyRenderer(self.thorax) for plane in PLANES}
+        self.loop: Loop = build_loop(scenario.lasso, SEPTUM)
+        # The loop is placed at the first pair's phase.
+        self._start = self.motion.body_state(0.0).heart
+        geometry = scenario.geometry
+        magnified = scenario.imaging.focal_spot_mm * (geometry.source_detector_mm / geometry.source_object_mm - 1.0)
+        spot_px = magnified * geometry.size_px / geometry.field_mm
+        self._chains: dict[Plane, ImagingChain] = {plane: ImagingChain(scenario.imaging, spot_px) for plane in PLANES}
+
+    @property
+    def reference_loop(self) -> Array:
+        """(90, 3) the loop at the first pair, world metres."""
+        return self._loop_at(0.0, 0)
+
+    @property
+    def targets(self) -> Array:
+        """(200, 3) points on the atrium at the first pair, world metres."""
+        points = heart_surface_points(self.thorax, TARGETS, self._random(_TARGETS))
+        return apply(self._start, points)
+
+    def time_s(self, pair: int, plane: Plane) -> float:
+        """Time of a plane's exposure since the first pair."""
+        offset = self.scenario.plane_b_offset if plane == "b" else 0.0
+        return (pair + offset) / self.scenario.rate_hz
+
+    def stamp_ns(self, pair: int, plane: Plane) -> int:
+        """The same as a stamp."""
+        return EPOCH_NS + round(self.time_s(pair, plane) * 1e9)
+
+    def r_peaks_ns(self) -> list[int]:
+        """Stamps of the R peaks during the sequence."""
+        end = self.time_s(self.scenario.pairs - 1, "a")
+        return [EPOCH_NS + round(peak * 1e9) for peak in self.motion.heartbeat.r_peaks(end)]
+
+    def seeds(self) -> dict[Plane, Array]:
+        """A user's clicks (N, 2) in each plane's first picture."""
+        clicks: dict[Plane, Array] = {}
+        for plane in PLANES:
+            curve = true_projection(self.scenario, plane, 0).project(self._loop_at(self.time_s(0, plane), 0))
+            random = self._random(_SEEDS, PLANES.index(plane))
+            clicks[plane] = clicks_along_loop(curve, self.scenario.lasso.turns, random)
+        return clicks
+
+    def pairs(self) -> Iterator[SimulatedPair]:
+        """All pairs in order, rendered one at a time."""
+        for index in range(self.scenario.pairs):
+            yield self._pair(index)
+
+    def _pair(self, index: int) -> SimulatedPair:
+        frames: dict[Plane, SimulatedFrame] = {}
+        centrelines: dict[Plane, Array] = {}
+        at_a = self.time_s(index, "a")
+        loop = None if self._absent(index) else self._loop_at(at_a, index)
+        for plane in PLANES:
+            projection = true_projection(self.scenario, plane, index)
+            pixels = self._expose(plane, index, projection)
+            if not self._dropped(plane, index):
+                published = published_projection(self.scenario, plane, index)
+                frames[plane] = SimulatedFrame(self.stamp_ns(index, plane), pixels, published, projection)
+            if loop is not None:
+                line = projection.project(loop)
+                inside = np.all((line >= 0.0) & (line <= self.scenario.geometry.size_px - 1.0), axis=1)
+                if inside.mean() > 0.5:
+                    centrelines[plane] = line
+        return SimulatedPair(
+            index=index,
+            stamp_ns=self.stamp_ns(index, "a"),
+            frames=frames,
+            motion=self.motion.atrium(at_a),
+            respiratory=self.motion.respiratory(at_a),
+            centrelines=centrelines,
+            loop=loop,
+        )
+
+    def _expose(self, plane: Plane, index: int, projection: Projection) -> Pixels:
+        time_s = self.time_s(index, plane)
+        depth = self._bodies[plane].optical_depth(projection, self.motion.body_state(time_s))
+        depth = depth + optical_depth(projection, self.catheters(time_s, index)).astype(np.float32)
+        dose = self._dose(plane, index)
+        return self._chains[plane].expose(depth, dose, self._random(_QUANTA, PLANES.index(plane), index))
+
+    def catheters(self, time_s: float, index: int) -> Segments:
+        """All that is not the body at one instant, as cylinders."""
+        scenario = self.scenario
+        motion = self.motion.body_state(time_s).heart
+        contraction = self.motion.heartbeat.contraction(time_s)
+        parts: list[Segments] = []
+        if not self._removed(index):
+            loop = self._loop_at(time_s, index)
+            if self._hidden(index):
+                # Withdrawn into its sheath and down the cava, out of the field.
+                loop = loop + np.array([0.0, 0.0, -0.22])
+            else:
+                normal = self.loop.normal
+                parts.append(chain(lasso_shaft(loop, normal, motion), SHAFT_RADIUS, SHAFT_ATTENUATION))
+            parts.append(loop_segments(loop, scenario.lasso.electrodes))
+        if scenario.distractors.coronary_sinus:
+            parts.append(coronary_sinus(motion, contraction))
+        if scenario.distractors.ablation:
+            # Near the loop but not on it, in the direction away from its axis.
+            beside = self.loop.centre - 0.8 * 0.5e-3 * scenario.lasso.diameter_mm * self.loop.across
+            tip = beside + np.array([0.004, -0.012, -0.010])
+            heading = tip - SEPTUM
+            heading = heading / np.linalg.norm(heading)
+            parts.append(ablation(apply(motion @ inverse(self._start), tip), heading, motion))
+        parts.append(distractor_segments(scenario.distractors, motion, self.motion.body_state(time_s).breath))
+        return joined(parts)
+
+    def _loop_at(self, time_s: float, index: int) -> Array:
+        """(90, 3) the loop in the world: its own deformation, then where events put it, then the atrium's motion."""
+        lasso = self.scenario.lasso
+        swing_tilt, swing_stretch = self.motion.heartbeat.swing(time_s)
+        points = deformed_loop(self.loop, np.radians(lasso.tilt_deg) * swing_tilt, lasso.stretch * swing_stretch)
+        for event in self._events("move"):
+            done = progress(event, index)
+            if done > 0.0:
+                turn = np.radians(event.turn_deg) * done
+                points = apply(rigid(turn, done * 1e-3 * np.asarray(event.shift_mm), points.mean(axis=0)), points)
+        return apply(self.motion.atrium(time_s), points)
+
+    def _dose(self, plane: Plane, index: int) -> float:
+        """The exposure control hunts slowly: two incommensurate oscillations with phases of their own."""
+        phase = self._random(_DOSE, PLANES.index(plane)).uniform(0.0, 2.0 * np.pi, 2)
+        time_s = self.time_s(index, plane)
+        hunting = np.sin(0.7 * time_s + phase[0]) - np.sin(phase[0]) + 0.5 * (np.sin(1.9 * time_s + phase[1]) - np.sin(phase[1]))
+        return float(max(0.2, 1.0 + self.scenario.imaging.brightness_drift * hunting))
+
+    def _events(self, kind: str) -> list[Event]:
+        return [event for event in self.scenario.events if event.kind == kind]
+
+    def _hidden(self, index: int) -> bool:
+        return any(event.first <= index <= event.end for event in self._events("hide"))
+
+    def _removed(self, index: int) -> bool:
+        return any(index >= event.first for event in self._events("remove"))
+
+    def _absent(self, index: int) -> bool:
+        return self._hidden(index) or self._removed(index)
+
+    def _dropped(self, plane: Plane, index: int) -> bool:
+        return any(event.first <= index <= event.end and concerns(event, plane) for event in self._events("drop"))
+
+    def _random(self, *purpose: int) -> np.random.Generator:
+        return np.random.default_rng([self.scenario.seed, *purpose])
