@@ -42,7 +42,16 @@ setup(
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
         "video": ["av>=12"],
         "volume": ["SimpleITK>=2.3"],
-        "dev": ["hypothesis", "mcap-ros2-support", "mypy", "pytest", "pytest-timeout", "ruff", "types-PyYAML"],
+        "dev": [
+            "colcon-common-extensions",
+            "hypothesis",
+            "mcap-ros2-support",
+            "mypy",
+            "pytest",
+            "pytest-timeout",
+            "ruff",
+            "types-PyYAML",
+        ],
     },
     entry_points={
         "console_scripts": [

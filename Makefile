@@ -1,0 +1,77 @@
+# Two commands set everything up by themselves: make demo, make test.
+
+PYTHON ?= python3
+VENV ?= .venv
+UBUNTU_VENV ?= .venv-ubuntu-24.04
+PIP_FLAGS ?= --quiet --disable-pip-version-check
+
+# A sourced ROS installation must not leak in: the environment brings its own, complete and of known versions.
+unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV LD_LIBRARY_PATH LD_PRELOAD AMENT_PREFIX_PATH AMENT_CURRENT_PREFIX \
+	AMENT_PYTHON_EXECUTABLE CMAKE_PREFIX_PATH COLCON_PREFIX_PATH COLCON_PYTHON_EXECUTABLE COLCON_CURRENT_PREFIX
+unexport $(filter ROS_% RMW_% RCUTILS_% RCL_% FASTRTPS_% FASTDDS_% CYCLONEDDS_%,$(.VARIABLES))
+
+PACKAGE = setup.py setup.cfg pyproject.toml package.xml
+RUN = $(VENV)/.installed-run
+DEV = $(VENV)/.installed-dev
+UBUNTU = $(UBUNTU_VENV)/.installed
+
+.PHONY: help demo test test-ubuntu lint format lock clean
+help: ## show this list
+	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
+
+demo: $(RUN) ## the whole system, live, on the bundled recording; writes demo_output/
+	$(VENV)/bin/lasso-motion demo $(ARGS)
+
+test: $(DEV) ## all tests, with real ROS processes
+	$(VENV)/bin/python -m pytest $(ARGS)
+
+test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions of Ubuntu 24.04
+	$(UBUNTU_VENV)/bin/python -m pytest -m "not ros and not packaging" $(ARGS)
+
+lint: $(DEV) ## formatting, style and types
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+format: $(DEV) ## put the formatting right
+	$(VENV)/bin/ruff format .
+	$(VENV)/bin/ruff check --fix .
+
+lock: $(DEV) ## resolve the locked requirements anew
+	$(VENV)/bin/python requirements/lock.py
+
+clean: ## remove environments and outputs
+	rm -rf $(VENV) $(UBUNTU_VENV) demo_output build install log .pytest_cache .mypy_cache .ruff_cache
+
+$(VENV)/bin/python:
+	@$(call make_environment,$(VENV))
+
+# Editable, so that a second run starts at once whatever was changed in between.
+$(RUN): requirements/run.txt $(PACKAGE) | $(VENV)/bin/python
+	@echo "Installing what the demo needs into $(VENV) (a minute or two, once)"
+	@$(VENV)/bin/python -m pip install $(PIP_FLAGS) -r requirements/run.txt
+	@$(VENV)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+$(DEV): requirements/dev.txt $(RUN)
+	@echo "Installing what the tests need into $(VENV)"
+	@$(VENV)/bin/python -m pip install $(PIP_FLAGS) -r requirements/dev.txt
+	@touch $@
+
+$(UBUNTU): requirements/ubuntu-24.04.txt $(PACKAGE)
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info >= (3, 13))' \
+		|| { echo "make: these versions need Python 3.11 or 3.12: make test-ubuntu PYTHON=python3.12"; exit 2; }
+	@$(call make_environment,$(UBUNTU_VENV))
+	@echo "Installing Ubuntu 24.04's versions into $(UBUNTU_VENV)"
+	@$(UBUNTU_VENV)/bin/python -m pip install $(PIP_FLAGS) -r requirements/ubuntu-24.04.txt
+	@$(UBUNTU_VENV)/bin/python -m pip install $(PIP_FLAGS) --no-deps --no-build-isolation --editable .
+	@touch $@
+
+define make_environment
+	command -v $(PYTHON) >/dev/null || { echo "make: no $(PYTHON) here; name one: make PYTHON=python3.12 …"; exit 2; }; \
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "make: Python 3.11 or later is needed, $$($(PYTHON) --version) found; make PYTHON=python3.12 …"; exit 2; }; \
+	$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null \
+		|| { echo "make: $(PYTHON) has no venv module; on Debian and Ubuntu: sudo apt install python3-venv"; exit 2; }; \
+	$(PYTHON) -m venv $(1)
+endef
