@@ -187,3 +187,11 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     @guarded
     def _on_r_peak(self, message: Header) -> None:
         self._require().add_r_peak(message)
+
+    @guarded
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._on_service(response, lambda pipeline: pipeline.reset())
+
+    @guarded
+    def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._on_service(response, lambda pipeline: pipeline.set_reference())

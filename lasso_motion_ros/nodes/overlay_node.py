@@ -1,0 +1,219 @@
+"""The overlay node: images and motion in, pictures with the moved surface out."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from geometry_msgs.msg import PoseStamped
+import numpy as np
+import numpy.typing as npt
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import String
+
+from lasso_motion_ros.configuration import OverlayConfig
+from lasso_motion_ros.errors import ConfigurationError, MessageError
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.nodes.motion_history import Choice, MotionHistory
+from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
+from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
+from lasso_motion_ros.nodes.registration_parameter import parse_registration
+from lasso_motion_ros.nodes.running import guarded, log_throttled
+from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
+from lasso_motion_ros.rendering.overlay import draw_overlay, overlay_style
+from lasso_motion_ros.rendering.surface import read_surface
+from msg_adapters.images import decode_image, encode_image
+from msg_adapters.markers import encode_delete, encode_triangles
+from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.poses import decode_pose, encode_pose
+from msg_adapters.topics import (
+    IMAGE_TYPE,
+    MOTION,
+    OVERLAY_SURFACE,
+    STATE,
+    Topic,
+    camera_info_topic,
+    image_topic,
+    overlay_topic,
+)
+
+Array = npt.NDArray[np.float64]
+
+CALIBRATION_DEPTH = 32
+SURFACE_PERIOD_S = 1.0
+SURFACE_NAMESPACE = "surface"
+
+
+@dataclass(frozen=True)
+class _Waiting:
+    """An image that waits for its motion, until `deadline` (steady clock, seconds)."""
+
+    message: Image
+    stamp_ns: int
+    deadline: float
+
+
+class OverlayNode(Node):  # type: ignore[misc]
+    """Callbacks store, one thread draws; of each plane only the newest image is kept.
+
+    Raises:
+        ConfigurationError: a parameter that is unknown, of the wrong type or out of range.
+        SurfaceError: a surface that cannot be read.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
+        self._config = declare_configuration(self, OverlayConfig)
+        self._style = overlay_style(self._config.style)
+        if not self._config.volume_file:
+            raise ConfigurationError("volume_file: the surface to draw must be given (STL, PLY or OBJ)")
+        surface = read_surface(self._config.volume_file, self._config.units)
+        self._surface = surface.moved(parse_registration(self._config.registration))
+        self._messages = RosMessages()
+        self._marker: Any = None
+        self._history = MotionHistory(self._config)
+        self._calibrations = {plane: CalibrationStore() for plane in PLANES}
+        self._waiting: dict[Plane, _Waiting] = {}
+        self._changed = threading.Condition()
+        self._stopping = False
+        self._pictures = {plane: self._publisher(overlay_topic(plane)) for plane in PLANES}
+        self._surfaces = self._publisher(OVERLAY_SURFACE)
+        self._thread = threading.Thread(target=self._draw_all, name="overlay", daemon=True)
+
+    def start(self) -> None:
+        """Listen and draw."""
+        self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
+        self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
+        self._inputs = [
+            make
+            for plane in PLANES
+            for make in (
+                CalibrationSubscription(
+                    self,
+                    CameraInfo,
+                    camera_info_topic(plane).name,
+                    partial(self._on_camera_info, plane),
+                    CALIBRATION_DEPTH,
+                ),
+                OfferedSubscription(
+                    self,
+                    Image,
+                    image_topic(plane).name,
+                    partial(self._on_image, plane),
+                    reliability="auto",
+                    depth=IMAGE_DEPTH,
+                ),
+            )
+        ]
+        # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
+        self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the thread that draws."""
+        with self._changed:
+            self._stopping = True
+            self._changed.notify()
+        if self._thread.is_alive():
+            self._thread.join()
+
+    def _publisher(self, topic: Topic) -> Publisher:
+        package_message = self._messages.make(topic.type_name, {})
+        return self.create_publisher(type(package_message), topic.name, qos(depth=topic.depth, latched=topic.latched))
+
+    @guarded
+    def _on_state(self, message: String) -> None:
+        with self._changed:
+            self._history.add_state(message.data)
+            self._changed.notify()
+
+    @guarded
+    def _on_motion(self, message: PoseStamped) -> None:
+        if message.header.frame_id != self._config.world_frame:
+            raise MessageError(f"motion is in frame {message.header.frame_id!r}, expected {self._config.world_frame!r}")
+        motion = decode_pose(message)
+        with self._changed:
+            self._history.add_motion(stamp_to_ns(message.header.stamp), motion)
+            self._changed.notify()
+        self._publish_surface(stamp_to_ns(message.header.stamp), motion)
+
+    @guarded
+    def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
+        with self._changed:
+            self._calibrations[plane].add(message)
+            self._changed.notify()
+
+    @guarded
+    def _on_image(self, plane: Plane, message: Image) -> None:
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        deadline = time.monotonic() + self._config.motion_wait_s
+        with self._changed:
+            self._history.add_image(plane, stamp_ns)
+            self._waiting[plane] = _Waiting(message, stamp_ns, deadline)
+            self._changed.notify()
+
+    def _draw_all(self) -> None:
+        while True:
+            with self._changed:
+                ready = self._next_ready()
+                while ready is None:
+                    if self._stopping:
+                        return
+                    deadlines = [waiting.deadline for waiting in self._waiting.values()]
+                    self._changed.wait(max(0.0, min(deadlines) - time.monotonic()) if deadlines else None)
+                    ready = self._next_ready()
+                plane, waiting = ready
+                choice = self._history.choose(plane, waiting.stamp_ns)
+            try:
+                self._draw(plane, waiting, choice)
+            except Exception as error:
+                log_throttled(self, error)
+
+    def _next_ready(self) -> tuple[Plane, _Waiting] | None:
+        now = time.monotonic()
+        for plane, waiting in sorted(self._waiting.items(), key=lambda one: one[1].deadline):
+            if self._stopping:
+                return None
+            if waiting.deadline <= now or self._history.answered(plane, waiting.stamp_ns):
+                del self._waiting[plane]
+                return plane, waiting
+        return None
+
+    def _draw(self, plane: Plane, waiting: _Waiting, choice: Choice) -> None:
+        publisher = self._pictures[plane]
+        if publisher.get_subscription_count() == 0:
+            return
+        pixels = decode_image(waiting.message)
+        with self._changed:
+            projection = self._calibrations[plane].projection(waiting.stamp_ns, pixels.shape)
+        picture = draw_overlay(pixels, projection, self._surface, choice.motion, choice.status, style=self._style)
+        header = header_fields(waiting.stamp_ns, waiting.message.header.frame_id)
+        publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
+
+    @guarded
+    def _on_surface_timer(self) -> None:
+        with self._changed:
+            compensated = self._history.has_pose
+        if not compensated:
+            self._publish_surface(0, None)
+
+    def _publish_surface(self, stamp_ns: int, motion: Array | None) -> None:
+        if self._surfaces.get_subscription_count() == 0:
+            return
+        header = header_fields(stamp_ns, self._config.world_frame)
+        if motion is None:
+            fields = encode_delete(header, SURFACE_NAMESPACE)
+            self._surfaces.publish(self._messages.make(OVERLAY_SURFACE.type_name, fields))
+            return
+        if self._marker is None:
+            fields = encode_triangles(self._surface.vertices, self._surface.triangles, header, SURFACE_NAMESPACE)
+            self._marker = self._messages.make(OVERLAY_SURFACE.type_name, fields)
+        # The corners stay; moving them by the marker's pose spares building tens of thousands of points a pair.
+        placed = self._messages.make("visualization_msgs/msg/Marker", {"header": header, "pose": encode_pose(motion)})
+        self._marker.header, self._marker.pose = placed.header, placed.pose
+        self._surfaces.publish(self._marker)

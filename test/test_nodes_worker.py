@@ -1,0 +1,83 @@
+"""The worker drops what is stale, keeps what fits, and survives its work."""
+
+from __future__ import annotations
+
+import threading
+
+from lasso_motion_ros.nodes.worker import Worker
+
+
+class Gate:
+    """Work that waits until it is let on, so that a test decides what has come in meanwhile."""
+
+    def __init__(self) -> None:
+        self.begun = threading.Semaphore(0)
+        self.released = threading.Semaphore(0)
+        self.done: list[int] = []
+
+    def __call__(self, item: int) -> None:
+        self.begun.release()
+        assert self.released.acquire(timeout=10)
+        self.done.append(item)
+        if item < 0:
+            raise ValueError(item)
+
+    def let(self, count: int) -> None:
+        for _ in range(count):
+            self.released.release()
+
+
+def test_everything_that_fits_is_worked_on_in_order() -> None:
+    gate = Gate()
+    worker = Worker(gate, 3, lambda error: None, "test")
+    worker.put(0)
+    assert gate.begun.acquire(timeout=10)
+    for item in (1, 2, 3):
+        worker.put(item)
+    gate.let(4)
+    for _ in range(3):
+        assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [0, 1, 2, 3]
+    assert worker.dropped == 0
+
+
+def test_when_full_only_the_newest_is_kept() -> None:
+    gate = Gate()
+    worker = Worker(gate, 3, lambda error: None, "test")
+    worker.put(0)
+    assert gate.begun.acquire(timeout=10)
+    for item in (1, 2, 3, 4):
+        worker.put(item)
+    gate.let(2)
+    assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [0, 4]
+    assert worker.dropped == 3
+
+
+def test_work_that_fails_is_reported_and_the_next_is_done() -> None:
+    gate, errors = Gate(), []
+    worker = Worker(gate, 3, errors.append, "test")
+    worker.put(-1)
+    worker.put(5)
+    gate.let(2)
+    for _ in range(2):
+        assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [-1, 5]
+    assert [str(error) for error in errors] == ["-1"]
+
+
+def test_stop_ends_the_item_in_work_and_forgets_the_rest() -> None:
+    gate = Gate()
+    worker = Worker(gate, 3, lambda error: None, "test")
+    worker.put(1)
+    assert gate.begun.acquire(timeout=10)
+    worker.put(2)
+    stopping = threading.Thread(target=worker.stop)
+    stopping.start()
+    gate.let(1)
+    stopping.join(10)
+    assert not stopping.is_alive()
+    assert gate.done == [1]
