@@ -17,7 +17,9 @@ WHITE: Colour = (240, 240, 240)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SUBPIXEL_BITS = 4
 # The drawing font knows ASCII only; what it lacks would come out as question marks.
-_ASCII = str.maketrans({"–": "-", "—": "-", "−": "-", "°": " deg", "±": "+/-", "×": "x", "µ": "u", "…": "...", "’": "'"})
+_ASCII = str.maketrans(
+    {"–": "-", "—": "-", "−": "-", "°": " deg", "±": "+/-", "×": "x", "µ": "u", "…": "...", "’": "'"}
+)
 
 
 def parse_colour(text: str) -> Colour:
@@ -38,12 +40,12 @@ def parse_colour(text: str) -> Colour:
 
 def text_scale(image: RgbImage) -> float:
     """Size of the words, by the picture's smaller side, never below legibility."""
-    return max(0.45, 0.7 * min(image.shape[:2]) / 1024.0)
+    return max(0.45, 0.8 * float(min(image.shape[:2])) / 1024.0)
 
 
 def line_width(image: RgbImage, at_1024_px: float) -> float:
     """A line's width in pixels of this picture, given its width in a 1024-pixel one; at least 1."""
-    return max(1.0, at_1024_px * min(image.shape[:2]) / 1024.0)
+    return max(1.0, at_1024_px * float(min(image.shape[:2])) / 1024.0)
 
 
 def text_size(text: str, scale: float) -> tuple[int, int]:
@@ -52,14 +54,15 @@ def text_size(text: str, scale: float) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def draw_text(image: RgbImage, text: str, left: int, baseline: int, colour: Colour, scale: float) -> None:
-    """Write one line in place, with a dark rim that keeps it legible on bright lung."""
+def draw_text(image: RgbImage, text: str, at: tuple[int, int], colour: Colour, scale: float) -> None:
+    """Write one line in place, its baseline beginning at (x, y), with a dark rim that keeps it legible on lung."""
+    left, baseline = at
     text = text.translate(_ASCII)
     stroke = _stroke(scale)
     # Shifted copies, not a thicker stroke: with some fonts thicker letters are also wider.
     for dx, dy in ((-1, 0), (1, 0), (0, -1), (0, 1), (1, 1)):
         cv2.putText(image, text, (left + dx, baseline + dy), _FONT, scale, (0, 0, 0), stroke, cv2.LINE_AA)
-    cv2.putText(image, text, (left, baseline), _FONT, scale, colour, stroke, cv2.LINE_AA)
+    cv2.putText(image, text, at, _FONT, scale, colour, stroke, cv2.LINE_AA)
 
 
 def fit_text(text: str, scale: float, width: int) -> str:
@@ -74,7 +77,7 @@ def fit_text(text: str, scale: float, width: int) -> str:
 def draw_banner(image: RgbImage, text: str, colour: Colour) -> None:
     """A warning that cannot be overlooked: a bar with words across the top, and a frame of the same colour."""
     scale = 1.15 * text_scale(image)
-    height = int(round(46 * scale / 0.7))
+    height = round(46 * scale / 0.7)
     width = image.shape[1]
     image[:height] = colour
     line = fit_text(text, scale, width - 24)
@@ -88,13 +91,13 @@ def draw_banner(image: RgbImage, text: str, colour: Colour) -> None:
 def draw_legend(image: RgbImage, entries: list[tuple[str, Colour]]) -> None:
     """Short names with a stroke of their colour, stacked in the lower left corner."""
     scale = text_scale(image)
-    step = int(round(36 * scale))
+    step = round(36 * scale)
     baseline = image.shape[0] - step - step * (len(entries) - 1)
     for text, colour in entries:
         middle = baseline - text_size("x", scale)[1] // 2
         for shade, width in (((0, 0, 0), 5), (colour, 3)):
             cv2.line(image, (step, middle), (2 * step, middle), shade, width, cv2.LINE_AA)
-        draw_text(image, text, 2 * step + step // 2, baseline, colour, scale)
+        draw_text(image, text, (2 * step + step // 2, baseline), colour, scale)
         baseline += step
 
 

@@ -8,6 +8,7 @@ adult ranges: a body 45–60 mm wide, ostia 14–20 mm. Axes are the patient's, 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -50,7 +51,7 @@ _APPENDAGE = (
 
 
 def left_atrium_surface() -> TriangleMesh:
-    """The atrium about the world origin (the centre of its body), metres, patient axes; closed, 5–10 thousand triangles."""
+    """The atrium about the world origin (the centre of its body), metres, patient axes; closed, some 10,000 triangles."""
     return _atrium(_LEFT_SUPERIOR)
 
 
@@ -115,12 +116,13 @@ def _signed_distance(points: Array, left_superior: _Tube) -> Array:
     """About the distance (...) in mm of points (..., 3) from the wall, negative inside."""
     body = _ellipsoid(points, (0.0, 0.0, 0.0), (27.5, 20.0, 23.0))
     body = _join(body, _ellipsoid(points, (5.0, -9.0, -9.0), (20.0, 17.0, 18.0)), 8.0)  # towards the mitral valve
-    valve = (points - np.array([9.0, -17.0, -19.0])) @ (np.array([0.45, -0.62, -0.64]) / np.linalg.norm([0.45, -0.62, -0.64]))
+    outflow = np.array([0.45, -0.62, -0.64])
+    valve = (points - np.array([9.0, -17.0, -19.0])) @ (outflow / np.linalg.norm(outflow))
     body = -_join(-body, -valve, 5.0)  # flattened by the valve's plane
     for vein in (left_superior, *_VEINS):
         body = _join(body, _stub(points, vein), JOIN_MM)
     appendage = np.full(points.shape[:-1], np.inf)
-    for (start, r0), (end, r1) in zip(_APPENDAGE[:-1], _APPENDAGE[1:], strict=True):
+    for (start, r0), (end, r1) in pairwise(_APPENDAGE):
         appendage = np.minimum(appendage, _capsule(points, np.array(start), np.array(end), r0, r1))
     lobes = 0.55 * np.sin(points[..., 0] * 0.75) * np.sin(points[..., 1] * 0.7) * np.sin(points[..., 2] * 0.8)
     return _join(body, appendage + lobes, 3.5)

@@ -32,8 +32,8 @@ CELL_PX = 512
 STRIP_PX = 34
 _STATIC_COLOUR: Colour = (143, 180, 216)
 _PAPER_NOTE = (
-    "2-D errors, model errors, centre, TRE: mm at the loop's depth. The published method (Brost et al., MICCAI 2009) reports\n"
-    "1.0 ± 0.5 mm in each plane over 231 clinical frames, 0.6 mm of it model error."
+    "2-D and model errors are millimetres at the loop's depth. The published method (Brost et al., MICCAI 2009)\n"
+    "reports 1.0 ± 0.5 mm in each plane over 231 clinical frames, 0.6 mm of it model error."
 )
 
 
@@ -103,7 +103,8 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
     scores = score_pairs(run.truth, run.estimates) if run.truth is not None else ()
     motion_plot = directory / "motion.png"
     found, true = _displacements(run, scores)
-    save_figure(motion_figure(_times(run), found, true, title=f"Motion at the lasso since the reference: {run.name}"), motion_plot)
+    title = f"Motion at the lasso since the reference: {run.name}"
+    save_figure(motion_figure(_times(run), found, true, title=title), motion_plot)
     if not scores:
         return DemoArtefacts(video, motion_plot, None, None, None, None, ())
 
@@ -172,7 +173,7 @@ def _resized(picture: RgbImage) -> RgbImage:
 
 def _cell(picture: RgbImage | None, label: str) -> RgbImage:
     strip = np.full((STRIP_PX, CELL_PX, 3), 26, dtype=np.uint8)
-    draw_text(strip, label, 12, 23, WHITE, 0.55)
+    draw_text(strip, label, (12, 23), WHITE, 0.55)
     if picture is None:
         picture = np.zeros((CELL_PX, CELL_PX, 3), dtype=np.uint8)
         draw_banner(picture, "no image in this pair", (170, 170, 170))
@@ -183,7 +184,7 @@ def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
     strip = np.full((STRIP_PX, width, 3), 26, dtype=np.uint8)
     pair = run.pairs[number]
     text = f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s"
-    draw_text(strip, text, 12, 23, WHITE, 0.55)
+    draw_text(strip, text, (12, 23), WHITE, 0.55)
     estimate = _estimate(run, pair.stamp_ns)
     if estimate is None:
         words, colour = "no answer arrived", STATE_COLOURS[TrackerState.LOST]
@@ -193,7 +194,7 @@ def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
         if motion is not None:
             shift = 1e3 * (transforms.apply(motion, _centre(run)) - _centre(run))
             words += f"   motion x {shift[0]:+.1f}  y {shift[1]:+.1f}  z {shift[2]:+.1f} mm"
-    draw_text(strip, fit_text(words, 0.55, width // 2 - 24), width // 2 + 14, 23, colour, 0.55)
+    draw_text(strip, fit_text(words, 0.55, width // 2 - 24), (width // 2 + 14, 23), colour, 0.55)
     return strip
 
 
@@ -221,7 +222,7 @@ def _estimate(run: DemoRun, stamp_ns: int) -> PairEstimate | None:
 
 
 def _centre(run: DemoRun) -> Array:
-    """(3,) the loop's centre at the reference: true where known, else of the first curve published, else the surface's."""
+    """(3,) the loop's centre at the reference: the true one, else the first published one, else the surface's."""
     if run.truth is not None and run.truth.loop is not None:
         return np.asarray(run.truth.loop.mean(axis=0))
     loop = next((e.loop for e in run.estimates if e.loop is not None), None)

@@ -33,6 +33,7 @@ _STATIC_LINE_SHARE = 0.65
 _FOLD_SHARE = 0.45
 _WALL_FADES_M = 0.02
 _DENSEST = 0.75
+_LAYERS_KEPT = 8
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,81 @@ def overlay_style(config: OverlayStyleConfig) -> OverlayStyle:
     )
 
 
+class OverlayPainter:
+    """Draws one surface over image after image; what does not change from one to the next is kept.
+
+    One painter serves both planes. It is not meant for several threads at once.
+
+    Args:
+        mesh: the surface at the reference, world metres.
+        style: colours and widths; by default `OverlayStyle()`.
+    """
+
+    def __init__(self, mesh: TriangleMesh, style: OverlayStyle | None = None) -> None:
+        self.mesh = mesh
+        self.style = OverlayStyle() if style is None else style
+        self._still: dict[tuple[object, ...], _Layer] = {}
+
+    def draw(
+        self,
+        image: GreyImage,
+        projection: Projection,
+        motion: Array | None,
+        status: str = "",
+        *,
+        loop: Array | None = None,
+    ) -> RgbImage:
+        """The surface over an image: compensated, or, where there is no motion, static with a warning in words.
+
+        Args:
+            image: (H, W) uint8 or uint16 X-ray image.
+            projection: world metres to the image's pixels.
+            motion: (4, 4) T with p_now = T · p_reference; None where there is none that may be trusted.
+            status: with a motion, a remark printed small ("DEGRADED: …", "motion 0.3 s old"), or empty; without one,
+                why not ("LOST: too few electrodes are seen"), printed in the banner.
+            loop: (N, 3) the catheter's curve now, world metres; drawn thin beside a motion, never without one.
+
+        Returns:
+            (H, W, 3) uint8 RGB.
+        """
+        style = self.style
+        picture = grey_to_rgb(window_image(image))
+        width = line_width(picture, style.outline_width_px)
+        if motion is None:
+            _blend(picture, self._still_layer(projection, width, faint=False), style.warning)
+            draw_legend(picture, [("static, NOT compensated", style.warning)])
+            draw_banner(picture, static_banner(status), style.warning)
+            return picture
+        legend = [("compensated", style.compensated)]
+        if style.show_static:
+            _blend(picture, self._still_layer(projection, width, faint=True), style.static)
+            legend.append(("static", style.static))
+        draw_surface(picture, silhouette(self.mesh, projection, motion), style.compensated, style, width)
+        if loop is not None:
+            draw_loop(picture, projection, loop, LOOP_COLOUR)
+            legend.append(("lasso as tracked", LOOP_COLOUR))
+        draw_legend(picture, legend)
+        if status:
+            scale = text_scale(picture)
+            line = fit_text(status, scale, picture.shape[1] - 24)
+            draw_text(picture, line, (12, int(12 + 26 * scale)), style.warning, scale)
+        return picture
+
+    def _still_layer(self, projection: Projection, width: float, faint: bool) -> _Layer:
+        style = self.style
+        key = (
+            projection.matrix.tobytes(), projection.width, projection.height, width, faint,
+            style.fill, style.outline, style.fill_opacity,
+        )  # fmt: skip
+        layer = self._still.get(key)
+        if layer is None:
+            if len(self._still) >= _LAYERS_KEPT:
+                self._still.clear()
+            layer = _surface_layer(silhouette(self.mesh, projection, np.eye(4)), style, width, faint)
+            self._still[key] = layer
+        return layer
+
+
 def draw_overlay(
     image: GreyImage,
     projection: Projection,
@@ -88,47 +164,8 @@ def draw_overlay(
     loop: Array | None = None,
     style: OverlayStyle | None = None,
 ) -> RgbImage:
-    """Draw a surface over an image: compensated, or, where there is no motion, static with a warning in words.
-
-    Args:
-        image: (H, W) uint8 or uint16 X-ray image.
-        projection: world metres to the image's pixels.
-        mesh: the surface at the reference, world metres.
-        motion: (4, 4) T with p_now = T · p_reference; None where there is none that may be trusted.
-        status: with a motion, a remark printed small ("DEGRADED: …", "motion 0.3 s old"), or empty; without one,
-            why not ("LOST: too few electrodes seen"), printed in the banner.
-        loop: (N, 3) the catheter's curve now, world metres; drawn thin if given.
-        style: colours and widths; by default `OverlayStyle()`.
-
-    Returns:
-        (H, W, 3) uint8 RGB.
-    """
-    style = OverlayStyle() if style is None else style
-    picture = grey_to_rgb(window_image(image))
-    width = line_width(picture, style.outline_width_px)
-    still = np.eye(4)
-    legend: list[tuple[str, Colour]] = []
-    if motion is None:
-        draw_surface(picture, silhouette(mesh, projection, still), style.warning, style, width)
-        legend.append(("static, NOT compensated", style.warning))
-    else:
-        if style.show_static:
-            draw_surface(picture, silhouette(mesh, projection, still), style.static, style, width, faint=True)
-        draw_surface(picture, silhouette(mesh, projection, motion), style.compensated, style, width)
-        legend.append(("compensated", style.compensated))
-        if style.show_static:
-            legend.append(("static", style.static))
-    if loop is not None and motion is not None:
-        draw_loop(picture, projection, loop, LOOP_COLOUR)
-        legend.append(("lasso as tracked", LOOP_COLOUR))
-    draw_legend(picture, legend)
-    if motion is None:
-        draw_banner(picture, static_banner(status), style.warning)
-    elif status:
-        scale = text_scale(picture)
-        line = fit_text(status, scale, picture.shape[1] - 24)
-        draw_text(picture, line, 12, int(12 + 26 * scale), style.warning, scale)
-    return picture
+    """One overlay picture; arguments and result as in `OverlayPainter`, which is faster for a sequence."""
+    return OverlayPainter(mesh, style).draw(image, projection, motion, status, loop=loop)
 
 
 def static_banner(status: str) -> str:
@@ -136,9 +173,7 @@ def static_banner(status: str) -> str:
     return f"STATIC OVERLAY – motion {status}" if status else "STATIC OVERLAY – no motion"
 
 
-def draw_surface(
-    picture: RgbImage, shape: Silhouette, colour: Colour, style: OverlayStyle, width_px: float, faint: bool = False
-) -> None:
+def draw_surface(picture: RgbImage, shape: Silhouette, colour: Colour, style: OverlayStyle, width_px: float) -> None:
     """Blend one place of the surface into a picture, in place.
 
     Args:
@@ -147,11 +182,22 @@ def draw_surface(
         colour: of outline and fill.
         style: what is drawn.
         width_px: the outline's width in this picture, pixels.
-        faint: draw it as the lesser of two.
     """
-    rows, columns = shape.coverage.shape
-    if rows == 0 or columns == 0:
-        return
+    _blend(picture, _surface_layer(shape, style, width_px, faint=False), colour)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """Opacity (h, w) uint8 of one drawing, and where its first column and row lie in the picture."""
+
+    opacity: npt.NDArray[np.uint8]
+    left: int
+    top: int
+
+
+def _surface_layer(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool) -> _Layer:
+    if shape.coverage.size == 0:
+        return _Layer(np.zeros((0, 0), dtype=np.uint8), 0, 0)
     coverage = cv2.convertScaleAbs(shape.coverage, alpha=255.0)
     opacity = np.zeros_like(coverage)
     if style.fill:
@@ -165,8 +211,8 @@ def draw_surface(
         line = _outline(coverage, shape, margin)
         if faint:
             line = cv2.convertScaleAbs(line, alpha=_STATIC_LINE_SHARE)
-        opacity = np.maximum(opacity, line)
-    _blend(picture, opacity, shape.left - margin, shape.top - margin, colour)
+        opacity = cv2.max(opacity, line)
+    return _Layer(opacity, shape.left - margin, shape.top - margin)
 
 
 def _outline(coverage: npt.NDArray[np.uint8], shape: Silhouette, margin: int) -> npt.NDArray[np.uint8]:
@@ -177,7 +223,7 @@ def _outline(coverage: npt.NDArray[np.uint8], shape: Silhouette, margin: int) ->
     corner = np.array([shape.left - margin, shape.top - margin])
     fixed = np.rint(np.clip(shape.edges - corner, -1e4, 1e4) * 16.0).astype(np.int32)
     cv2.polylines(folds, list(fixed), False, int(255 * _FOLD_SHARE), 1, cv2.LINE_AA, 4)
-    return np.maximum(outer, folds)
+    return np.asarray(cv2.max(outer, folds), dtype=np.uint8)
 
 
 def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
@@ -202,13 +248,14 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
     return np.asarray(cv2.convertScaleAbs(cv2.multiply(full[:rows, :columns], shape.coverage)), dtype=np.uint8)
 
 
-def _blend(picture: RgbImage, opacity: npt.NDArray[np.uint8], left: int, top: int, colour: Colour) -> None:
-    rows, columns = opacity.shape
+def _blend(picture: RgbImage, layer: _Layer, colour: Colour) -> None:
+    rows, columns = layer.opacity.shape
+    top, left = layer.top, layer.left
     y0, x0 = max(top, 0), max(left, 0)
     y1, x1 = min(top + rows, picture.shape[0]), min(left + columns, picture.shape[1])
     if y1 <= y0 or x1 <= x0:
         return
-    part = opacity[y0 - top : y1 - top, x0 - left : x1 - left]
+    part = layer.opacity[y0 - top : y1 - top, x0 - left : x1 - left]
     weights = cv2.merge((part, part, part))
     target = picture[y0:y1, x0:x1]
     paint = cv2.multiply(weights, np.array([*colour, 0.0]), scale=1.0 / 255.0)

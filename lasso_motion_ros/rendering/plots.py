@@ -40,12 +40,9 @@ def motion_figure(
         if true_mm is not None:
             axis.plot(times_s, true_mm[:, number], color=TRUTH_COLOUR, linewidth=2.2, alpha=0.55, label="truth")
         axis.plot(times_s, found_mm[:, number], "o-", color=FOUND_COLOUR, markersize=4, linewidth=1, label="published")
-        for time in times_s[~answered]:
-            axis.axvline(time, color="#c0392b", alpha=0.25, linewidth=4)
+        _mark_missing(axis, times_s[~answered], named=number == 0)
         axis.set_ylabel(f"{name} (mm)")
-    if (~answered).any():
-        axes[0].plot([], [], color="#c0392b", alpha=0.25, linewidth=4, label="no pose published")
-    axes[0].legend(loc="upper right", ncols=3, frameon=False)
+    _legend_above(axes[0], columns=3)
     axes[-1].set_xlabel("time since the first pair (s)")
     return figure
 
@@ -79,10 +76,12 @@ def error_figure(
         top = max(top, float(np.nanmax(values, initial=0.0)))
     axis.plot([], [], "o", color="white", markeredgecolor="#555555", markersize=8, label="reference (model error)")
     axis.axhline(PAPER_ERROR_MM, color="#888888", linestyle=":", linewidth=1, label="the paper's mean, 1.0 mm")
-    axis.set_ylim(0.0, 1.25 * top)
+    missing = ~np.isfinite(np.stack([errors_mm[plane] for plane in PLANES])).any(axis=0)
+    _mark_missing(axis, frames[missing], named=True)
+    axis.set_ylim(0.0, 1.1 * top)
     axis.set_xlabel("frame")
     axis.set_ylabel("2-D error (mm, at the loop's depth)")
-    axis.legend(loc="upper right", ncols=2, frameon=False)
+    _legend_above(axis, columns=3)
     return figure
 
 
@@ -99,6 +98,19 @@ def save_figure(figure: Any, path: str | Path) -> None:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
+def _mark_missing(axis: Any, places: npt.NDArray[Any], named: bool) -> None:
+    style = {"color": "#c0392b", "alpha": 0.22, "linewidth": 5}
+    for place in places:
+        axis.axvline(place, **style)
+    if named and len(places):
+        axis.plot([], [], label="no pose", **style)
+
+
+def _legend_above(axis: Any, columns: int) -> None:
+    # Above the panel, where it hides no value.
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False, fontsize=9)
+
+
 def _panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
     # The object API draws without a display and keeps no global state.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -107,7 +119,7 @@ def _panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
     figure = Figure(figsize=(8.0, height), layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(title, fontsize=12)
-    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True)))
+    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True, sharey=True)))
     for axis in axes:
         axis.grid(alpha=0.25)
         axis.spines[["top", "right"]].set_visible(False)

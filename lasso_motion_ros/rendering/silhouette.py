@@ -74,13 +74,15 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
     net = np.bincount(
         table.of_triangle.ravel(), weights=(table.direction * turn[:, None]).ravel(), minlength=len(table.ends)
     )
-    kept = np.flatnonzero(net)
+    kept = np.flatnonzero(net != 0.0)
     edges = pixels[table.ends[kept]]
     centre_depth = _mean_of_corners(triangle_depth)
     # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
     scale = projection.focal_length_px / centre_depth
     facing = np.abs(0.5 * doubled) / np.maximum(mesh.areas * scale * scale, 1e-30)
-    left, top, coverage, layers = _fill(edges, net[kept], projection.width, projection.height)
+    left, top, coverage, layers = _fill(
+        edges, np.asarray(net[kept], dtype=np.float64), projection.width, projection.height
+    )
     return Silhouette(
         left=left,
         top=top,
@@ -135,9 +137,7 @@ def _fill(
     return left, top, coverage, layers
 
 
-def _crossings(
-    edges: Array, weights: Array, top: int, rows: int
-) -> tuple[npt.NDArray[np.int64], Array, Array]:
+def _crossings(edges: Array, weights: Array, top: int, rows: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
     """Where the edges cross the sub-scanlines of the box: line number, x in pixels, signed weight."""
     # Sub-scanline i lies at y = top − 0.5 + (i + 0.5) / SUBLINES; rows' centres are at integers.
     scaled = (edges[..., 1] - top + 0.5) * SUBLINES - 0.5
@@ -152,9 +152,7 @@ def _crossings(
     return line, x, weights[index] * np.where(y1 > y0, 1.0, -1.0)
 
 
-def _integrate(
-    row: npt.NDArray[np.int64], x: Array, step: Array, rows: int, columns: int
-) -> npt.NDArray[np.float32]:
+def _integrate(row: npt.NDArray[np.int64], x: Array, step: Array, rows: int, columns: int) -> npt.NDArray[np.float32]:
     """(rows, columns) running sum along the rows of steps at real positions, each spread over its own pixel."""
     position = np.clip(x + 0.5, 0.0, columns)
     column = position.astype(np.int64)

@@ -71,16 +71,16 @@ def _draw_state(picture: RgbImage, state: TrackerState, reason: str, colour: Col
     scale = text_scale(picture)
     large = 1.3 * scale
     words = state.value.replace("_", " ")
-    margin = int(round(16 * scale)) + 2
+    margin = round(16 * scale) + 2
     word_width, word_height = text_size(words, large)
     lines = [fit_text(reason, scale, picture.shape[1] - 3 * margin)] if reason else []
     width = max([word_width, *(text_size(line, scale)[0] for line in lines)]) + 2 * margin
-    line_height = int(round(1.9 * text_size("Xg", scale)[1]))
+    line_height = round(1.9 * text_size("Xg", scale)[1])
     height = word_height + 2 * margin + line_height * len(lines)
     # A darkened plate keeps words legible on lung without hiding what is under them.
     plate = picture[:height, :width]
     picture[:height, :width] = cv2.convertScaleAbs(plate, alpha=0.35)
     picture[:height, : max(3, margin // 3)] = colour
-    draw_text(picture, words, margin, margin + word_height, colour, large)
+    draw_text(picture, words, (margin, margin + word_height), colour, large)
     for number, line in enumerate(lines, start=1):
-        draw_text(picture, line, margin, margin + word_height + number * line_height, WHITE, scale)
+        draw_text(picture, line, (margin, margin + word_height + number * line_height), WHITE, scale)
