@@ -15,7 +15,7 @@ RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
 UBUNTU = $(UBUNTU_VENV)/.installed
 
-.PHONY: help demo test test-ubuntu lint format lock clean
+.PHONY: help demo test test-ubuntu lint format config lock clean
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
@@ -36,6 +36,9 @@ lint: $(DEV) ## formatting, style and types
 format: $(DEV) ## put the formatting right
 	$(VENV)/bin/ruff format .
 	$(VENV)/bin/ruff check --fix .
+
+config: $(RUN) ## write config/*.yaml and docs/parameters.md from the parameter table
+	$(VENV)/bin/python -m lasso_motion_ros.parameter_files
 
 lock: $(DEV) ## resolve the locked requirements anew
 	$(VENV)/bin/python requirements/lock.py
