@@ -25,7 +25,7 @@ SMALLEST_VIEW_ANGLE_DEG = 5.0
 # How a candidate is judged: a click or path point is about this far off, a lasso is this far from a circle.
 OUTLINE_NOISE_PX = 1.5
 CIRCULARITY_SPREAD = 0.15
-LARGEST_REPROJECTION_SHARE = 0.25  # of the ring's radius in the image; beyond it nothing fits
+LARGEST_REPROJECTION_SHARE = 0.25  # of the outline's radius; beyond it nothing fits
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +143,8 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     if not candidates:
         raise ReconstructionError("no 3-D ellipse explains the two outlines: " + ("; ".join(refusals) or "cones miss"))
     chosen = candidates[0]
-    radius_px = min(
-        np.linalg.norm(chosen.ellipse.semi_major) * 1e3 / projections[p].millimetres_per_pixel(chosen.ellipse.centre)
-        for p in PLANES
-    )
+    # The outlines' own radius: a wrong candidate may be very long, and would then excuse itself.
+    radius_px = min(np.linalg.norm(outlines[p] - outlines[p].mean(axis=0), axis=1).max() for p in PLANES)
     if not chosen.reprojection_px < LARGEST_REPROJECTION_SHARE * radius_px:
         raise ReconstructionError(
             f"no 3-D ellipse explains the two outlines: the best lies {chosen.reprojection_px:.1f} px from them, "

@@ -206,7 +206,7 @@ def test_fundamental_matrix_joins_the_images_of_one_point(swap):
         x_a, x_b = np.append(a.project(point), 1.0), np.append(b.project(point), 1.0)
         line = matrix @ x_a
         assert abs(x_b @ line) / np.linalg.norm(line[:2]) < 1e-6  # pixels
-        elsewhere = np.append(b.project(point + [0.0, 0.0, 0.01]), 1.0)
+        elsewhere = np.append(b.project(point + 0.01 * np.eye(3)[2]), 1.0)
         assert abs(elsewhere @ line) / np.linalg.norm(line[:2]) > 10.0
 
 
