@@ -82,28 +82,49 @@ def build_thorax(random: np.random.Generator) -> Thorax:
         ellipsoid((-34, -30, -12), (27, 28, 36)),  # right atrium
         ellipsoid((27, -13, 22), (17, 17, 19)),  # atrial appendage
         ellipsoid((16, -34, 36), (17, 19, 28), _turn(0.1, -0.5)),  # pulmonary trunk
+        ellipsoid((-36, 8, 10), (22, 8, 7), _turn(0.3, 0.35)),  # pulmonary veins
+        ellipsoid((-36, 6, -10), (20, 8, 7), _turn(0.3, -0.3)),
+        ellipsoid((36, 8, 12), (20, 7, 7), _turn(-0.4, -0.4)),
+        ellipsoid((36, 9, -9), (19, 7, 7), _turn(-0.4, 0.3)),
     ]
+    heart += _bumps(random, heart[1:5], 14)
     great_vessels = [
         ellipsoid((-6, -32, 48), (17, 18, 48)),  # ascending aorta
         ellipsoid((8, -5, 84), (28, 34, 17)),  # arch
-        cylinder((25, 48, -40), (13, 13, 150)),  # descending aorta
-        cylinder((-30, -18, 75), (11, 11, 62)),  # superior vena cava
-        cylinder((-31, -4, -75), (14, 15, 45)),  # inferior vena cava
-        cylinder((-2, 30, 30), (26, 34, 190)),  # oesophagus, nodes, fat before the spine
-        cylinder((-4, 62, 0), (23, 30, 220)),  # spine
+        ellipsoid((-30, -18, 70), (12, 12, 90), _turn(0.0, -0.05)),  # superior vena cava
+        ellipsoid((-31, -4, -75), (15, 16, 60)),  # inferior vena cava
+        ellipsoid((0, 26, 40), (25, 32, 150), _turn(0.0, 0.04)),  # oesophagus, nodes, fat before the spine
+        ellipsoid((-6, 0, 105), (34, 52, 66)),  # upper mediastinum
     ]
-    domes = [ellipsoid((-76, 2, -135), (84, 100, 92)), ellipsoid((74, 4, -140), (80, 98, 84))]
+    # Spine and descending aorta are no straight cylinders: their borders against the lung wander.
+    great_vessels += [
+        ellipsoid((-4 + random.normal(0, 2.5), 66, 52 * index), (random.uniform(21, 26), 34, 50)) for index in range(-2, 3)
+    ]
+    great_vessels += [
+        ellipsoid((22 + random.normal(0, 2), 45 + random.normal(0, 3), 60 * index), random.uniform(12, 15, 2).tolist() + [58])
+        for index in range(-2, 3)
+    ]
+    great_vessels += [
+        ellipsoid((side * random.uniform(14, 30), random.uniform(-20, 40), z), random.uniform(9, 17, 3))
+        for side, z in zip((-1, 1, -1, 1, -1, 1), (22, 30, 48, 58, 75, 90), strict=True)
+    ]
+    domes = [
+        ellipsoid((-76, 2, -135), (84, 100, 92), _turn(0.0, 0.08)),
+        ellipsoid((-48, -20, -128), (52, 70, 80), _turn(0.2, -0.1)),
+        ellipsoid((74, 4, -140), (80, 98, 84), _turn(0.0, -0.06)),
+        ellipsoid((30, -45, -125), (75, 60, 66), _turn(0.1, 0.1)),  # the heart's bed, with its fat
+    ]
     under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * SOFT)]
     return Thorax(
         trunk=ellipsoid((0, 2, -20), (178, 122, 520)),
-        fixed=_spine(random) + _sternum() + _lumps(random, 44, (150, 100, 130), (10, 30), 0.55, -2.0),
+        fixed=_spine(random) + _sternum() + _lumps(random, 60, (150, 105, 130), (8, 34), 0.6, -5.0),
         ribs=_ribs(random),
         cavities=cavities,
         heart=heart,
         great_vessels=great_vessels,
         domes=domes,
         under_diaphragm=under_diaphragm,
-        heart_fat=_lumps(random, 16, (55, 45, 45), (6, 16), 0.0, -2.4),
+        heart_fat=_lumps(random, 18, (55, 45, 45), (5, 15), 0.0, -3.6),
         airways=_airways(),
         lung_vessels=_lung_vessels(random),
     )
@@ -121,15 +142,36 @@ def _spine(random: np.random.Generator) -> list[Additive]:
         # The thoracic kyphosis: the spine bends forward above and below.
         y = 62.0 - 0.0009 * z * z
         x = -4.0 + random.normal(0.0, 0.7)
-        parts.append(Additive(cylinder((x, y, z), (16.5, 13.5, 9.6)), TRABECULAR - SOFT))
+        tilt = rotation_from_vector((0.0018 * z + random.normal(0.0, 0.02), random.normal(0.0, 0.03), 0.0))
+
+        def add(offset: tuple[float, float, float], body: Body, value: float, at: Array, turn: Array) -> None:
+            moved = body.shifted(1e-3 * (at + turn @ np.asarray(offset)))
+            parts.append(Additive(Body(moved.centre, turn @ body.axes, body.cylinder), value))
+
+        at = np.array([x, y, z])
+        add((0, 0, 0), cylinder((0, 0, 0), (16.0, 13.0, 9.5)), TRABECULAR - SOFT, at, tilt)
         for side in (-1.0, 1.0):
-            parts.append(Additive(cylinder((x, y, z + side * 9.2), (17.2, 14.2, 0.8)), 0.55 * (CORTICAL - SOFT)))
-            parts.append(Additive(ellipsoid((x + side * 11.0, y + 18.0, z + 4.0), (4.0, 9.0, 6.5)), 14.0))
-            process = _turn(side * 0.45, 0.0)
-            parts.append(Additive(ellipsoid((x + side * 24.0, y + 27.0, z + 3.0), (15.0, 4.5, 5.0), process), 12.0))
-            parts.append(Additive(ellipsoid((x + side * 8.0, y + 25.0, z - 6.0), (5.5, 4.0, 9.0)), 11.0))
-        parts.append(Additive(ellipsoid((x, y + 36.0, z - 12.0), (3.0, 13.0, 13.0)), 12.0))
+            # The body widens to its end plates, which are dense and a little curved.
+            add((0, 0, side * 7.0), cylinder((0, 0, 0), (17.2, 14.2, 2.6)), 0.45 * (TRABECULAR - SOFT), at, tilt)
+            add((0, 0, side * 9.0), ellipsoid((0, 0, 0), (17.5, 14.5, 1.6)), 0.22 * (CORTICAL - SOFT), at, tilt)
+            add((side * 11, 18, 4), ellipsoid((0, 0, 0), (4.0, 9.0, 6.5)), 13.0, at, tilt)
+            process = ellipsoid((0, 0, 0), (15.0, 4.5, 5.0), _turn(side * 0.45, 0.0))
+            add((side * 24, 27, 3), process, 10.0, at, tilt)
+            add((side * 8, 25, -6), ellipsoid((0, 0, 0), (5.5, 4.0, 9.0)), 10.0, at, tilt)
+        add((0, 36, -12), ellipsoid((0, 0, 0), (3.0, 13.0, 13.0)), 10.0, at, tilt)
     return parts
+
+
+def _bumps(random: np.random.Generator, on: list[Body], count: int) -> list[Body]:
+    """Fat and trabeculae: flat lumps half sunk into the surfaces of bodies, which are no perfect ellipsoids."""
+    bumps = []
+    for index in range(count):
+        body = on[index % len(on)]
+        direction = random.normal(size=3)
+        place = body.centre + 0.93 * body.axes @ (direction / np.linalg.norm(direction))
+        turn = rotation_from_vector(random.uniform(-1.5, 1.5, 3))
+        bumps.append(ellipsoid(place * 1e3, random.uniform(7.0, 19.0, 3), turn))
+    return bumps
 
 
 def _sternum() -> list[Additive]:

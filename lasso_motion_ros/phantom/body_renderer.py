@@ -18,7 +18,9 @@ Array = npt.NDArray[np.float64]
 
 # Anatomy has no detail below half a millimetre, so its rays may lie further apart than the pixels.
 COARSE_SIDE = 256
-EDGE_BLUR_PX = 0.9
+# Lung borders are blurred by the heartbeat within an exposure and by partial volume; their rays lie a millimetre apart.
+MOVING_BINNING = 2
+EDGE_BLUR_PX = 0.6
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,7 @@ class BodyRenderer:
         self._thorax = thorax
         self._vessels = _inside_lungs(thorax)
         self._key: tuple[bytes, int, int] | None = None
-        self._rays: Rays | None = None
+        self._rays: Rays | None = None  # of the moving part
         self._fixed = np.zeros((0, 0))
         self._ribs = np.zeros((0, 0))
 
@@ -70,7 +72,9 @@ class BodyRenderer:
             depth = SOFT * self._thorax.trunk.chord(rays) + _added(self._thorax.fixed, rays)
             self._fixed = depth.reshape(rays.shape) + optical_depth(coarse, self._thorax.airways)
             self._ribs = optical_depth(coarse, self._thorax.ribs)
-            self._rays, self._key = rays, key
+            wide, high = -(-coarse.width // MOVING_BINNING), -(-coarse.height // MOVING_BINNING)
+            self._rays = pixel_rays(coarse.read_out(0, 0, wide, high, MOVING_BINNING, MOVING_BINNING))
+            self._key = key
         return self._rays
 
     def _shifted_ribs(self, coarse: Projection, state: BodyState) -> Array:
@@ -103,8 +107,9 @@ class BodyRenderer:
         depth += _added([Additive(part.body.moved(state.heart), part.attenuation) for part in thorax.heart_fat], rays)
         under = [Additive(part.body.shifted(dome_shift), part.attenuation) for part in thorax.under_diaphragm]
         depth += _added(under, rays)
-        image = depth.reshape(rays.shape)
-        image = cv2.GaussianBlur(image, (0, 0), EDGE_BLUR_PX, borderType=cv2.BORDER_REPLICATE)
+        soft = cv2.GaussianBlur(depth.reshape(rays.shape), (0, 0), EDGE_BLUR_PX, borderType=cv2.BORDER_REPLICATE)
+        size = (rays.shape[1] * MOVING_BINNING, rays.shape[0] * MOVING_BINNING)
+        image = cv2.resize(soft, size, interpolation=cv2.INTER_CUBIC)[: coarse.height, : coarse.width]
         start, end = (_lung_shift(points, state.breath) for points in (self._vessels.start, self._vessels.end))
         return np.asarray(image + optical_depth(coarse, self._vessels.moved_by(start, end)))
 

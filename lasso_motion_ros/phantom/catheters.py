@@ -18,11 +18,12 @@ LOOP_POINTS = 90
 
 # Attenuation in excess of blood's, 1/m: the mean over the cylinder of a polymer tube with braid or core wire, and of
 # a thin-walled platinum ring on it. Solid platinum would be opaque; real rings are 0.05 mm thin.
-LOOP_SHAFT = 230.0
-SHAFT = 85.0
-RING = 390.0
-LARGE_RING = 300.0
-TIP = 330.0
+LOOP_SHAFT, LOOP_CORE = 120.0, 700.0
+SHAFT, CORE = 55.0, 330.0
+RING = 620.0
+LARGE_RING = 400.0
+TIP = 380.0
+LOOP_RADIUS, LOOP_CORE_RADIUS = 0.35e-3, 0.18e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +91,7 @@ def resampled(curve: Array, count: int) -> Array:
     return np.stack([np.interp(at, length, curve[:, axis]) for axis in range(curve.shape[1])], axis=1)
 
 
-def spline(knots: Array, spacing_m: float = 0.8e-3) -> Array:
+def spline(knots: Array, spacing_m: float = 1.1e-3) -> Array:
     """(N, 3) points along the smooth curve through the knots (K, 3), evenly spaced."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1) ** 0.5)])
     dense = CubicSpline(length, knots)(np.linspace(0.0, length[-1], 1500))
@@ -110,13 +111,18 @@ def electrode(curve: Array, at_m: float, length_m: float, radius_m: float, atten
 
 def loop_segments(points: Array, electrodes: int, contrast: float = 1.0) -> Segments:
     """The loop's shaft (0.7 mm) with evenly spaced ring electrodes, from its centreline (90, 3)."""
-    fine = resampled(points, 3 * len(points))
-    parts = [chain(fine, 0.35e-3, contrast * LOOP_SHAFT)]
+    fine = resampled(points, 2 * len(points))
+    parts = [chain(fine, LOOP_RADIUS, contrast * LOOP_SHAFT), chain(fine, LOOP_CORE_RADIUS, contrast * LOOP_CORE)]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     for index in range(electrodes):
         at = 0.8e-3 + (length - 2.4e-3) * index / max(electrodes - 1, 1)
         parts.append(electrode(fine, at, 1.0e-3, 0.62e-3, contrast * RING))
     return joined(parts)
+
+
+def body_segments(curve: Array, radius_m: float) -> Segments:
+    """A catheter's body along a curve (N, 3): a loaded polymer tube round a pull wire."""
+    return joined([chain(curve, radius_m, SHAFT), chain(curve, 0.2e-3, CORE)])
 
 
 # Knots in millimetres at end-expiration, with the share of the heart's motion each follows.
@@ -160,13 +166,12 @@ def coronary_sinus(motion: Array, contraction: float) -> Segments:
         # The groove between atrium and ventricle descends towards the apex in systole.
         knots.append(point + share * contraction * np.array([0.8e-3, -1.2e-3, -2.5e-3]))
     curve = spline(np.asarray(knots))
-    parts = [chain(curve, 1.0e-3, 0.9 * SHAFT)]
+    parts = [body_segments(curve, 1.0e-3)]
     at = 1.2e-3
-    for pair in range(5):
+    for _pair in range(5):
         for within in range(2):
             parts.append(electrode(curve, at + 2.6e-3 * within, 1.2e-3, 1.06e-3, LARGE_RING))
         at += 8.2e-3
-        del pair
     return joined(parts)
 
 
@@ -177,7 +182,7 @@ def ablation(tip: Array, heading: Array, motion: Array) -> Segments:
     knots.append(apply(motion, SEPTUM + np.array([2.0, 5.0, -5.0]) * 1e-3))
     knots += [followed(np.asarray(place) * 1e-3 + 4e-3, share, motion) for place, share in _CAVA]
     curve = spline(np.asarray(knots))
-    parts = [chain(curve, 1.25e-3, 0.8 * SHAFT), electrode(curve, 2.0e-3, 4.0e-3, 1.33e-3, TIP)]
+    parts = [body_segments(curve, 1.25e-3), electrode(curve, 2.0e-3, 4.0e-3, 1.33e-3, TIP)]
     for at in (6.0e-3, 9.5e-3, 12.8e-3):
         parts.append(electrode(curve, at, 1.3e-3, 1.28e-3, LARGE_RING))
     return joined(parts)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.phantom.catheters import SEPTUM, build_loop, followed, lasso_shaft, loop_segments, spline
+from lasso_motion_ros.phantom.catheters import SEPTUM, body_segments, build_loop, followed, lasso_shaft, loop_segments, spline
 from lasso_motion_ros.phantom.scenario import DistractorSettings, LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
 from lasso_motion_ros.transforms import apply
@@ -75,5 +75,5 @@ def _second_ring(motion: Array) -> Segments:
     settings = LassoSettings(centre_mm=(-24.0, 8.0, 12.0), normal=(0.8, 0.45, 0.25), diameter_mm=15.0, turns=0.9)
     ring = build_loop(settings, SEPTUM)
     points = apply(motion, ring.points)
-    shaft = chain(lasso_shaft(points, ring.normal, motion), 0.7e-3, 80.0)
+    shaft = body_segments(lasso_shaft(points, ring.normal, motion), 0.7e-3)
     return joined([loop_segments(points, settings.electrodes), shaft])

@@ -45,7 +45,8 @@ class ImagingChain:
         spread = cv2.GaussianBlur(small, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
         height, width = primary.shape
         scatter = cv2.resize(spread, (width, height), interpolation=cv2.INTER_LINEAR)
-        return np.asarray(primary + np.float32(settings.scatter) * scatter, dtype=np.float32)
+        # Behind the leaves less of it arrives: less patient is lit there.
+        return np.asarray(primary + np.float32(settings.scatter) * scatter * (0.2 + 0.8 * opening), dtype=np.float32)
 
     def expose(self, optical_depth: npt.NDArray[np.floating], dose: float, random: np.random.Generator) -> Pixels:
         """One picture.
@@ -60,9 +61,10 @@ class ImagingChain:
         """
         fluence = self.fluence(optical_depth)
         if self._last is None:
-            # The exposure control settles on the mean of the open field.
+            # The exposure control looks at the middle of the field.
             opening = collimator_mask(fluence.shape, self._settings.collimator)
-            self._gain = self._settings.quanta * float(opening.sum() / (fluence * opening).sum())
+            high, wide = fluence.shape[0] // 4, fluence.shape[1] // 4
+            self._gain = self._settings.quanta / float(fluence[high:-high, wide:-wide].mean())
             self._white = float(np.percentile(fluence[opening > 0.5], 99.0)) * self._gain * 1.08
         signal = self.detect(fluence * np.float32(self._gain * dose), random)
         lag = np.float32(self._settings.lag)

@@ -106,11 +106,11 @@ class ImagingSettings:
     quanta: float = setting(40.0, "mean quanta a pixel behind the patient", unit="1/px", minimum=1, maximum=500)
     scatter: float = setting(0.35, "scattered by primary quanta behind the grid", minimum=0, maximum=3)
     focal_spot_mm: float = setting(0.6, "width of the focal spot", unit="mm", minimum=0, maximum=2)
-    detector_blur_px: float = setting(0.72, "detector's blur (sigma); noise is blurred with it", unit="px", minimum=0, maximum=5)
+    detector_blur_px: float = setting(0.8, "detector's blur (sigma); noise is blurred with it", unit="px", minimum=0, maximum=5)
     electronic_noise: float = setting(0.8, "read-out noise", unit="quanta", minimum=0, maximum=50)
     lag: float = setting(0.03, "part of a frame that remains in the next", minimum=0, maximum=0.8)
     brightness_drift: float = setting(0.02, "relative change of the dose by the exposure control", minimum=0, maximum=0.5)
-    gamma: float = setting(0.5, "exponent of the display curve", minimum=0.2, maximum=1.5)
+    gamma: float = setting(0.6, "exponent of the display curve", minimum=0.2, maximum=1.5)
     edge_enhancement: float = setting(0.0, "strength of the unsharp mask", minimum=0, maximum=4)
     polarity: str = setting("dark", "the catheter against its background", choices=("dark", "bright"))
     bits: int = setting(12, "8: mono8; 12: mono16 up to 4095", unit="bit", choices=(8, 12))
@@ -138,6 +138,9 @@ class DistractorSettings:
     second_ring: bool = setting(False, "another ring catheter, in another vein")
     coronary_sinus: bool = setting(True, "decapolar catheter in the coronary sinus")
     ablation: bool = setting(True, "ablation catheter with an 8F tip")
+    ablation_offset_mm: Vector = setting(
+        (2.0, -18.0, -14.0), "its tip, from the loop's centre", unit="mm", minimum=-60, maximum=60
+    )
 
 
 EVENT_KINDS = ("hide", "remove", "move", "drop", "table_pan", "gantry_turn", "zoom")

@@ -17,6 +17,7 @@ from lasso_motion_ros.phantom.catheters import (
     SEPTUM,
     Loop,
     ablation,
+    body_segments,
     build_loop,
     coronary_sinus,
     deformed_loop,
@@ -29,14 +30,14 @@ from lasso_motion_ros.phantom.imaging import ImagingChain, Pixels
 from lasso_motion_ros.phantom.motion import Breathing, Heartbeat, Motion
 from lasso_motion_ros.phantom.scenario import Event, Scenario
 from lasso_motion_ros.phantom.seeds import clicks_along_loop
-from lasso_motion_ros.phantom.tubes import Segments, chain, joined, optical_depth
+from lasso_motion_ros.phantom.tubes import Segments, joined, optical_depth
 from lasso_motion_ros.transforms import apply, inverse, rigid
 
 Array = npt.NDArray[np.float64]
 
 EPOCH_NS = 1_760_000_000 * 1_000_000_000
 TARGETS = 200
-SHAFT_ATTENUATION, SHAFT_RADIUS = 85.0, 0.75e-3
+SHAFT_RADIUS = 0.75e-3
 
 # Purposes of the random streams; a pair's noise does not depend on how many pairs are rendered.
 _ANATOMY, _BREATHING, _HEART, _TARGETS, _SEEDS, _DOSE, _QUANTA = range(7)
@@ -199,14 +200,12 @@ class Simulator:
                 loop = loop + np.array([0.0, 0.0, -0.22])
             else:
                 normal = self.loop.normal
-                parts.append(chain(lasso_shaft(loop, normal, motion), SHAFT_RADIUS, SHAFT_ATTENUATION))
+                parts.append(body_segments(lasso_shaft(loop, normal, motion), SHAFT_RADIUS))
             parts.append(loop_segments(loop, scenario.lasso.electrodes))
         if scenario.distractors.coronary_sinus:
             parts.append(coronary_sinus(motion, contraction))
         if scenario.distractors.ablation:
-            # Near the loop but not on it, in the direction away from its axis.
-            beside = self.loop.centre - 0.8 * 0.5e-3 * scenario.lasso.diameter_mm * self.loop.across
-            tip = beside + np.array([0.004, -0.012, -0.010])
+            tip = self.loop.centre + 1e-3 * np.asarray(scenario.distractors.ablation_offset_mm)
             heading = tip - SEPTUM
             heading = heading / np.linalg.norm(heading)
             parts.append(ablation(apply(motion @ inverse(self._start), tip), heading, motion))
