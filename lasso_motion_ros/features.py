@@ -14,6 +14,7 @@ from lasso_motion_ros.line_filter import sato
 Array = npt.NDArray[np.float64]
 
 REFERENCE_WIDTH_PX = 1024  # the image width for which the configuration's pixels are given
+FAINTEST_RESPONSE = 0.1  # grey levels; below it there is rounding, and no line, in 8 bits
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,7 @@ def line_mask(response: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
     """Otsu's threshold (1979) on a line response: 255 on lines, 0 elsewhere."""
     # A handful of the strongest pixels must not squeeze the rest into a few grey levels.
     ceiling = float(np.quantile(response[::4, ::4], 0.999))
-    grey = np.clip(response * (255.0 / max(ceiling, 1e-6)), 0, 255).astype(np.uint8)
+    grey = np.clip(response * (255.0 / max(ceiling, FAINTEST_RESPONSE)), 0, 255).astype(np.uint8)
     _, mask = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     return np.asarray(mask, dtype=np.uint8)
 

@@ -96,8 +96,9 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
     gradient_y, gradient_x = (np.asarray(np.gradient(arrival, axis=axis)) for axis in (0, 1))
-    point, path = start.astype(np.float64), [start.astype(np.float64)]
-    last = np.array(arrival.shape[::-1]) - 1.001
+    last = np.array(arrival.shape[::-1]) - 1.001  # the last place with four pixels around it
+    point = np.minimum(start.astype(np.float64), last)
+    path = [point]
     for _ in range(20 * sum(arrival.shape)):
         if np.linalg.norm(point - goal) < 1.5:
             return np.vstack([*path, goal])
