@@ -81,7 +81,7 @@ def decode_compressed_image(message: Any) -> Pixels:
         raise MessageError(f"data: expected 8 or 16 bits a pixel, found {pixels.dtype}")
     _check_size(pixels.shape[1], pixels.shape[0])
     pixels.flags.writeable = False
-    return pixels  # type: ignore[return-value]
+    return pixels
 
 
 def encode_image(pixels: npt.NDArray[Any], header: Mapping[str, Any]) -> dict[str, Any]:

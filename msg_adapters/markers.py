@@ -27,6 +27,7 @@ def _marker(
     kind: int,
     namespace: str,
     points: npt.ArrayLike,
+    *,
     size: Mapping[str, float],
     colour: Colour,
     header: Mapping[str, Any],
@@ -53,7 +54,7 @@ def encode_line_strip(
     width_m: float = 1e-3,
 ) -> dict[str, Any]:
     """The fields of a LINE_STRIP through points (N, 3), metres; a closed curve repeats its first point."""
-    return _marker(LINE_STRIP, namespace, points, {"x": width_m}, colour, header)
+    return _marker(LINE_STRIP, namespace, points, size={"x": width_m}, colour=colour, header=header)
 
 
 def encode_points(
@@ -64,7 +65,7 @@ def encode_points(
     size_m: float = 2e-3,
 ) -> dict[str, Any]:
     """The fields of a POINTS marker at points (N, 3), metres."""
-    return _marker(POINTS, namespace, points, {"x": size_m, "y": size_m}, colour, header)
+    return _marker(POINTS, namespace, points, size={"x": size_m, "y": size_m}, colour=colour, header=header)
 
 
 def encode_triangles(
@@ -76,7 +77,7 @@ def encode_triangles(
 ) -> dict[str, Any]:
     """The fields of a TRIANGLE_LIST of vertices (V, 3), metres, joined by triangles (T, 3)."""
     corners = np.asarray(vertices)[np.asarray(triangles).reshape(-1)]
-    return _marker(TRIANGLE_LIST, namespace, corners, {"x": 1.0, "y": 1.0, "z": 1.0}, colour, header)
+    return _marker(TRIANGLE_LIST, namespace, corners, size={"x": 1.0, "y": 1.0, "z": 1.0}, colour=colour, header=header)
 
 
 def encode_delete(header: Mapping[str, Any], namespace: str) -> dict[str, Any]:

@@ -230,7 +230,6 @@ def read_segment(stream: BinaryIO, segment: Segment) -> tuple[list[tuple[int, by
 
 def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
     """A segment's records as bytes (as far as the file has them), and what is wrong or None."""
-    corrupt = f"a chunk at byte {segment.offset} is corrupt and was left out"
     if segment.unpacked_size > MAX_CHUNK_BYTES:
         return b"", f"a chunk at byte {segment.offset} claims {segment.unpacked_size} bytes, more than is sensible"
     if not segment.compression:
@@ -241,9 +240,9 @@ def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
         data = _decompress(lz4.frame.LZ4FrameDecompressor(), packed, segment.unpacked_size)
     else:
         return b"", f"a chunk at byte {segment.offset} has the unknown compression {segment.compression!r}"
-    if segment.complete:
-        if len(data) != segment.unpacked_size or (segment.crc and zlib.crc32(data) != segment.crc):
-            return b"", corrupt
+    sound = len(data) == segment.unpacked_size and (not segment.crc or zlib.crc32(data) == segment.crc)
+    if segment.complete and not sound:
+        return b"", f"a chunk at byte {segment.offset} is corrupt and was left out"
     return data, None
 
 

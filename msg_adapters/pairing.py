@@ -158,7 +158,10 @@ class PairSynchroniser(Generic[Item]):
         if not (self._queues["a"].backward and self._queues["b"].backward):
             return []
         pairs = self.flush()
-        restart: dict[PlaneName, list[tuple[int, Item]]] = {"a": self._queues["a"].backward, "b": self._queues["b"].backward}
+        restart: dict[PlaneName, list[tuple[int, Item]]] = {
+            "a": self._queues["a"].backward,
+            "b": self._queues["b"].backward,
+        }
         self._start_run()
         self._new_run = True
         # In order of stamps, so that the order of arrival does not show.

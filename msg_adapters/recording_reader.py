@@ -98,6 +98,11 @@ class RecordingReader:
         )
 
     @property
+    def files(self) -> tuple[Path, ...]:
+        """The MCAP files it consists of."""
+        return tuple(file.path for file in self._files)
+
+    @property
     def time_span_ns(self) -> tuple[int, int]:
         """First and last log time, nanoseconds.
 

@@ -80,6 +80,7 @@ class RecordingWriter:
         type_name: str,
         message: Any,
         log_time_ns: int,
+        *,
         publish_time_ns: int | None = None,
         latched: bool = False,
     ) -> None:
@@ -100,7 +101,7 @@ class RecordingWriter:
         if isinstance(message, Mapping):
             message = self._messages.make(type_name, message)
         data = jazzy_types().serialize_cdr(message, type_name)
-        self.write_raw(topic, type_name, bytes(data), log_time_ns, publish_time_ns, latched)
+        self.write_raw(topic, type_name, bytes(data), log_time_ns, publish_time_ns=publish_time_ns, latched=latched)
 
     def write_raw(
         self,
@@ -108,6 +109,7 @@ class RecordingWriter:
         type_name: str,
         data: bytes,
         log_time_ns: int,
+        *,
         publish_time_ns: int | None = None,
         latched: bool = False,
         definition: str | None = None,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -173,7 +175,9 @@ def streams(draw: st.DrawFn) -> tuple[float, int, int, list[tuple[str, int, int]
     return jitter / 1e9, period, offset, frames
 
 
-def run(jitter_s: float, frames: list[tuple[str, int, int]], offset_s: float = -1.0) -> list[Pair[tuple[str, int, int]]]:
+def run(
+    jitter_s: float, frames: list[tuple[str, int, int]], offset_s: float = -1.0
+) -> list[Pair[tuple[str, int, int]]]:
     sync: PairSynchroniser[tuple[str, int, int]] = PairSynchroniser(jitter_s, offset_s)
     pairs = [pair for frame in frames for pair in sync.add(frame[0], frame[2], frame)]  # type: ignore[arg-type]
     return pairs + sync.flush()
@@ -181,13 +185,15 @@ def run(jitter_s: float, frames: list[tuple[str, int, int]], offset_s: float = -
 
 @given(streams(), st.booleans())
 @settings(max_examples=60, deadline=None)
-def test_any_stream_pairs_as_it_was_exposed(case: tuple[float, int, int, list[tuple[str, int, int]]], known: bool) -> None:
-    jitter_s, period, offset, frames = case
+def test_any_stream_pairs_as_it_was_exposed(
+    case: tuple[float, int, int, list[tuple[str, int, int]]], known: bool
+) -> None:
+    jitter_s, _, offset, frames = case
     pairs = run(jitter_s, frames, offset / 1e9 if known else -1.0)
     given_out = [frame for pair in pairs for frame in (pair.a, pair.b) if frame is not None]
     assert len(given_out) == len(set(given_out)) == len(frames), "every frame once"
     stamps = [pair.stamp_ns for pair in pairs]
-    assert all(one < two for one, two in zip(stamps, stamps[1:], strict=False)), "in order"
+    assert all(one < two for one, two in pairwise(stamps)), "in order"
     by_index: dict[int, set[str]] = {}
     for plane, index, _ in frames:
         by_index.setdefault(index, set()).add(plane)
@@ -207,7 +213,7 @@ def test_overtaking_by_less_than_a_frame_changes_no_pair(
     case: tuple[float, int, int, list[tuple[str, int, int]]], random: object
 ) -> None:
     jitter_s, period, _, frames = case
-    delayed = {plane: 0 for plane in "ab"}
+    delayed = dict.fromkeys("ab", 0)
     arrivals = []
     for plane, index, stamp in frames:
         # Each topic keeps its order; a frame is up to a period late.

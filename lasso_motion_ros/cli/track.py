@@ -1,0 +1,250 @@
+"""`lasso-motion track`: a recording in, what the node would publish out; offline and deterministic."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
+from lasso_motion_ros.cli.progress import progress
+from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.pipeline import Output, PipelineStatistics, Problem, ReadyPair, TrackingPipeline
+from lasso_motion_ros.share import share_file
+from lasso_motion_ros.tracker import Tracker
+from msg_adapters.messages import RecordedMessages
+from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
+from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP, read_calibration_file, read_seeds_file
+from msg_adapters.topics import R_PEAK, camera_info_topic, compressed_image_topic, image_topic, seed_topic
+
+HELP = """Follow the lasso through a recording, offline: the node's own tracker, without DDS and without a clock.
+Writes the topics that the node would publish, at plane A's stamps; two runs write the same file."""
+
+DEFAULT_CONFIG = "config/tracker.yaml"
+
+
+@dataclass(frozen=True, eq=False)
+class TrackSummary:
+    """How it went.
+
+    Attributes:
+        statistics: the pipeline's counts.
+        problems: what was wrong with messages, and how often.
+        damage: what is wrong with the recording as a file, or None.
+    """
+
+    statistics: PipelineStatistics
+    problems: Mapping[Problem, int]
+    damage: str | None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's own arguments."""
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    parser.epilog = f"{SEEDS_HELP}\n{CALIBRATION_HELP}"
+    parser.add_argument("recording", type=Path, metavar="IN.mcap", help="recording: MCAP file or bag directory")
+    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="file to write")
+    parser.add_argument("--config", type=Path, metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
+    parser.add_argument("--seeds", type=Path, metavar="FILE", help="clicks, for a recording without (or instead)")
+    parser.add_argument("--calibration", type=Path, metavar="FILE", help="projections, for a recording without")
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="FROM:=TO",
+        help="read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)",
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Track; returns the exit status (3 where the recording could be read in part only)."""
+    summary = track_recording(
+        args.recording,
+        args.output,
+        args.config,
+        seeds=args.seeds,
+        calibration=args.calibration,
+        remap=parse_remap(args.remap),
+        overwrite=args.overwrite,
+        quiet=args.quiet,
+    )
+    for problem, count in summary.problems.items():
+        where = f"{problem.topic}: " if problem.topic else ""
+        often = f" ({count} times)" if count > 1 else ""
+        print(f"lasso-motion track: {where}{problem.text}{often}", file=sys.stderr)
+    if summary.damage is not None:
+        print(f"lasso-motion track: {summary.damage}", file=sys.stderr)
+    if not args.quiet:
+        print(f"{args.output}: {describe(summary.statistics)}")
+    if summary.statistics.poses == 0:
+        print("lasso-motion track: no pair got a pose", file=sys.stderr)
+        return EXIT_BAD_INPUT
+    return EXIT_DONE if summary.damage is None else EXIT_PART
+
+
+def describe(statistics: PipelineStatistics) -> str:
+    """One line: pairs, poses, states."""
+    states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
+    half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
+    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}"
+
+
+def parse_remap(rules: Sequence[str]) -> dict[str, str]:
+    """Rules `from:=to` as a mapping.
+
+    Raises:
+        LassoMotionError: a rule of another form, or two for one topic.
+    """
+    remap: dict[str, str] = {}
+    for rule in rules:
+        old, separator, new = rule.partition(":=")
+        if not (separator and old and new) or ":=" in new:
+            raise LassoMotionError(f"--remap: expected FROM:=TO, found {rule!r}")
+        if old in remap:
+            raise LassoMotionError(f"--remap: {old} is given twice")
+        remap[old] = new
+    return remap
+
+
+def track_recording(
+    recording: Path,
+    output: Path,
+    config: Path | ProductConfig | None = None,
+    *,
+    seeds: Path | None = None,
+    calibration: Path | None = None,
+    remap: Mapping[str, str] | None = None,
+    overwrite: bool = False,
+    quiet: bool = True,
+    tracker: Tracker | None = None,
+) -> TrackSummary:
+    """Track a recording into a file.
+
+    Args:
+        recording: MCAP file or bag directory.
+        output: file to write; log time = plane A's stamp.
+        config: parameter file, or the parameters; None: the default file.
+        seeds: clicks from a file, in place of the recorded ones.
+        calibration: projections from a file, in place of the recorded ones.
+        remap: recorded topic → the name it is read as.
+        overwrite: replace `output` if it exists.
+        quiet: no progress bar.
+        tracker: the method; by default the one that the configuration names.
+
+    Raises:
+        LassoMotionError: nothing readable, missing topics, a bad file, or no pair at all; no output is left then.
+    """
+    if not isinstance(config, ProductConfig):
+        config = load_configuration(config or share_file(DEFAULT_CONFIG), ProductConfig)
+    given_seeds = None if seeds is None else read_seeds_file(seeds)
+    given_calibration = None if calibration is None else read_calibration_file(calibration)
+    reader = RecordingReader(recording, remap)
+    check_tracking_topics(reader.topics, calibrated=calibration is not None)
+    if given_seeds is None:
+        _check_seeds(reader)
+    if output.exists() and any(output.samefile(file) for file in reader.files):
+        raise RecordingError(f"{output} is the recording itself")
+    messages = RecordedMessages()
+    pipeline = TrackingPipeline(config, messages, tracker)
+    writer = RecordingWriter(output, overwrite=overwrite)
+    try:
+        with writer:
+            session = _Session(pipeline, writer)
+            session.publish(pipeline.initial_outputs())
+            for plane in PLANES:
+                if given_calibration is not None:
+                    topic = camera_info_topic(plane)
+                    session.take(
+                        pipeline.add_camera_info(plane, messages.make(topic.type_name, given_calibration[plane]))
+                    )
+                if given_seeds is not None:
+                    topic = seed_topic(plane)
+                    session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
+            intake = _intake(pipeline, reader, with_seeds=seeds is None, with_calibration=calibration is None)
+            for recorded in progress(reader.messages(intake), None, "tracking", quiet):
+                session.take(intake[recorded.topic](recorded.message))
+            session.take(pipeline.flush())
+            session.finish()
+    except LassoMotionError:
+        output.unlink(missing_ok=True)
+        raise
+    return TrackSummary(pipeline.statistics(), session.problems, reader.damage)
+
+
+class _Session:
+    """One run: pairs are processed as they become ready, and what comes out is written."""
+
+    def __init__(self, pipeline: TrackingPipeline, writer: RecordingWriter) -> None:
+        self._pipeline = pipeline
+        self._writer = writer
+        self._unstamped: list[Output] = []
+        self._time_ns = 0
+        self.problems: Counter[Problem] = Counter()
+
+    def take(self, ready: list[ReadyPair]) -> None:
+        self.publish(self._pipeline.pending_outputs())
+        for pair in ready:
+            self._time_ns = pair.pair.stamp_ns
+            self.publish(self._pipeline.process(pair))
+        self.problems.update(self._pipeline.take_problems())
+
+    def publish(self, outputs: list[Output]) -> None:
+        for output in outputs:
+            if output.stamp_ns == 0 and self._time_ns == 0:
+                self._unstamped.append(output)  # before the first pair there is no time to write it at
+                continue
+            waiting, self._unstamped = self._unstamped, []
+            for one in [*waiting, output]:
+                self._write(one)
+
+    def finish(self) -> None:
+        if self._time_ns == 0:
+            reasons = "; ".join(f"{problem.topic}: {problem.text}" for problem in list(self.problems)[:3])
+            raise RecordingError(f"no image pair could be made{': ' + reasons if reasons else ''}")
+
+    def _write(self, output: Output) -> None:
+        topic = output.topic
+        self._writer.write(
+            topic.recorded_name,
+            topic.type_name,
+            output.message,
+            output.stamp_ns or self._time_ns,
+            latched=topic.latched,
+        )
+
+
+def _intake(
+    pipeline: TrackingPipeline, reader: RecordingReader, *, with_seeds: bool, with_calibration: bool
+) -> dict[str, Callable[[Any], list[ReadyPair]]]:
+    """Recorded topic → what takes its messages."""
+    intake: dict[str, Callable[[Any], list[ReadyPair]]] = {}
+    for plane in PLANES:
+        raw, compressed = image_topic(plane), compressed_image_topic(plane)
+        images = raw if reader.topics.get(raw.recorded_name) == raw.type_name else compressed
+        intake[images.recorded_name] = lambda message, plane=plane: pipeline.add_image(plane, message)
+        if with_calibration:
+            name = camera_info_topic(plane).recorded_name
+            intake[name] = lambda message, plane=plane: pipeline.add_camera_info(plane, message)
+        if with_seeds:
+            intake[seed_topic(plane).recorded_name] = lambda message, plane=plane: pipeline.add_seed(plane, message)
+    intake[R_PEAK.recorded_name] = pipeline.add_r_peak
+    return intake
+
+
+def _check_seeds(reader: RecordingReader) -> None:
+    missing = [
+        topic.recorded_name
+        for topic in map(seed_topic, PLANES)
+        if reader.topics.get(topic.recorded_name) != topic.type_name
+    ]
+    if missing:
+        raise RecordingError(f"{reader.path} has no clicks ({', '.join(missing)}); give them with --seeds FILE")

@@ -1,0 +1,175 @@
+"""Joins the user's clicks in both planes to the image pair that was clicked."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+
+# Stamps written as decimal seconds come back a fraction of a microsecond off.
+_SAME_STAMP_NS = 1_000_000
+_NEXT = 0
+
+
+@dataclass(frozen=True, eq=False)
+class ReadyPair:
+    """A pair whose turn it is.
+
+    Attributes:
+        pair: the images.
+        seed: clicks on this pair: the model is built here.
+        new_run: the first pair after the stamps went back.
+        answered: this pair was given out before, and comes again because clicks on it, or on one before it,
+            came later.
+    """
+
+    pair: FramePair
+    seed: Seed | None = None
+    new_run: bool = False
+    answered: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class _Clicks:
+    stamp_ns: int
+    points: npt.NDArray[np.float64]
+    held: bool
+
+
+class ClickedPairs:
+    """Remembers the last pairs and finds the one that was clicked.
+
+    Args:
+        capacity: pairs remembered.
+    """
+
+    def __init__(self, capacity: int) -> None:
+        self._pairs: deque[FramePair] = deque(maxlen=capacity)
+        self._clicks: dict[Plane, _Clicks] = {}
+        self._complaints: list[tuple[Plane, str]] = []
+
+    def take_complaints(self) -> list[tuple[Plane, str]]:
+        """Clicks that were refused since the last call: plane and reason."""
+        complaints, self._complaints = self._complaints, []
+        return complaints
+
+    def clear(self) -> None:
+        """Forget pairs and clicks."""
+        self._pairs.clear()
+        self._clicks.clear()
+
+    def add_clicks(
+        self, plane: Plane, stamp_ns: int, points: npt.NDArray[np.float64], hold: bool = False
+    ) -> list[ReadyPair]:
+        """Take one plane's clicks.
+
+        Args:
+            plane: the plane clicked.
+            stamp_ns: stamp of the clicked image, or 0 for the next pair.
+            points: (N, 2) pixels.
+            hold: the stamps may be about to start anew; the clicks wait for the next pair before they are judged.
+
+        Returns:
+            Where both planes' clicks are on a remembered pair: that pair with its seed and those after it, to be
+            gone through again. Else nothing.
+        """
+        self._clicks[plane] = _Clicks(stamp_ns, points, hold)
+        if hold:
+            return []
+        index = self._clicked_index()
+        if index is None:
+            return []
+        first, *later = list(self._pairs)[index:]
+        return [
+            ReadyPair(first, self._take_seed(), answered=True),
+            *(ReadyPair(pair, answered=True) for pair in later),
+        ]
+
+    def add_pair(self, pair: FramePair, new_run: bool) -> ReadyPair:
+        """Remember the next pair; it carries the seed if it is the one that was clicked."""
+        if new_run:
+            self._pairs.clear()
+            self._clicks = {plane: clicks for plane, clicks in self._clicks.items() if clicks.held}
+        self._pairs.append(pair)
+        seed = None
+        if self._is_next_clicked(pair) or self._clicked_index() == len(self._pairs) - 1:
+            seed = self._take_seed()
+        return ReadyPair(pair, seed, new_run)
+
+    def _take_seed(self) -> Seed:
+        clicks, self._clicks = self._clicks, {}
+        return Seed(clicks["a"].points, clicks["b"].points)
+
+    def _is_next_clicked(self, pair: FramePair) -> bool:
+        """Whether the clicks wait for the next pair and this is one they fit."""
+        if len(self._clicks) < 2 or all(clicks.stamp_ns != _NEXT for clicks in self._clicks.values()):
+            return False
+        if pair.a is None or pair.b is None:
+            return False
+        stamped = [plane for plane in PLANES if self._clicks[plane].stamp_ns != _NEXT]
+        if not stamped:
+            return True
+        plane = stamped[0]
+        place = self._place(plane)
+        if place == len(self._pairs) - 1:
+            return True
+        if place != "future":
+            self._refuse(
+                plane,
+                f"the clicked image ({_seconds(self._clicks[plane].stamp_ns)}) is not of the next pair,"
+                " which the other plane's clicks (stamp 0) are meant for",
+            )
+        return False
+
+    def _clicked_index(self) -> int | None:
+        """Which remembered pair the stamped clicks of both planes are on; refuses those that fit none."""
+        for plane in PLANES:
+            if plane in self._clicks and self._clicks[plane].stamp_ns != _NEXT and self._place(plane) == "past":
+                self._refuse(
+                    plane,
+                    f"the clicked image ({_seconds(self._clicks[plane].stamp_ns)}) is not among the last"
+                    f" {self._pairs.maxlen} pairs",
+                )
+        if len(self._clicks) < 2 or any(clicks.stamp_ns == _NEXT for clicks in self._clicks.values()):
+            return None
+        places = {plane: self._place(plane) for plane in PLANES}
+        if places["a"] == places["b"]:
+            place = places["a"]
+            return place if isinstance(place, int) else None
+        # The later clicks may be the first half of a new attempt; the earlier ones will not be completed.
+        older: Plane = min(PLANES, key=lambda plane: self._clicks[plane].stamp_ns)
+        other: Plane = "b" if older == "a" else "a"
+        self._refuse(
+            older,
+            f"the clicks of both planes must be on one pair: plane {older.upper()}'s are on the image at"
+            f" {_seconds(self._clicks[older].stamp_ns)}, plane {other.upper()}'s at"
+            f" {_seconds(self._clicks[other].stamp_ns)}",
+        )
+        return None
+
+    def _place(self, plane: Plane) -> int | str:
+        """Index of the pair with the clicked image; `future` or `past` where it is not there (yet, or any more)."""
+        wanted = self._clicks[plane].stamp_ns
+        newest = None
+        for index in range(len(self._pairs) - 1, -1, -1):
+            frame = self._pairs[index].frame(plane)
+            if frame is None:
+                continue
+            newest = frame.stamp_ns if newest is None else newest
+            if abs(frame.stamp_ns - wanted) <= _SAME_STAMP_NS:
+                return index
+        if newest is None:
+            newest = self._pairs[-1].stamp_ns if self._pairs else None
+        return "future" if newest is None or wanted > newest else "past"
+
+    def _refuse(self, plane: Plane, reason: str) -> None:
+        del self._clicks[plane]
+        self._complaints.append((plane, reason))
+
+
+def _seconds(stamp_ns: int) -> str:
+    return f"{stamp_ns // 1_000_000_000}.{stamp_ns % 1_000_000_000:09d} s"

@@ -1,0 +1,364 @@
+"""Messages in, tracker, messages out: what the node and the offline command share.
+
+Callbacks add messages, which is cheap, and get back the pairs whose turn it is; `process` runs the tracker on
+them, in that order. Nothing here looks at a clock: the same messages give the same poses.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from collections import Counter, deque
+from dataclasses import dataclass, field
+from typing import Any
+
+from lasso_motion_ros.clicked_pairs import ClickedPairs, ReadyPair
+from lasso_motion_ros.configuration import ProductConfig
+from lasso_motion_ros.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
+from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
+from msg_adapters.calibrations import Extrinsics
+from msg_adapters.markers import encode_delete, encode_line_strip
+from msg_adapters.messages import MessageFactory, header_fields, stamp_to_ns
+from msg_adapters.pairing import Pair, PairSynchroniser, PlaneCounts
+from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
+from msg_adapters.seeds import decode_seed
+from msg_adapters.topics import (
+    CATHETER,
+    MOTION,
+    MOTION_RAW,
+    MOTION_WITH_COVARIANCE,
+    REFERENCE,
+    STATE,
+    Topic,
+    camera_info_topic,
+    image_topic,
+    seed_topic,
+)
+
+__all__ = ["Output", "PipelineStatistics", "Problem", "ReadyPair", "TrackingPipeline"]
+
+_CATHETER_NAMESPACE = "catheter"
+_MAX_PROBLEMS = 64
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong with what came in.
+
+    Attributes:
+        topic: relative name of the topic it came on, or empty where it is none's in particular.
+        text: what was found and what was expected.
+    """
+
+    topic: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """A message to be published.
+
+    Attributes:
+        topic: where.
+        message: made by the pipeline's message factory.
+        stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
+    """
+
+    topic: Topic
+    message: Any
+    stamp_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class PipelineStatistics:
+    """Counts since the start, for diagnostics and summaries.
+
+    Attributes:
+        state: the state now.
+        reason: why, in a few plain words.
+        pairs: pairs answered.
+        half_pairs: of those, with a plane missing.
+        poses: poses published.
+        states: pairs answered, by state.
+        problems: problems, by topic.
+        frames: per plane, what became of images and calibrations before pairing.
+        pairing: per plane, what became of images in pairing.
+        last_pair_ns: stamp of the last pair answered, or None.
+        last_pose_ns: stamp of the last pose, or None.
+        residual_px: per plane, the last result's residual.
+    """
+
+    state: TrackerState
+    reason: str
+    pairs: int
+    half_pairs: int
+    poses: int
+    states: dict[TrackerState, int]
+    problems: dict[str, int]
+    frames: dict[Plane, CalibrationCounts]
+    pairing: dict[Plane, PlaneCounts]
+    last_pair_ns: int | None
+    last_pose_ns: int | None
+    residual_px: dict[Plane, float] = field(default_factory=dict)
+
+
+class TrackingPipeline:
+    """From messages to messages.
+
+    The `add_…` methods may be called from one thread and `process` from another.
+
+    Args:
+        config: parameters of tracker and stream.
+        messages: makes the messages put out.
+        tracker: the method; by default the one that `config` names.
+        extrinsics: where the pose of a plain camera matrix comes from; without it such calibrations are refused.
+    """
+
+    def __init__(
+        self,
+        config: ProductConfig,
+        messages: MessageFactory,
+        tracker: Tracker | None = None,
+        extrinsics: Extrinsics | None = None,
+    ) -> None:
+        if tracker is None:
+            from lasso_motion_ros.tracker_factory import create_tracker
+
+            tracker = create_tracker(config)
+        self._config = config
+        self._messages = messages
+        self._tracker = tracker
+        self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames(extrinsics) for plane in PLANES}
+        self._pairing: PairSynchroniser[Frame] = PairSynchroniser(config.sync.jitter_s, config.sync.plane_b_offset_s)
+        self._clicked = ClickedPairs(config.seed_buffer_pairs)
+        self._intake, self._tracking, self._reporting = threading.Lock(), threading.Lock(), threading.Lock()
+        self._state, self._reason = TrackerState.WAITING_FOR_CALIBRATION, "no calibration yet"
+        self._has_model = False
+        self._seed_accepted = False
+        self._shown = False
+        self._reference_ns: int | None = None
+        self._said_calibrated = False
+        self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
+        self._problem_counts: Counter[str] = Counter()
+        self._states: Counter[TrackerState] = Counter()
+        self._half_pairs = 0
+        self._poses = 0
+        self._last_pose_ns: int | None = None
+        self.last_pair: FramePair | None = None
+        self.last_result: TrackResult | None = None
+
+    # What comes in.
+
+    def add_image(self, plane: Plane, message: Any) -> list[ReadyPair]:
+        """Take an Image (or CompressedImage) of one plane; give back the pairs whose turn it is."""
+        with self._intake:
+            return self._paired(plane, self._frames[plane].add_image(message), image_topic(plane))
+
+    def add_camera_info(self, plane: Plane, message: Any) -> list[ReadyPair]:
+        """Take a CameraInfo of one plane; give back the pairs whose turn it is."""
+        with self._intake:
+            return self._paired(plane, self._frames[plane].add_camera_info(message), camera_info_topic(plane))
+
+    def add_seed(self, plane: Plane, message: Any) -> list[ReadyPair]:
+        """Take the clicks in one plane; give back the pairs to go through (again), see `ClickedPairs`."""
+        with self._intake:
+            try:
+                points = decode_seed(message)
+            except LassoMotionError as error:
+                self._report(seed_topic(plane).name, str(error))
+                return []
+            ready = self._clicked.add_clicks(
+                plane, stamp_to_ns(message.header.stamp), points, hold=self._pairing.restarting
+            )
+            self._report_clicks()
+            return ready
+
+    def add_r_peak(self, message: Any) -> list[ReadyPair]:
+        """Take the stamp of an R peak. Nothing is gated by it yet."""
+        return []
+
+    def flush(self) -> list[ReadyPair]:
+        """The pairs that are left when nothing more will come."""
+        with self._intake:
+            ready: list[ReadyPair] = []
+            for plane in PLANES:
+                ready += self._paired(plane, self._frames[plane].flush(), image_topic(plane))
+            return ready + self._issued(self._pairing.flush())
+
+    def _paired(self, plane: Plane, frames: list[Frame], topic: Topic) -> list[ReadyPair]:
+        for complaint in self._frames[plane].take_complaints():
+            self._report(topic.name, complaint)
+        ready: list[ReadyPair] = []
+        for frame in frames:
+            ready += self._issued(self._pairing.add(plane, frame.stamp_ns, frame))
+        return ready
+
+    def _issued(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
+        ready = [self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run) for pair in pairs]
+        self._report_clicks()
+        return ready
+
+    def _report_clicks(self) -> None:
+        for plane, reason in self._clicked.take_complaints():
+            self._report(seed_topic(plane).name, reason)
+
+    def _report(self, topic: str, text: str) -> None:
+        with self._reporting:
+            self._problems.append(Problem(topic, text))
+            self._problem_counts[topic] += 1
+
+    # What goes out.
+
+    def initial_outputs(self) -> list[Output]:
+        """What is published on start: the state."""
+        with self._tracking:
+            return [self._state_output(0)]
+
+    def pending_outputs(self) -> list[Output]:
+        """State changes that no pair brings: the calibration of both planes has come."""
+        if self._said_calibrated or not all(self._frames[plane].calibrated for plane in PLANES):
+            return []
+        self._said_calibrated = True
+        with self._tracking:
+            if self._state is not TrackerState.WAITING_FOR_CALIBRATION:
+                return []
+            self._set_state(TrackerState.WAITING_FOR_SEED, "no seed yet")
+            return [self._state_output(0)]
+
+    def process(self, ready: ReadyPair) -> list[Output]:
+        """Answer one pair: reference (where it changes), state, poses, catheter, in this order."""
+        with self._tracking:
+            outputs: list[Output] = []
+            if ready.new_run:
+                self._report("", "the stamps of both planes went back: a new run, which needs a seed of its own")
+                outputs += self._forget(ready.pair.stamp_ns)
+            if ready.answered and ready.seed is None and not self._seed_accepted:
+                return outputs
+            result = self._result(ready)
+            if ready.seed is not None and ready.answered and not self._seed_accepted:
+                return outputs  # this pair has its answer already
+            self._count(ready, result)
+            if result is None:
+                return [*outputs, self._state_output(ready.pair.stamp_ns)]
+            return outputs + self._result_outputs(result, is_new=ready.seed is not None and self._seed_accepted)
+
+    def reset(self) -> list[Output]:
+        """Forget model, motion and clicks: WAITING_FOR_SEED. Returns what is to be published."""
+        with self._intake:
+            self._clicked.clear()
+        with self._tracking:
+            return [*self._forget(0), self._state_output(0)]
+
+    def set_reference(self) -> None:
+        """Make the present phase the reference; published with the next pair.
+
+        Raises:
+            TrackingError: the state is not TRACKING.
+        """
+        with self._tracking:
+            if self._state is not TrackerState.TRACKING:
+                raise TrackingError(f"the reference can be set in TRACKING only, the state is {self._state.value}")
+            self._tracker.set_reference()
+
+    def take_problems(self) -> list[Problem]:
+        """Problems since the last call (the last few, if there were many)."""
+        with self._reporting:
+            problems = list(self._problems)
+            self._problems.clear()
+            return problems
+
+    def statistics(self) -> PipelineStatistics:
+        """Counts since the start; never waits for the tracker."""
+        result, pair = self.last_result, self.last_pair
+        with self._reporting:
+            return PipelineStatistics(
+                state=self._state,
+                reason=self._reason,
+                pairs=sum(self._states.values()),
+                half_pairs=self._half_pairs,
+                poses=self._poses,
+                states=dict(self._states),
+                problems=dict(self._problem_counts),
+                frames={plane: dataclasses.replace(self._frames[plane].counts) for plane in PLANES},
+                pairing={plane: dataclasses.replace(self._pairing.counts[plane]) for plane in PLANES},
+                last_pair_ns=None if pair is None else pair.stamp_ns,
+                last_pose_ns=self._last_pose_ns,
+                residual_px={} if result is None else dict(result.residual_px),
+            )
+
+    def _result(self, ready: ReadyPair) -> TrackResult | None:
+        """The tracker's answer; None while there is no model."""
+        if ready.seed is not None:
+            self._seed_accepted = False
+            try:
+                result = self._tracker.initialise(ready.pair, ready.seed)
+            except LassoMotionError as error:
+                self._report("seed", str(error))
+            else:
+                self._seed_accepted = self._has_model = True
+                return result
+            if ready.answered:
+                return None
+        if not self._has_model:
+            self._set_state(TrackerState.WAITING_FOR_SEED, "no seed yet")
+            return None
+        return self._tracker.track(ready.pair)
+
+    def _count(self, ready: ReadyPair, result: TrackResult | None) -> None:
+        self.last_pair, self.last_result = ready.pair, result
+        if result is not None:
+            self._set_state(result.state, result.reason)
+        if not ready.answered:
+            self._states[self._state] += 1
+            self._half_pairs += ready.pair.a is None or ready.pair.b is None
+
+    def _result_outputs(self, result: TrackResult, is_new: bool) -> list[Output]:
+        stamp = result.stamp_ns
+        header = header_fields(stamp, self._config.world_frame)
+        outputs: list[Output] = []
+        if is_new or result.reference_stamp_ns != self._reference_ns:
+            self._reference_ns = result.reference_stamp_ns
+            reference = header_fields(result.reference_stamp_ns, self._config.world_frame)
+            outputs.append(self._output(REFERENCE, reference, stamp))
+        outputs.append(self._state_output(stamp))
+        if result.state.has_pose and result.motion is not None:
+            pose = encode_pose_stamped(result.motion, header)
+            outputs += [self._output(MOTION, pose, stamp), self._output(MOTION_RAW, pose, stamp)]
+            if result.covariance is not None:
+                fields = encode_pose_with_covariance_stamped(result.motion, result.covariance, header)
+                outputs.append(self._output(MOTION_WITH_COVARIANCE, fields, stamp))
+            self._poses += 1
+            self._last_pose_ns = stamp
+        if result.loop is not None:
+            self._shown = True
+            outputs.append(self._output(CATHETER, encode_line_strip(result.loop, header, _CATHETER_NAMESPACE), stamp))
+        else:
+            outputs += self._take_catheter_away(stamp)
+        return outputs
+
+    def _take_catheter_away(self, stamp_ns: int) -> list[Output]:
+        if not self._shown:
+            return []
+        self._shown = False
+        header = header_fields(stamp_ns, self._config.world_frame)
+        return [self._output(CATHETER, encode_delete(header, _CATHETER_NAMESPACE), stamp_ns)]
+
+    def _forget(self, stamp_ns: int) -> list[Output]:
+        self._tracker.reset()
+        self._has_model = self._seed_accepted = False
+        self._reference_ns = None
+        self.last_result = None
+        if self._state is not TrackerState.WAITING_FOR_CALIBRATION:
+            self._set_state(TrackerState.WAITING_FOR_SEED, "the model was forgotten")
+        return self._take_catheter_away(stamp_ns)
+
+    def _set_state(self, state: TrackerState, reason: str) -> None:
+        self._state, self._reason = state, reason
+
+    def _state_output(self, stamp_ns: int) -> Output:
+        return self._output(STATE, {"data": self._state.value}, stamp_ns)
+
+    def _output(self, topic: Topic, fields: dict[str, Any], stamp_ns: int) -> Output:
+        return Output(topic, self._messages.make(topic.type_name, fields), stamp_ns)

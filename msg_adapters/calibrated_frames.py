@@ -1,0 +1,197 @@
+"""Gives each image of one plane its calibration, per frame or latched, whichever message arrives first.
+
+Per frame, an image uses the calibration with its own stamp and waits for it a little. Latched, the last one
+holds. Which of the two it is shows in the stamps, so that a recording is read as the live stream was.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.frames import Frame
+from lasso_motion_ros.geometry import Projection
+from msg_adapters.calibrations import Extrinsics, decode_camera_info
+from msg_adapters.images import Pixels, decode_compressed_image, decode_image
+from msg_adapters.messages import NANOSECONDS, stamp_to_ns
+
+# Images that may wait for their calibration, and stamps that are remembered.
+_PATIENCE = 2
+_REMEMBERED = 64
+
+
+@dataclass
+class CalibrationCounts:
+    """What became of one plane's messages before pairing.
+
+    Attributes:
+        images: images received.
+        refused_images: of those, refused by their content.
+        uncalibrated: images for which there was no valid calibration.
+        calibrations: calibrations received.
+        refused_calibrations: of those, refused by their content.
+    """
+
+    images: int = 0
+    refused_images: int = 0
+    uncalibrated: int = 0
+    calibrations: int = 0
+    refused_calibrations: int = 0
+
+
+class CalibratedFrames:
+    """Joins one plane's images and calibrations to frames.
+
+    Args:
+        extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
+    """
+
+    def __init__(self, extrinsics: Extrinsics | None = None) -> None:
+        self._extrinsics = extrinsics
+        self.counts = CalibrationCounts()
+        self._waiting: deque[tuple[int, Pixels]] = deque()
+        self._own: dict[int, Projection | None] = {}  # None: refused
+        self._latest: Projection | None = None
+        self._heard = False
+        self._newest_ns = 0
+        self._per_frame: bool | None = None  # None: the stamps have not shown it yet
+        self._recent_images: deque[int] = deque(maxlen=8)
+        self._last_message: tuple[bytes, Projection] | None = None
+        self._complaints: list[str] = []
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the last calibration heard is valid."""
+        return self._latest is not None
+
+    def take_complaints(self) -> list[str]:
+        """What was wrong with messages since the last call."""
+        complaints, self._complaints = self._complaints, []
+        return complaints
+
+    def add_image(self, message: Any) -> list[Frame]:
+        """Take an Image or CompressedImage, give back the frames that are complete now.
+
+        One that breaks the contract is a complaint.
+        """
+        self.counts.images += 1
+        stamp = stamp_to_ns(message.header.stamp)
+        try:
+            pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
+        except MessageError as error:
+            self.counts.refused_images += 1
+            self._complaints.append(str(error))
+            return []
+        if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS < self._newest_ns:
+            # Back to an earlier time: calibrations of the later one say nothing about what is still to come.
+            self._own.clear()
+            self._newest_ns = 0
+        self._recent_images.append(stamp)
+        self._waiting.append((stamp, pixels))
+        return self._complete()
+
+    def add_camera_info(self, message: Any) -> list[Frame]:
+        """Take a CameraInfo, give back the frames that are complete now.
+
+        One that breaks the contract is a complaint; images that would have used it are left out.
+        """
+        self.counts.calibrations += 1
+        stamp = stamp_to_ns(message.header.stamp)
+        try:
+            projection: Projection | None = self._decoded(message)
+        except MessageError as error:
+            self.counts.refused_calibrations += 1
+            self._complaints.append(str(error))
+            projection = None
+        if stamp < self._newest_ns - NANOSECONDS:
+            self._own.clear()
+            self._newest_ns = 0
+        if stamp != 0 and stamp in self._recent_images:
+            self._per_frame = True
+        elif stamp == 0 and self._per_frame is None:
+            self._per_frame = False
+        self._own[stamp] = projection
+        while len(self._own) > _REMEMBERED:
+            del self._own[next(iter(self._own))]
+        self._latest, self._heard = projection, True
+        self._newest_ns = max(self._newest_ns, stamp)
+        return self._complete()
+
+    def flush(self) -> list[Frame]:
+        """The frames that are left when nothing more will come."""
+        return self._complete(final=True)
+
+    def _decoded(self, message: Any) -> Projection:
+        roi = message.roi
+        content = np.concatenate([np.asarray(message.p, np.float64), np.asarray(message.d, np.float64)]).tobytes()
+        sizes = (message.width, message.height, message.binning_x, message.binning_y)
+        content += repr((*map(int, sizes), roi.x_offset, roi.y_offset, roi.width, roi.height)).encode()
+        if self._last_message is not None and self._last_message[0] == content and self._extrinsics is None:
+            return self._last_message[1]
+        projection = decode_camera_info(message, extrinsics=self._extrinsics)
+        self._last_message = (content, projection)
+        return projection
+
+    def _complete(self, final: bool = False) -> list[Frame]:
+        frames: list[Frame] = []
+        while self._waiting:
+            stamp, pixels = self._waiting[0]
+            if stamp in self._own:
+                self._per_frame = True
+                projection = self._own[stamp]
+                for older in [other for other in self._own if other < stamp]:
+                    del self._own[older]
+            elif self._must_wait(stamp, final):
+                break
+            else:
+                projection = self._standing_in(stamp)
+            self._waiting.popleft()
+            frame = self._frame(stamp, pixels, projection)
+            if frame is not None:
+                frames.append(frame)
+        return frames
+
+    def _must_wait(self, stamp: int, final: bool) -> bool:
+        """Whether this image's own calibration, or any at all, may still come."""
+        if final or len(self._waiting) > _PATIENCE:
+            return False
+        if not self._heard:
+            return True
+        if self._per_frame is None:
+            return len(self._waiting) < 2
+        return self._per_frame and self._newest_ns < stamp
+
+    def _standing_in(self, stamp: int) -> Projection | None:
+        """The calibration of an image whose own one is not coming."""
+        if not self._per_frame:
+            if self._heard:
+                self._per_frame = False
+            return self._latest
+        if self._newest_ns < stamp:
+            self._per_frame = None  # they have stopped: the last one holds, if it stays so
+            return self._latest
+        # Its own one was lost on the way. Its neighbours may speak for it as long as nothing was moving.
+        before = [self._own[other] for other in self._own if other < stamp]
+        after = [self._own[other] for other in self._own if other > stamp]
+        if before and after and before[-1] is not None and before[-1] is after[0]:
+            return before[-1]
+        return None
+
+    def _frame(self, stamp: int, pixels: Pixels, projection: Projection | None) -> Frame | None:
+        if projection is None:
+            self.counts.uncalibrated += 1
+            if self._latest is not None or not self._heard:  # else the calibration's own complaint says it
+                self._complaints.append("an image was left out: there is no calibration for it")
+            return None
+        if pixels.shape != (projection.height, projection.width):
+            self.counts.uncalibrated += 1
+            self._complaints.append(
+                f"width, height: the calibration is for an image of {projection.width}×{projection.height} (with"
+                f" binning and roi), the image has {pixels.shape[1]}×{pixels.shape[0]}"
+            )
+            return None
+        return Frame(stamp, pixels, projection)
