@@ -51,7 +51,7 @@ _APPENDAGE = (
 
 
 def left_atrium_surface() -> TriangleMesh:
-    """The atrium about the world origin (the centre of its body), metres, patient axes; closed, some 10,000 triangles."""
+    """The atrium about the world origin (the centre of its body), metres, closed, some 10,000 triangles."""
     return _atrium(_LEFT_SUPERIOR)
 
 

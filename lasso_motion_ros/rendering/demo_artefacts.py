@@ -28,6 +28,8 @@ from lasso_motion_ros.tracker import TrackerState
 
 Array = npt.NDArray[np.float64]
 
+VIDEO, MOTION_PLOT, ERROR_PLOT = "overlay.mp4", "motion.png", "error_2d.png"
+TABLE_TEXT, TABLE_JSON = "table.txt", "table.json"
 CELL_PX = 512
 STRIP_PX = 34
 _STATIC_COLOUR: Colour = (143, 180, 216)
@@ -90,31 +92,38 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
     if not run.pairs:
         raise RecordingError("no image pair was played: there is nothing to show")
     directory = Path(directory)
+    paths = {name: directory / name for name in (VIDEO, MOTION_PLOT, ERROR_PLOT, TABLE_TEXT, TABLE_JSON)}
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        # What this run does not write must not be left from an earlier one.
+        for path in paths.values():
+            path.unlink(missing_ok=True)
     except OSError as error:
-        raise RecordingError(f"{directory}: cannot be created: {error.strerror}") from error
+        raise RecordingError(f"{directory}: cannot be written to: {error.strerror}") from error
 
-    video = directory / "overlay.mp4"
+    video = paths[VIDEO]
     with VideoWriter(video, _frames_per_second(run.pairs)) as writer:
         for number in range(len(run.pairs)):
             writer.write(demo_picture(run, number))
 
     scores = score_pairs(run.truth, run.estimates) if run.truth is not None else ()
-    motion_plot = directory / "motion.png"
+    motion_plot = paths[MOTION_PLOT]
     found, true = _displacements(run, scores)
     title = f"Motion at the lasso since the reference: {run.name}"
     save_figure(motion_figure(_times(run), found, true, title=title), motion_plot)
     if not scores:
         return DemoArtefacts(video, motion_plot, None, None, None, None, ())
 
-    error_plot = directory / "error_2d.png"
+    error_plot = paths[ERROR_PLOT]
     errors = {plane: np.array([score.error_2d_mm.get(plane, np.nan) for score in scores]) for plane in PLANES}
     reference = np.array([score.is_reference for score in scores])
-    save_figure(error_figure(errors, reference, title=f"2-D error of every frame: {run.name}"), error_plot)
+    has_pose = np.array([score.has_pose for score in scores])
+    in_place = np.array([not (score.hidden or score.displaced) for score in scores])
+    title = f"2-D error of every frame: {run.name}"
+    save_figure(error_figure(errors, reference, has_pose, in_place, title=title), error_plot)
 
     summary = summarise(scores)
-    table_text, table_json = directory / "table.txt", directory / "table.json"
+    table_text, table_json = paths[TABLE_TEXT], paths[TABLE_JSON]
     try:
         table_text.write_text(f"{format_table({run.name: summary})}\n\n{_PAPER_NOTE}\n", encoding="utf-8")
         table_json.write_text(json.dumps(report({run.name: scores}), indent=2) + "\n", encoding="utf-8")

@@ -13,10 +13,12 @@ from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.frames import PLANES, Plane
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
 
 TRUTH_COLOUR, FOUND_COLOUR = "#3b4252", "#0a8f4f"
 PLANE_COLOURS: dict[Plane, str] = {"a": "#1f6fb4", "b": "#d1662b"}
 PLANE_MARKERS: dict[Plane, str] = {"a": "o", "b": "s"}
+MISSING_COLOUR, ABSENT_COLOUR = "#f0cfca", "#dfe3e8"
 PAPER_ERROR_MM = 1.0
 
 
@@ -40,7 +42,7 @@ def motion_figure(
         if true_mm is not None:
             axis.plot(times_s, true_mm[:, number], color=TRUTH_COLOUR, linewidth=2.2, alpha=0.55, label="truth")
         axis.plot(times_s, found_mm[:, number], "o-", color=FOUND_COLOUR, markersize=4, linewidth=1, label="published")
-        _mark_missing(axis, times_s[~answered], named=number == 0)
+        _mark(axis, times_s[~answered], MISSING_COLOUR, "no pose" if number == 0 else None)
         axis.set_ylabel(f"{name} (mm)")
     _legend_above(axes[0], columns=3)
     axes[-1].set_xlabel("time since the first pair (s)")
@@ -48,7 +50,7 @@ def motion_figure(
 
 
 def error_figure(
-    errors_mm: Mapping[Plane, Array], reference: npt.NDArray[np.bool_], *, title: str = "2-D error at the lasso"
+    errors_mm: Mapping[Plane, Array], reference: Flags, has_pose: Flags, in_place: Flags, *, title: str = "2-D error"
 ) -> Any:
     """The 2-D error of every frame in both planes.
 
@@ -56,6 +58,9 @@ def error_figure(
         errors_mm: per plane (N,) mean distance between projected model and true centreline, mm at the loop's
             depth; NaN where there was no pose or no truth.
         reference: (N,) the pairs whose motion is the identity by definition: their error is the model's.
+        has_pose: (N,) the pairs in which a pose was published.
+        in_place: (N,) the pairs that show the lasso where the atrium's motion carries it; a pose in any other is
+            false, and marked as such.
         title: what stands above.
 
     Returns:
@@ -76,8 +81,11 @@ def error_figure(
         top = max(top, float(np.nanmax(values, initial=0.0)))
     axis.plot([], [], "o", color="white", markeredgecolor="#555555", markersize=8, label="reference (model error)")
     axis.axhline(PAPER_ERROR_MM, color="#888888", linestyle=":", linewidth=1, label="the paper's mean, 1.0 mm")
-    missing = ~np.isfinite(np.stack([errors_mm[plane] for plane in PLANES])).any(axis=0)
-    _mark_missing(axis, frames[missing], named=True)
+    _mark(axis, frames[in_place & ~has_pose], MISSING_COLOUR, "no pose")
+    _mark(axis, frames[~in_place], ABSENT_COLOUR, "lasso hidden or moved")
+    false = frames[~in_place & has_pose]
+    if len(false):
+        axis.plot(false, np.full(len(false), 1.06 * top), "x", color="#8e0000", markersize=7, label="false pose")
     axis.set_ylim(0.0, 1.1 * top)
     axis.set_xlabel("frame")
     axis.set_ylabel("2-D error (mm, at the loop's depth)")
@@ -98,12 +106,11 @@ def save_figure(figure: Any, path: str | Path) -> None:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _mark_missing(axis: Any, places: npt.NDArray[Any], named: bool) -> None:
-    style = {"color": "#c0392b", "alpha": 0.22, "linewidth": 5}
+def _mark(axis: Any, places: npt.NDArray[Any], colour: str, name: str | None) -> None:
     for place in places:
-        axis.axvline(place, **style)
-    if named and len(places):
-        axis.plot([], [], label="no pose", **style)
+        axis.axvline(place, color=colour, linewidth=5, zorder=0)
+    if name and len(places):
+        axis.plot([], [], color=colour, linewidth=5, label=name)
 
 
 def _legend_above(axis: Any, columns: int) -> None:

@@ -44,6 +44,8 @@ class VideoWriter:
         self._size = (0, 0)
         self._frames = 0
         try:
+            # The library opens the file with the first picture only; a bad path must be said at once.
+            self._path.open("wb").close()
             self._container = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
         except (OSError, av.FFmpegError) as error:
             raise RecordingError(f"{path}: cannot be written: {error}") from error
