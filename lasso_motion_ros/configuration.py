@@ -103,10 +103,53 @@ class SyncConfig:
 
 
 @dataclass(frozen=True)
+class RingConfig:
+    """How far the ring may move by itself, beside its translation (standard deviations)."""
+
+    turn_deg: float = parameter(2.5, "tilt about any axis, and spin", unit="deg", minimum=0.1, maximum=20.0)
+    stretch: float = parameter(0.02, "relative change of size", minimum=0.001, maximum=0.2)
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """Where the loop is looked for."""
+
+    near_mm: float = parameter(
+        12.0, "about the prediction, beyond its own uncertainty; where this fails, everywhere", unit="mm", minimum=2.0
+    )
+    candidates: int = parameter(4, "places aligned and judged before giving up", minimum=1, maximum=20)
+
+
+@dataclass(frozen=True)
+class JudgementConfig:
+    """When a fit is believed."""
+
+    smallest_gain: float = parameter(0.45, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
+    largest_gain: float = parameter(2.2, "likewise, above which it is something else", minimum=1.0)
+    smallest_correlation: float = parameter(0.45, "of image and expected appearance", minimum=0.0, maximum=1.0)
+    smallest_visible: float = parameter(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
+    full_visible: float = parameter(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
+    clear_correlation: float = parameter(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
+    one_plane_s: float = parameter(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
+    degraded_gap_mm: float = parameter(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)
+    lost_gap_mm: float = parameter(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)
+    largest_speed_mm_s: float = parameter(65.0, "faster is a jump, not a breath", unit="mm/s", minimum=1.0)
+    jump_allowance_mm: float = parameter(2.0, "moved at once without being a jump", unit="mm", minimum=0.0)
+    longest_jump_interval_s: float = parameter(1.5, "pause after which speed tells nothing", unit="s", minimum=0.0)
+    displaced_mm: float = parameter(8.0, "off the breathing curve: DISPLACED", unit="mm", minimum=1.0)
+    deeper_breath_mm: float = parameter(
+        20.0, "a breath may go this far beyond the ones before, if foreseeable", unit="mm", minimum=0.0
+    )
+    longest_breath_s: float = parameter(9.0, "by then a whole breath has been seen", unit="s", minimum=1.0)
+
+
+@dataclass(frozen=True)
 class TrackerConfig:
     """All that the tracker's method depends on."""
 
-    method: str = parameter("brost2009", "tracking method", choices=("brost2009",))
+    method: str = parameter(
+        "appearance", "tracking method: ours, or the published one", choices=("appearance", "brost2009")
+    )
     polarity: str = parameter(
         "auto", "the catheter against its background", choices=("auto", "dark", "bright")
     )
@@ -114,6 +157,9 @@ class TrackerConfig:
     model: ModelConfig = field(default_factory=ModelConfig)
     features: FeatureConfig = field(default_factory=FeatureConfig)
     registration: RegistrationConfig = field(default_factory=RegistrationConfig)
+    ring: RingConfig = field(default_factory=RingConfig)
+    search: SearchConfig = field(default_factory=SearchConfig)
+    judgement: JudgementConfig = field(default_factory=JudgementConfig)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,112 @@
+"""What the loop looks like: a strip of the working image along its curve, one per plane.
+
+A strip follows the projected curve; its columns are offsets along the curve's normal in the image. It holds
+the electrodes' pattern, so that it tells the lasso from other wires, and where along the curve one is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
+
+Array = npt.NDArray[np.float64]
+
+HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
+
+
+@dataclass(frozen=True, eq=False)
+class Strip:
+    """Where a strip's samples lie in a working image.
+
+    Attributes:
+        pixels: (L, 2) the projected curve.
+        tangents: (L, 2) unit tangents of the projected curve.
+        normals: (L, 2) unit normals.
+        spacing: (L,) distance between neighbouring curve points, working pixels.
+        step: distance between neighbouring columns, working pixels.
+    """
+
+    pixels: Array
+    tangents: Array
+    normals: Array
+    spacing: Array
+    step: float
+
+    def coordinates(self) -> npt.NDArray[np.float32]:
+        """(L, 2·HALF_WIDTH + 1, 2) sample positions, pixels."""
+        offsets = self.step * np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
+        return np.asarray(
+            self.pixels[:, None, :] + offsets[None, :, None] * self.normals[:, None, :], dtype=np.float32
+        )
+
+    def sample(self, image: WorkingImage) -> Image:
+        """(L, 2·HALF_WIDTH + 1) bilinear values of the working image; zero outside it."""
+        at = self.coordinates()
+        return np.asarray(cv2.remap(image.values, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+
+
+def strip_along(curve: Array, projection: Projection) -> Strip:
+    """The strip along a curve (L, 3) of world metres under a projection to working pixels."""
+    pixels = projection.project(curve)
+    steps = np.gradient(pixels, axis=0)
+    spacing = np.linalg.norm(steps, axis=1)
+    tangents = steps / np.maximum(spacing, 1e-9)[:, None]
+    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    step = PIXEL_MM / projection.millimetres_per_pixel(curve.mean(axis=0))
+    return Strip(pixels, tangents, normals, spacing, step)
+
+
+class Appearance:
+    """The running mean of a plane's strips, each sampled where the loop was found."""
+
+    LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
+
+    def __init__(self, first: Image) -> None:
+        self.values = smooth(first)
+        self._count = 1
+
+    def update(self, strip: Image) -> None:
+        """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair in which the loop was surely found."""
+        self._count = min(self._count + 1, self.LONGEST_MEMORY)
+        self.values = self.values + (smooth(strip) - self.values) / self._count
+
+
+def smooth(strip: Image) -> Image:
+    """Remove what is finer than the working image's own blur: only noise is."""
+    return np.asarray(cv2.GaussianBlur(strip, (0, 0), 0.6), dtype=np.float32)
+
+
+def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDArray[np.int64]]:
+    """Lay a strip's values back into the image plane: the matched filter for a search.
+
+    Args:
+        values: (L, 2·HALF_WIDTH + 1) appearance.
+        strip: where it would lie.
+        cell_px: size of a search cell, working pixels.
+
+    Returns:
+        (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its first element.
+    """
+    at = strip.coordinates().reshape(-1, 2).astype(np.float64) / cell_px + (0.5 / cell_px - 0.5)
+    low = np.floor(at.min(axis=0)).astype(np.int64) - 1
+    width, height = np.ceil(at.max(axis=0)).astype(np.int64) + 2 - low
+    corner = np.floor(at).astype(np.int64) - low
+    fraction = at - np.floor(at)
+    density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
+    weighted, weight = np.zeros(width * height), np.zeros(width * height)
+    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        share = density * np.abs(1 - dx - fraction[:, 0]) * np.abs(1 - dy - fraction[:, 1])
+        index = (corner[:, 1] + dy) * width + corner[:, 0] + dx
+        weighted += np.bincount(index, share * values.ravel(), width * height)
+        weight += np.bincount(index, share, width * height)
+    # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
+    kernel = weighted / np.maximum(weight, 0.25 * weight.max())
+    inside = weight > 0.05 * weight.max()
+    kernel = np.where(inside, kernel - kernel[inside].mean(), 0.0).reshape(height, width)
+    return np.asarray(kernel / max(float(np.linalg.norm(kernel)), 1e-12), dtype=np.float32), low

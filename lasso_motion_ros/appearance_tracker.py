@@ -1,0 +1,291 @@
+"""Our method: the loop is found by its appearance in both planes, its motion filtered in time, and judged."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align
+from lasso_motion_ros.appearance import Appearance, strip_along
+from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.errors import TrackingError
+from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_seen
+from lasso_motion_ros.loop_model import LoopModel, build_loop_model
+from lasso_motion_ros.respiration import Observation, RespiratoryMotion
+from lasso_motion_ros.search import find_peaks, join_peaks
+from lasso_motion_ros.tracker import TrackerState, TrackResult
+from lasso_motion_ros.transforms import rotation_from_vector
+from lasso_motion_ros.working_image import WorkingImage, working_image
+
+Array = npt.NDArray[np.float64]
+
+# What an alignment's own covariance leaves out: the background that moves behind the loop, its interpolation.
+IMAGE_COVARIANCE_FACTOR = 2.0
+SYSTEMATIC_M = 3e-5
+# An unforeseen part of the motion between the two planes' exposures, per second.
+UNFORESEEN_SPEED_M_S = 0.03
+BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
+FIXED_ROTATION_RAD = np.radians(1.0)  # standard deviation of the atrium's rotation, which is not estimated
+
+
+@dataclass(frozen=True, eq=False)
+class _Finding:
+    """An alignment that was looked at, and what it was worth."""
+
+    alignment: Alignment
+    seen: tuple[Plane, ...]
+    gap_mm: float
+    gap_limit_mm: float
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """More planes that agree is better, then higher correlation."""
+        agreed = len(self.seen) if self.gap_mm <= self.gap_limit_mm else 0
+        return agreed, sum(self.alignment.planes[p].correlation for p in self.seen)
+
+
+class AppearanceTracker:
+    """Find the loop anywhere, align it to sub-pixel, filter, judge; publish nothing that is not believed."""
+
+    def __init__(self, config: TrackerConfig) -> None:
+        self._config = config
+        self._prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
+        self._model: LoopModel | None = None
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        """Build model and appearance from the clicks on `pair`; its motion is the identity.
+
+        Raises:
+            SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
+            ReconstructionError: no 3-D loop explains the clicks.
+        """
+        model = build_loop_model(pair, seed, self._config)
+        frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
+        appearances = {}
+        for plane, frame in frames.items():
+            image = working_image(frame, model.centre, bright=model.bright, shift=model.shifts[plane])
+            strip = strip_along(model.points, image.projection)
+            appearances[plane] = Appearance(strip.sample(image))
+        # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
+        self._model = model
+        self._appearances = appearances
+        self._start_ns = pair.stamp_ns
+        self._respiration = RespiratoryMotion(0.0, max(0.0, self._seconds(frames["b"].stamp_ns)))
+        self._envelope = BreathingEnvelope(self._config.judgement)
+        self._reference = np.zeros(3)
+        self._reference_stamp_ns = self._last_stamp_ns = pair.stamp_ns
+        self._displacement: Array | None = np.zeros(3)
+        self._turn, self._stretch = np.zeros(3), 0.0
+        self._displaced = ""
+        self._both_seen_s = 0.0
+        return self._result(pair, TrackerState.TRACKING, "", model.points)
+
+    def track(self, pair: FramePair) -> TrackResult:
+        """Find the loop in the next pair.
+
+        Raises:
+            TrackingError: no model yet.
+        """
+        model = self._require_model()
+        time_s = self._seconds(pair.stamp_ns)
+        self._last_stamp_ns, self._displacement = pair.stamp_ns, None
+        finding = self._find(pair, near=True)
+        if finding is None or finding.rank[0] < 2:
+            anywhere = self._find(pair, near=False)
+            if finding is None or (anywhere is not None and anywhere.rank > finding.rank):
+                finding = anywhere
+        if finding is None or not finding.seen:
+            return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
+        if finding.gap_mm > finding.gap_limit_mm:
+            reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
+            return self._result(pair, TrackerState.LOST, reason, None)
+        state, reason = self._degradation(pair, finding, time_s)
+        if state is TrackerState.LOST:
+            return self._result(pair, state, reason, None)
+        predicted = self._respiration.predict(time_s).displacement
+        trial = self._respiration.copy()
+        self._observe(trial, pair, finding, time_s)
+        displacement = trial.at_a.displacement
+        departure = self._displaced or self._envelope.departure(time_s, displacement, predicted)
+        rotation = rotation_from_vector(finding.alignment.turn) * np.exp(finding.alignment.stretch)
+        loop = model.centre + displacement + model.arms @ rotation.T
+        if departure:
+            if len(finding.seen) == 2:
+                # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
+                self._displaced = departure
+                self._displacement = displacement
+                return self._result(pair, TrackerState.DISPLACED, departure, loop)
+            return self._result(pair, TrackerState.LOST, departure, None)
+        self._respiration, self._displacement = trial, displacement
+        if len(finding.seen) == 2:
+            self._both_seen_s = time_s
+            self._envelope.accept(time_s, displacement)
+            self._respiration.learn(displacement)
+            self._turn, self._stretch = 0.5 * finding.alignment.turn, 0.5 * finding.alignment.stretch
+            if state is TrackerState.TRACKING:
+                for plane in finding.seen:
+                    self._appearances[plane].update(finding.alignment.planes[plane].strip)
+        return self._result(pair, state, reason, loop)
+
+    def reset(self) -> None:
+        """Forget model and motion."""
+        self._model = None
+
+    def set_reference(self) -> None:
+        """Make the present phase the reference; a lasso that was moved is taken to be where it belongs.
+
+        Raises:
+            TrackingError: no model yet, or the lasso is not seen.
+        """
+        self._require_model()
+        if self._displacement is None:
+            raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
+        self._reference, self._reference_stamp_ns = self._displacement, self._last_stamp_ns
+        if self._displaced:
+            self._displaced = ""
+            self._envelope = BreathingEnvelope(self._config.judgement, self._displacement, self._seconds(self._last_stamp_ns))
+
+    def _require_model(self) -> LoopModel:
+        if self._model is None:
+            raise TrackingError("there is no model to track: seed the tracker first")
+        return self._model
+
+    def _seconds(self, stamp_ns: int) -> float:
+        return (stamp_ns - self._start_ns) * 1e-9
+
+    def _exposures(self, pair: FramePair) -> dict[Plane, float]:
+        """Times of exposure since the start, seconds; B's never before A's (jitter)."""
+        time_s = self._seconds(pair.stamp_ns)
+        times: dict[Plane, float] = {}
+        if pair.a is not None:
+            times["a"] = time_s
+        if pair.b is not None:
+            times["b"] = max(time_s, self._seconds(pair.b.stamp_ns))
+        return times
+
+    def _find(self, pair: FramePair, *, near: bool) -> _Finding | None:
+        """The best-ranked finding among the candidates, near the prediction or anywhere in the images."""
+        model = self._require_model()
+        times = self._exposures(pair)
+        expected: dict[Plane, Array] = {}
+        foreseen = self._respiration.predict(self._seconds(pair.stamp_ns))
+        if "a" in times:
+            expected["a"] = model.centre + foreseen.displacement
+        if "b" in times:
+            expected["b"] = model.centre + self._respiration.expected_between(times["b"]).displacement
+        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
+        reach_mm = model.radius_mm + BAND_MARGIN_MM + self._config.search.near_mm + min(uncertainty_mm, 20.0)
+        images: dict[Plane, WorkingImage] = {}
+        peaks = {}
+        for plane in times:
+            frame = pair.frame(plane)
+            if frame is None:
+                continue
+            images[plane] = working_image(
+                frame,
+                expected[plane],
+                bright=model.bright,
+                shift=model.shifts[plane],
+                reach_mm=reach_mm if near else None,
+            )
+            peaks[plane] = find_peaks(images[plane], self._appearances[plane].values, expected[plane] + model.arms)
+        slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
+        covariance = foreseen.covariance + 0.004**2 * np.eye(3)
+        best: _Finding | None = None
+        for candidate in join_peaks(peaks, expected, covariance, slack_m, self._config.search.candidates):
+            finding = self._judge(
+                align(
+                    images,
+                    {plane: self._appearances[plane].values for plane in images},
+                    model.arms,
+                    candidate.centres,
+                    self._prior,
+                    self._turn,
+                    self._stretch,
+                ),
+                images,
+                times,
+            )
+            if best is None or finding.rank > best.rank:
+                best = finding
+            if best.rank[0] == len(times):
+                break
+        return best
+
+    def _judge(self, alignment: Alignment, images: dict[Plane, WorkingImage], times: dict[Plane, float]) -> _Finding:
+        config = self._config.judgement
+        seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
+        if len(seen) < 2:
+            # What only one plane shows must be clear there.
+            return _Finding(alignment, tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config)), 0.0, 1.0)
+        a, b = alignment.planes["a"], alignment.planes["b"]
+        model = self._require_model()
+        trial = self._respiration.copy()
+        trial.observe(times["a"], a=self._observation(a))
+        between = trial.expected_between(times["b"])
+        rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
+        gap, across = epipolar_gap(rays["a"], rays["b"], model.centre + between.displacement, b.centre)
+        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across))
+        limit = max(config.lost_gap_mm, 4.0 * slack_mm) if times["b"] > times["a"] + 1e-3 else config.lost_gap_mm
+        return _Finding(alignment, seen, 1e3 * abs(gap), limit)
+
+    def _degradation(self, pair: FramePair, finding: _Finding, time_s: float) -> tuple[TrackerState, str]:
+        """TRACKING, or why not."""
+        config = self._config.judgement
+        if len(finding.seen) == 1:
+            other = "B" if finding.seen == ("a",) else "A"
+            missing = "missing" if pair.frame("b" if other == "B" else "a") is None else "without a sight of the lasso"
+            alone_s = time_s - self._both_seen_s
+            if alone_s > config.one_plane_s:
+                return TrackerState.LOST, f"plane {other} {missing} for {alone_s:.1f} s"
+            return TrackerState.DEGRADED, f"plane {other} {missing}: depth from the breathing so far"
+        share = min(finding.alignment.planes[p].visible for p in finding.seen)
+        if share < config.full_visible:
+            return TrackerState.DEGRADED, f"only {100 * share:.0f} % of the lasso is seen"
+        if finding.gap_mm > config.degraded_gap_mm * finding.gap_limit_mm / config.lost_gap_mm:
+            return TrackerState.DEGRADED, f"the planes disagree by {finding.gap_mm:.1f} mm"
+        return TrackerState.TRACKING, ""
+
+    def _observation(self, fit: PlaneFit) -> Observation:
+        model = self._require_model()
+        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + SYSTEMATIC_M**2 * np.eye(2)
+        return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
+
+    def _observe(self, respiration: RespiratoryMotion, pair: FramePair, finding: _Finding, time_s: float) -> None:
+        times, planes = self._exposures(pair), finding.alignment.planes
+        if "a" in finding.seen:
+            respiration.observe(time_s, a=self._observation(planes["a"]))
+        respiration.mark_a(time_s)
+        if "b" in finding.seen:
+            respiration.observe(times["b"], b=self._observation(planes["b"]))
+
+    def _result(self, pair: FramePair, state: TrackerState, reason: str, loop: Array | None) -> TrackResult:
+        result = TrackResult(
+            stamp_ns=pair.stamp_ns,
+            state=state,
+            reason=reason,
+            motion=None,
+            covariance=None,
+            loop=loop,
+            reference_stamp_ns=self._reference_stamp_ns,
+        )
+        if not state.has_pose or self._displacement is None:
+            return result
+        motion = np.eye(4)
+        motion[:3, 3] = self._displacement - self._reference
+        return replace(result, motion=motion, covariance=self._pose_covariance())
+
+    def _pose_covariance(self) -> Array:
+        """(6, 6) of the motion at the world origin; the rotation is held fixed and has its prior's variance."""
+        model = self._require_model()
+        x, y, z = model.centre + self._reference
+        # A rotation θ about the ring's centre c displaces the world origin by −θ × c = [c]ₓ θ.
+        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
+        at_ring = np.zeros((6, 6))
+        at_ring[:3, :3] = self._respiration.at_a.covariance
+        at_ring[3:, 3:] = FIXED_ROTATION_RAD**2 * np.eye(3)
+        return np.asarray(jacobian @ at_ring @ jacobian.T)

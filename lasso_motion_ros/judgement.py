@@ -1,0 +1,129 @@
+"""What a fit is worth: is the loop there, do the planes agree, is this breathing?"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.alignment import PlaneFit
+from lasso_motion_ros.configuration import JudgementConfig
+from lasso_motion_ros.curves import distance_to_curve
+
+Array = npt.NDArray[np.float64]
+
+LONGEST_TRAJECTORY = 600  # accepted pairs kept
+FIRST_AXIS_SPREAD_M = 0.003  # motion seen before its axis is believed
+FIRST_BREATH_REACH_M = 0.040  # along that axis, before a whole breath has been seen
+REVERSAL_SHARE = 0.3  # of the range so far: a turn of the breathing, not a jitter
+
+
+def is_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
+    """Whether one plane shows the loop, on top of what the other plane says."""
+    return (
+        config.smallest_gain <= fit.gain <= config.largest_gain
+        and fit.correlation >= config.smallest_correlation
+        and fit.visible >= config.smallest_visible
+    )
+
+
+def is_clearly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
+    """Whether one plane alone is good enough to rest a pose on."""
+    return is_seen(fit, config) and fit.visible >= config.full_visible and fit.correlation >= config.clear_correlation
+
+
+def epipolar_gap(ray_a: Array, ray_b: Array, centre_a: Array, centre_b: Array) -> tuple[float, Array]:
+    """How far two planes' rays through the loop's centre pass each other.
+
+    Args:
+        ray_a: (3,) direction of plane A's ray.
+        ray_b: (3,) direction of plane B's.
+        centre_a: (3,) a point on plane A's ray, world metres.
+        centre_b: (3,) a point on plane B's, moved to plane A's time.
+
+    Returns:
+        The signed gap in metres, and the (3,) unit direction along which it was measured.
+    """
+    across = np.cross(ray_a, ray_b)
+    across /= np.linalg.norm(across)
+    return float(across @ (centre_b - centre_a)), across
+
+
+class BreathingEnvelope:
+    """Where breathing has taken the loop so far, and so where it may be.
+
+    Until a whole breath has been seen, the loop may go far along the axis of the motion, or anywhere while
+    no axis has shown; afterwards it has to stay near its trajectory, or leave it as a deeper breath does:
+    along the axis and foreseeably.
+    """
+
+    def __init__(self, config: JudgementConfig, first: Array | None = None, time_s: float = 0.0) -> None:
+        """Start at a displacement (3,) m, zero unless given, and a time."""
+        self._config = config
+        self._points = np.zeros((1, 3)) if first is None else first[None]
+        self._last_time_s = self._first_time_s = time_s
+        self._complete = False
+
+    def departure(self, time_s: float, displacement: Array, predicted: Array) -> str:
+        """Why a displacement (3,) m at a time cannot be breathing, in plain words; empty if it can.
+
+        Args:
+            time_s: of plane A's exposure, since the reference.
+            displacement: (3,) found, metres.
+            predicted: (3,) foreseen from the motion so far, metres.
+        """
+        config = self._config
+        interval = max(time_s - self._last_time_s, 1e-3)
+        if interval <= config.longest_jump_interval_s:
+            moved = 1e3 * float(np.linalg.norm(displacement - self._points[-1]))
+            if moved > config.largest_speed_mm_s * interval + config.jump_allowance_mm:
+                return f"jumped {moved:.0f} mm in {interval:.2f} s, faster than breathing"
+        mean = self._points.mean(axis=0)
+        axis, spread = _principal_axis(self._points)
+        if not self._complete and spread < FIRST_AXIS_SPREAD_M:
+            distance = 1e3 * float(np.linalg.norm(displacement - mean))
+            return f"{distance:.0f} mm from where it was" if distance > 1e3 * FIRST_BREATH_REACH_M else ""
+        curve = self._points
+        if not self._complete:
+            curve = np.vstack([mean - FIRST_BREATH_REACH_M * axis, mean + FIRST_BREATH_REACH_M * axis])
+        distance = 1e3 * float(distance_to_curve(displacement[None], curve)[0])
+        if distance <= config.displaced_mm:
+            return ""
+        along = (curve - mean) @ axis
+        beyond = float((displacement - mean) @ axis)
+        beyond -= float(np.clip(beyond, along.min(), along.max()))
+        sideways = 1e3 * float(np.sqrt(max((distance * 1e-3) ** 2 - beyond**2, 0.0)))
+        leap = 1e3 * float(np.linalg.norm(displacement - predicted))
+        if sideways <= config.displaced_mm and leap <= config.displaced_mm and distance <= config.deeper_breath_mm:
+            return ""
+        return f"{distance:.0f} mm off the breathing curve"
+
+    def accept(self, time_s: float, displacement: Array) -> None:
+        """Take a displacement (3,) m at a time as breathing."""
+        self._points = np.vstack([self._points, displacement])[-LONGEST_TRAJECTORY:]
+        self._last_time_s = time_s
+        if not self._complete:
+            long_enough = time_s - self._first_time_s > self._config.longest_breath_s
+            self._complete = long_enough or _count_turns(self._points) >= 3
+
+
+def _principal_axis(points: Array) -> tuple[Array, float]:
+    """(3,) direction of largest spread, and the standard deviation along it."""
+    _, singular, directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return directions[0], float(singular[0] / np.sqrt(len(points)))
+
+
+def _count_turns(points: Array) -> int:
+    """Reversals along the principal axis, larger than a share of the range."""
+    axis, _ = _principal_axis(points)
+    along = points @ axis
+    threshold = max(REVERSAL_SHARE * float(np.ptp(along)), 1.5e-3)
+    turns, heading, extreme = 0, 0, float(along[0])
+    for value in along[1:]:
+        if heading == 0:
+            if abs(value - extreme) > threshold:
+                heading, extreme = (1 if value > extreme else -1), float(value)
+        elif heading * (value - extreme) > 0.0:
+            extreme = float(value)
+        elif heading * (extreme - value) > threshold:
+            turns, heading, extreme = turns + 1, -heading, float(value)
+    return turns

@@ -1,0 +1,206 @@
+"""The motion of the loop's centre in time: a Gaussian process, filtered exposure by exposure.
+
+Every exposure of a plane measures the centre across its ray, at its own time. A Kalman filter over a
+stationary process joins them: it brackets plane A's exposure between two of plane B's, carries the depth over
+a missing plane, predicts the next pair and gives the covariance of all that. The process is a Matérn-5/2 in
+state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to temporal Gaussian
+process regression models", MLSP 2010), its directional covariance learned from the motion so far: breathing
+nearly follows a line, so depth follows from height.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+# Blocks of three (x, y, z) in the state.
+POSITION, VELOCITY, ACCELERATION, HEARTBEAT, MEAN, ORIGIN_B, AT_A = (slice(3 * i, 3 * i + 3) for i in range(7))
+SIZE = 21
+
+FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
+SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
+FIRST_SPREAD_WEIGHT = 3.0  # pairs
+TIME_SCALE_S = 0.9  # of breathing; a period of 4 s has 0.64 s per radian
+HEARTBEAT_SPREAD_M = 0.0005
+HEARTBEAT_TIME_SCALE_S = 0.12
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The centre's displacement since the reference, at one time.
+
+    Attributes:
+        displacement: (3,) metres, world frame.
+        covariance: (3, 3) m².
+    """
+
+    displacement: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """A plane's view of the displacement.
+
+    Attributes:
+        across: (2, 3) unit vectors across the ray.
+        value: (2,) the displacement along them, metres.
+        covariance: (2, 2) m².
+    """
+
+    across: Array
+    value: Array
+    covariance: Array
+
+
+class RespiratoryMotion:
+    """Filter for the displacement of the loop's centre; at the reference's exposure in plane A it is zero.
+
+    Plane B's first exposure may be later: what the loop had moved until then is a part of the state
+    (`ORIGIN_B`), since plane B's appearance, and so its every measurement, refers to it.
+    """
+
+    def __init__(self, time_a_s: float, time_b_s: float) -> None:
+        """Start at the reference pair's two times of exposure, seconds."""
+        self._time_s = time_a_s
+        self._scatter = FIRST_SPREAD_WEIGHT * FIRST_SPREAD_M**2 * np.eye(3)
+        self._scatter_weight = FIRST_SPREAD_WEIGHT
+        self._scatter_mean = np.zeros(3)
+        self._state = np.zeros(SIZE)
+        self._covariance = np.zeros((SIZE, SIZE))
+        spread = self.spread
+        self._covariance[:9, :9] = _stationary(spread)
+        self._covariance[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * np.eye(3)
+        self._covariance[MEAN, MEAN] = spread
+        # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
+        self._update(_displacement(), np.zeros(3), 1e-14 * np.eye(3))
+        self._clone(AT_A)
+        self._advance(time_b_s)
+        self._clone(ORIGIN_B)
+
+    def copy(self) -> RespiratoryMotion:
+        """An independent filter in the same state; arrays are never changed in place, so they are shared."""
+        return copy.copy(self)
+
+    @property
+    def spread(self) -> Array:
+        """(3, 3) covariance of the motion about its mean, learned so far, m²."""
+        return np.asarray(self._scatter / self._scatter_weight + SMALLEST_SPREAD_M**2 * np.eye(3))
+
+    @property
+    def mean(self) -> Array:
+        """(3,) mean displacement so far, metres."""
+        return self._scatter_mean.copy()
+
+    def predict(self, time_s: float) -> Estimate:
+        """The displacement expected at a later time, nothing being changed."""
+        state, covariance = self._propagated(time_s)
+        h = _displacement()
+        return Estimate(h @ state, h @ covariance @ h.T)
+
+    def expected_between(self, time_s: float) -> Estimate:
+        """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
+        state, covariance = self._propagated(time_s)
+        h = _displacement()
+        h[:, ORIGIN_B] = -np.eye(3)
+        return Estimate(h @ state, h @ covariance @ h.T)
+
+    def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> None:
+        """Take in one exposure's measurements; times must not decrease.
+
+        After plane A's, `at_a` refers to this time; later exposures of plane B still sharpen it.
+        """
+        self._advance(time_s)
+        if a is not None:
+            h = a.across @ _displacement()
+            self._update(h, a.value, a.covariance)
+        if b is not None:
+            h = _displacement()
+            h[:, ORIGIN_B] = -np.eye(3)
+            self._update(b.across @ h, b.value, b.covariance)
+
+    def mark_a(self, time_s: float) -> None:
+        """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
+        self._advance(time_s)
+        self._clone(AT_A)
+
+    @property
+    def at_a(self) -> Estimate:
+        """The displacement at plane A's last exposure, with all that came since."""
+        return Estimate(self._state[AT_A].copy(), self._covariance[AT_A, AT_A].copy())
+
+    def learn(self, displacement: Array) -> None:
+        """Learn the directions of the motion from one sure displacement (3,) m."""
+        self._scatter_weight += 1.0
+        delta = displacement - self._scatter_mean
+        self._scatter_mean = self._scatter_mean + delta / (self._scatter_weight - FIRST_SPREAD_WEIGHT + 1.0)
+        self._scatter = self._scatter + np.outer(delta, displacement - self._scatter_mean)
+
+    def _propagated(self, time_s: float) -> tuple[Array, Array]:
+        interval = max(0.0, time_s - self._time_s)
+        phi = np.eye(SIZE)
+        matern = _matern_transition(interval)
+        phi[:9, :9] = np.kron(matern, np.eye(3))
+        decay = np.exp(-interval / HEARTBEAT_TIME_SCALE_S)
+        phi[HEARTBEAT, HEARTBEAT] = decay * np.eye(3)
+        noise = np.zeros((SIZE, SIZE))
+        stationary = _stationary(self.spread)
+        noise[:9, :9] = stationary - phi[:9, :9] @ stationary @ phi[:9, :9].T
+        noise[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * np.eye(3)
+        covariance = phi @ self._covariance @ phi.T + noise
+        return phi @ self._state, 0.5 * (covariance + covariance.T)
+
+    def _advance(self, time_s: float) -> None:
+        if time_s > self._time_s:
+            self._state, self._covariance = self._propagated(time_s)
+            self._time_s = time_s
+
+    def _clone(self, block: slice) -> None:
+        mapping = np.eye(SIZE)
+        mapping[block] = _displacement()
+        self._state = mapping @ self._state
+        self._covariance = mapping @ self._covariance @ mapping.T
+
+    def _update(self, h: Array, value: Array, noise: Array) -> None:
+        cross = self._covariance @ h.T
+        gain = np.linalg.solve(h @ cross + noise, cross.T).T
+        self._state = self._state + gain @ (value - h @ self._state)
+        keep = np.eye(SIZE) - gain @ h
+        # Joseph's form stays positive where nearly noise-free measurements would not.
+        self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+
+
+def _displacement() -> Array:
+    """(3, SIZE) the displacement as a function of the state."""
+    h = np.zeros((3, SIZE))
+    h[:, POSITION] = h[:, HEARTBEAT] = h[:, MEAN] = np.eye(3)
+    return h
+
+
+def _matern_transition(interval_s: float) -> Array:
+    """(3, 3) transition of value, slope and curvature of a Matérn-5/2 process over an interval."""
+    lam = np.sqrt(5.0) / TIME_SCALE_S
+    t = interval_s
+    lt = lam * t
+    return np.asarray(
+        np.exp(-lt)
+        * np.array(
+            [
+                [1 + lt + lt**2 / 2, t * (1 + lt), t**2 / 2],
+                [-(lam**3) * t**2 / 2, 1 + lt - lt**2, t * (1 - lt / 2)],
+                [lam**3 * t * (lt / 2 - 1), lam**2 * t * (lt - 3), 1 - 2 * lt + lt**2 / 2],
+            ]
+        )
+    )
+
+
+def _stationary(spread: Array) -> Array:
+    """(9, 9) stationary covariance of value, slope and curvature for a directional covariance (3, 3)."""
+    lam = np.sqrt(5.0) / TIME_SCALE_S
+    kappa = lam**2 / 3.0
+    return np.kron(np.array([[1.0, 0.0, -kappa], [0.0, kappa, 0.0], [-kappa, 0.0, lam**4]]), spread)

@@ -1,0 +1,140 @@
+"""Global search for the loop: one correlation per plane, then peaks of both planes joined along their rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.appearance import Image, render, strip_along
+from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.working_image import WorkingImage
+
+Array = npt.NDArray[np.float64]
+
+CELL_PX = 2  # working pixels per search cell: about half a millimetre at the loop
+PEAKS = 24  # per plane
+PEAK_RADIUS_CELLS = 3
+SCORE_CEILING = 25.0  # so that neither plane can drown the other
+RAY_TOLERANCE_M = 0.002
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """Places where the loop may be in one plane, best first.
+
+    Attributes:
+        scores: (K,) correlation with the loop's appearance, in units of the map's root mean square.
+        pixels: (K, 2) where the loop's centre would be, working pixels, to a fraction of one.
+        image: the working image.
+    """
+
+    scores: Array
+    pixels: Array
+    image: WorkingImage
+
+
+@dataclass(frozen=True, eq=False)
+class SearchCandidate:
+    """A place where the loop may be.
+
+    Attributes:
+        score: sum of both planes' scores, less what speaks against it.
+        centres: per plane, (3,) the loop's centre as that plane sees it, world metres.
+    """
+
+    score: float
+    centres: dict[Plane, Array]
+
+
+def find_peaks(image: WorkingImage, appearance: Image, curve: Array) -> Peaks:
+    """Correlate a plane's working image with the loop's appearance and take the highest local maxima.
+
+    Args:
+        image: the plane.
+        appearance: (L, 2·HALF_WIDTH + 1) strip values.
+        curve: (L, 3) the loop about where it is expected, world metres.
+    """
+    kernel, first_cell = render(appearance, strip_along(curve, image.projection), CELL_PX)
+    height, width = (size // CELL_PX for size in image.values.shape)
+    cells = cv2.resize(image.values[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA)
+    # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
+    pad_y, pad_x = kernel.shape
+    cells = cv2.copyMakeBorder(cells, pad_y // 2, pad_y // 2, pad_x // 2, pad_x // 2, cv2.BORDER_CONSTANT)
+    if cells.shape[0] < pad_y or cells.shape[1] < pad_x:
+        return Peaks(np.zeros(0), np.zeros((0, 2)), image)
+    scores = cv2.matchTemplate(cells, kernel, cv2.TM_CCORR)
+    scores = scores / max(float(np.sqrt(np.mean(scores * scores))), 1e-6)
+    size = 2 * PEAK_RADIUS_CELLS + 1
+    is_peak = scores >= cv2.dilate(scores, np.ones((size, size), np.uint8))
+    is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
+    y, x = np.nonzero(is_peak)
+    best = np.argsort(scores[y, x], kind="stable")[::-1][:PEAKS]
+    y, x = y[best], x[best]
+    dx = _parabola(scores[y, x - 1], scores[y, x], scores[y, x + 1])
+    dy = _parabola(scores[y - 1, x], scores[y, x], scores[y + 1, x])
+    centre_cell = (image.projection.project(curve.mean(axis=0)) + 0.5) / CELL_PX - 0.5
+    to_centre = centre_cell - first_cell - np.array([pad_x // 2, pad_y // 2])
+    pixels = (np.stack([x + dx, y + dy], axis=1) + to_centre + 0.5) * CELL_PX - 0.5
+    return Peaks(scores[y, x].astype(np.float64), pixels, image)
+
+
+def join_peaks(
+    peaks: dict[Plane, Peaks], expected: dict[Plane, Array], covariance: Array, slack_m: float, count: int
+) -> list[SearchCandidate]:
+    """Candidates from the peaks of one or two planes, best first.
+
+    Args:
+        peaks: the planes that take part.
+        expected: per plane, (3,) where its loop centre is expected, world metres.
+        covariance: (3, 3) of that expectation, m²: a mild preference among equals, never a gate.
+        slack_m: how far the loop may have moved, unforeseen, between the two exposures.
+        count: how many to return at most.
+    """
+    found: list[SearchCandidate] = []
+    if len(peaks) == 1:
+        (plane, only), *_ = peaks.items()
+        for score, pixel in zip(only.scores, only.pixels, strict=True):
+            centre = _on_ray(only, pixel, expected[plane])
+            found.append(SearchCandidate(min(float(score), SCORE_CEILING), {plane: centre}))
+    else:
+        a, b = peaks["a"], peaks["b"]
+        apart = expected["b"] - expected["a"]
+        rays_a, rays_b = a.image.projection.rays(a.pixels), b.image.projection.rays(b.pixels)
+        source_a, source_b = a.image.projection.source, b.image.projection.source - apart
+        # Nearest points of every ray of A to every ray of B, once B's are moved back by the expected motion.
+        cosine = rays_a @ rays_b.T
+        across = source_b - source_a
+        from_a, from_b = rays_a @ across, rays_b @ across
+        determinant = np.maximum(1.0 - cosine**2, 1e-6)
+        along_a = (from_a[:, None] - cosine * from_b[None]) / determinant
+        along_b = (cosine * from_a[:, None] - from_b[None]) / determinant
+        on_a = source_a + along_a[..., None] * rays_a[:, None]
+        on_b = source_b + along_b[..., None] * rays_b[None]
+        gap = np.linalg.norm(on_a - on_b, axis=-1)
+        middle = 0.5 * (on_a + on_b) - expected["a"]
+        distance = np.einsum("ijk,kl,ijl->ij", middle, np.linalg.inv(covariance), middle)
+        score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
+        score = score - np.minimum(0.1 * distance, 2.0)
+        score = np.where(gap < RAY_TOLERANCE_M + slack_m, score, -np.inf)
+        for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
+            i, j = np.unravel_index(int(index), score.shape)
+            if np.isfinite(score[i, j]):
+                found.append(SearchCandidate(float(score[i, j]), {"a": on_a[i, j], "b": on_b[i, j] + apart}))
+    return sorted(found, key=lambda c: -c.score)[:count]
+
+
+def _parabola(before: Image, at: Image, after: Image) -> Array:
+    curvature = before - 2.0 * at + after
+    fraction = np.where(curvature < 0.0, 0.5 * (before - after) / np.where(curvature < 0.0, curvature, 1.0), 0.0)
+    return np.asarray(np.clip(fraction, -0.5, 0.5), dtype=np.float64)
+
+
+def _on_ray(peaks: Peaks, pixel: Array, near: Array) -> Array:
+    """The point on a pixel's ray at another point's depth."""
+    projection = peaks.image.projection
+    ray = projection.rays(pixel)
+    scale = float(projection.depth(near)) / float(ray @ projection.viewing_direction)
+    return np.asarray(projection.source + scale * ray)

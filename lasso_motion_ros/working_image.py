@@ -1,0 +1,85 @@
+"""The image that search and alignment work on: reduced, band-passed, in units of its local noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.frames import Frame
+from lasso_motion_ros.geometry import Projection
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+# Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm long.
+PIXEL_MM = 0.25
+FINE_SIGMA_PX = 0.8
+COARSE_SIGMA_PX = 4.0
+NOISE_WINDOW_PX = 61
+CLIP = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingImage:
+    """A plane's image at about a quarter of a millimetre per pixel at the loop.
+
+    Attributes:
+        values: (h, w) float32, band-passed and divided by the local root mean square, clipped to ±4: positive
+            on the catheter whatever its polarity. Equal weight to both planes and to bright and dark regions
+            follows from that division.
+        projection: world metres to *these* pixels.
+    """
+
+    values: Image
+    projection: Projection
+
+
+def reduction_factor(projection: Projection, centre: Array) -> int:
+    """How many pixels of the full image make one working pixel at a world point's depth."""
+    return max(1, round(PIXEL_MM / projection.millimetres_per_pixel(centre)))
+
+
+def working_image(
+    frame: Frame, centre: Array, *, bright: bool, shift: Array, reach_mm: float | None = None
+) -> WorkingImage:
+    """Reduce and band-pass a frame, or a square of it.
+
+    Args:
+        frame: the plane's frame.
+        centre: (3,) where the loop is about, world metres.
+        bright: True where the catheter is brighter than its background.
+        shift: (2,) pixels by which this plane's images lie off its calibration, absorbed at the seed.
+        reach_mm: half the side of the square about the projected centre, millimetres there; None: all of it.
+    """
+    projection = frame.projection.read_out(-shift[0], -shift[1], frame.projection.width, frame.projection.height)
+    factor = reduction_factor(projection, centre)
+    height, width = frame.pixels.shape
+    left, top, right, bottom = 0, 0, width, height
+    if reach_mm is not None:
+        reach = reach_mm / projection.millimetres_per_pixel(centre)
+        x, y = projection.project(centre)
+        left, right = (int(np.clip(v, 0, width)) for v in (x - reach, x + reach))
+        top, bottom = (int(np.clip(v, 0, height)) for v in (y - reach, y + reach))
+    width, height = (right - left) // factor, (bottom - top) // factor
+    if min(width, height) < 2 * NOISE_WINDOW_PX:
+        return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
+    cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
+    reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    grey = reduced.astype(np.float32)
+    fine = cv2.GaussianBlur(grey, (0, 0), FINE_SIGMA_PX)
+    coarse = cv2.GaussianBlur(grey, (0, 0), COARSE_SIGMA_PX)
+    band = cv2.subtract(fine, coarse) if bright else cv2.subtract(coarse, fine)
+    power = cv2.sqrBoxFilter(band, cv2.CV_32F, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), borderType=cv2.BORDER_REFLECT)
+    # A constant area (collimator, saturation) has no noise to divide by and stays zero.
+    noise = cv2.sqrt(cv2.max(power, 1e-6 * max(1.0, float(grey.max()))))
+    values = np.clip(band / noise, -CLIP, CLIP)
+    return WorkingImage(values, projection.read_out(left, top, width, height, factor, factor))
+
+
+def _blank(projection: Projection) -> WorkingImage:
+    """An image too small to show a loop: nothing is found in it."""
+    size = 2 * NOISE_WINDOW_PX
+    return WorkingImage(np.zeros((size, size), dtype=np.float32), projection.read_out(0, 0, size, size))
