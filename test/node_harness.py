@@ -16,18 +16,23 @@ PATIENCE_S = 30.0
 
 
 class Heard:
-    """Messages by topic name, with the order in which they came."""
+    """Messages by topic name, and all in the order in which they were published."""
 
     def __init__(self) -> None:
         self.messages: dict[str, list[Any]] = defaultdict(list)
-        self.order: list[tuple[str, Any]] = []
+        self._published: list[tuple[int, str, Any]] = []
         self._changed = threading.Condition()
 
-    def __call__(self, topic: Topic, message: Any) -> None:
+    def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
         with self._changed:
             self.messages[topic.name].append(message)
-            self.order.append((topic.name, message))
+            self._published.append((published_ns, topic.name, message))
             self._changed.notify_all()
+
+    @property
+    def order(self) -> list[tuple[str, Any]]:
+        """(topic name, message) in the order of publication."""
+        return [(name, message) for _, name, message in sorted(self._published, key=lambda entry: entry[0])]
 
     def wait_for(self, what: Callable[[], bool], patience_s: float = PATIENCE_S) -> None:
         """Wait until it holds; looked at again with every message."""

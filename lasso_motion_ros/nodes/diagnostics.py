@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
+from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.pipeline import PipelineStatistics
 from lasso_motion_ros.tracker import TrackerState
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
+PAIRS, HALF_PAIRS = "pairs answered", "of these with a plane missing"
 _LEVELS = {
     TrackerState.TRACKING: OK,
     TrackerState.INACTIVE: OK,
@@ -16,32 +20,58 @@ _LEVELS = {
 }
 
 
-def tracker_status(node_name: str, state: TrackerState, reason: str, values: Mapping[str, Any]) -> dict[str, Any]:
+def tracker_status(
+    node_name: str,
+    state: TrackerState,
+    statistics: PipelineStatistics | None = None,
+    dropped_pairs: int = 0,
+    latency_s: float | None = None,
+) -> dict[str, Any]:
     """Fields of the status `<node>: tracker`.
 
     Args:
         node_name: the node's full name.
         state: what it publishes on `state`.
-        reason: why, in a few words.
-        values: what else is worth showing, by name.
+        statistics: the pipeline's counts; None while the node is not active.
+        dropped_pairs: pairs that were never worked on.
+        latency_s: of the last pair, from the receipt of its last image to the publication, or None.
     """
-    level = _LEVELS.get(state, WARN)
-    return _status(f"{node_name}: tracker", level, f"{state.value}: {reason}" if reason else state.value, values)
+    values: dict[str, Any] = {}
+    reason = ""
+    if statistics is not None:
+        reason = statistics.reason
+        values = {
+            PAIRS: statistics.pairs,
+            HALF_PAIRS: statistics.half_pairs,
+            "poses": statistics.poses,
+            "pairs dropped": dropped_pairs,
+        }
+        if statistics.last_pair_ns is not None and statistics.last_pose_ns is not None:
+            # Freshness compares stamps with stamps: the images' clock need not be this machine's.
+            values["age of the last pose (s)"] = f"{1e-9 * (statistics.last_pair_ns - statistics.last_pose_ns):.3f}"
+        if latency_s is not None:
+            values["latency of the last pair (ms)"] = f"{1e3 * latency_s:.1f}"
+        for plane, residual in statistics.residual_px.items():
+            values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
+    message = f"{state.value}: {reason}" if reason else state.value
+    return _status(f"{node_name}: tracker", _LEVELS.get(state, WARN), message, values)
 
 
-def plane_status(node_name: str, plane: str, counts: Mapping[str, int], reliable: bool | None) -> dict[str, Any]:
+def plane_status(node_name: str, plane: Plane, statistics: PipelineStatistics, reliable: bool | None) -> dict[str, Any]:
     """Fields of the status `<node>: plane_x`.
 
     Args:
         node_name: the node's full name.
         plane: `a` or `b`.
-        counts: received, paired, dropped and the like.
+        statistics: the pipeline's counts.
         reliable: how the images are subscribed; None while no publisher is known.
     """
+    counts = asdict(statistics.frames[plane]) | asdict(statistics.pairing[plane])
+    values = {name.replace("_", " "): value for name, value in counts.items()}
+    name = f"{node_name}: plane_{plane}"
     if reliable is None:
-        return _status(f"{node_name}: plane_{plane}", WARN, "nobody publishes images", counts)
-    values = {**counts, "subscribed": "reliable" if reliable else "best effort"}
-    return _status(f"{node_name}: plane_{plane}", OK, "images", values)
+        return _status(name, WARN, "nobody publishes images", values)
+    return _status(name, OK, "images", {**values, "subscribed": "reliable" if reliable else "best effort"})
 
 
 def _status(name: str, level: bytes, message: str, values: Mapping[str, Any]) -> dict[str, Any]:

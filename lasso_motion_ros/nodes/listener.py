@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import importlib
 import threading
-from collections.abc import Callable, Iterable
-from typing import Any
+from collections.abc import Iterable
+from typing import Any, Protocol
 
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, ShutdownException, SingleThreadedExecutor
@@ -15,15 +15,24 @@ from lasso_motion_ros.nodes.qos import qos
 from msg_adapters.topics import Topic
 
 
+class Hear(Protocol):
+    """What is called with each message, in the listener's thread."""
+
+    def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
+        """Take a message of a topic, or its bytes, and when it was published (ns since 1970)."""
+
+
 class Listener:
-    """Subscribes reliably to topics and hands on each message, in the order of arrival; a context manager.
+    """Subscribes reliably to topics and hands on each message; a context manager.
+
+    Between topics the order of arrival says nothing; the order of publication does.
 
     The subscriptions are announced in the order given, and a publisher learns of them in that order: when a latched
     message on the last topic has come, its node knows of all.
 
     Args:
         topics: what to listen to; a relative name is one in the root namespace.
-        on_message: called in the listener's thread with the topic and the message.
+        hear: called with each message.
         domain: the DDS domain.
         raw: hand on the serialised bytes instead of messages.
         depth: of each queue.
@@ -32,7 +41,7 @@ class Listener:
     def __init__(
         self,
         topics: Iterable[Topic],
-        on_message: Callable[[Topic, Any], None],
+        hear: Hear,
         *,
         domain: int,
         raw: bool = False,
@@ -46,7 +55,7 @@ class Listener:
             self.node.create_subscription(
                 getattr(importlib.import_module(f"{package}.msg"), name),
                 topic.recorded_name,
-                lambda message, topic=topic: on_message(topic, message),
+                lambda message, info, topic=topic: hear(topic, message, info["source_timestamp"]),
                 qos(depth=depth, latched=topic.latched),
                 raw=raw,
             )

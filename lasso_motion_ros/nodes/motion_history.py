@@ -68,7 +68,7 @@ class MotionHistory:
         """Take note of an image's stamp: plane A's frame period is learnt from them."""
         if plane != "a":
             return
-        if self._last_a_ns is not None and 0 < stamp_ns - self._last_a_ns:
+        if self._last_a_ns is not None and stamp_ns - self._last_a_ns > 0:
             self._period_ns = stamp_ns - self._last_a_ns
         self._last_a_ns = stamp_ns
 

@@ -2,32 +2,35 @@
 
 from __future__ import annotations
 
+import dataclasses
 import threading
 import time
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from geometry_msgs.msg import PoseStamped
 import numpy as np
 import numpy.typing as npt
+from geometry_msgs.msg import PoseStamped
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 
-from lasso_motion_ros.configuration import OverlayConfig
-from lasso_motion_ros.errors import ConfigurationError, MessageError
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.configuration import OverlayConfig, configuration_from_values, configuration_values
+from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, MessageError
+from lasso_motion_ros.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.motion_history import Choice, MotionHistory
-from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
+from lasso_motion_ros.nodes.parameters import declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.registration_parameter import parse_registration
-from lasso_motion_ros.nodes.running import guarded, log_throttled
+from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from lasso_motion_ros.rendering.overlay import draw_overlay, overlay_style
 from lasso_motion_ros.rendering.surface import read_surface
-from msg_adapters.images import decode_image, encode_image
+from msg_adapters.calibrated_frames import CalibratedFrames
+from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_delete, encode_triangles
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose
@@ -49,12 +52,11 @@ SURFACE_PERIOD_S = 1.0
 SURFACE_NAMESPACE = "surface"
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class _Waiting:
     """An image that waits for its motion, until `deadline` (steady clock, seconds)."""
 
-    message: Image
-    stamp_ns: int
+    frame: Frame
     deadline: float
 
 
@@ -68,6 +70,7 @@ class OverlayNode(Node):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
+        self.complaints = ThrottledLog(self.get_logger())
         self._config = declare_configuration(self, OverlayConfig)
         self._style = overlay_style(self._config.style)
         if not self._config.volume_file:
@@ -77,7 +80,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         self._messages = RosMessages()
         self._marker: Any = None
         self._history = MotionHistory(self._config)
-        self._calibrations = {plane: CalibrationStore() for plane in PLANES}
+        self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
         self._waiting: dict[Plane, _Waiting] = {}
         self._changed = threading.Condition()
         self._stopping = False
@@ -110,6 +113,7 @@ class OverlayNode(Node):  # type: ignore[misc]
                 ),
             )
         ]
+        self.add_on_set_parameters_callback(self._on_parameters)
         # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
         self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)
         self._thread.start()
@@ -121,6 +125,19 @@ class OverlayNode(Node):  # type: ignore[misc]
             self._changed.notify()
         if self._thread.is_alive():
             self._thread.join()
+
+    def _on_parameters(self, changes: list[Parameter]) -> SetParametersResult:
+        values = configuration_values(self._config) | {one.name: one.value for one in changes}
+        try:
+            # Parameters of rclpy itself are none of ours.
+            config = configuration_from_values(
+                OverlayConfig, {name: values[name] for name in configuration_values(self._config)}
+            )
+            self._style = overlay_style(config.style)
+        except LassoMotionError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self._config = config
+        return SetParametersResult(successful=True)
 
     def _publisher(self, topic: Topic) -> Publisher:
         package_message = self._messages.make(topic.type_name, {})
@@ -144,18 +161,21 @@ class OverlayNode(Node):  # type: ignore[misc]
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
-        with self._changed:
-            self._calibrations[plane].add(message)
-            self._changed.notify()
+        self._take(plane, self._frames[plane].add_camera_info(message))
 
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
-        stamp_ns = stamp_to_ns(message.header.stamp)
+        self._take(plane, self._frames[plane].add_image(message))
+
+    def _take(self, plane: Plane, frames: list[Frame]) -> None:
         deadline = time.monotonic() + self._config.motion_wait_s
         with self._changed:
-            self._history.add_image(plane, stamp_ns)
-            self._waiting[plane] = _Waiting(message, stamp_ns, deadline)
+            for frame in frames:
+                self._history.add_image(plane, frame.stamp_ns)
+                self._waiting[plane] = _Waiting(frame, deadline)
             self._changed.notify()
+        for complaint in self._frames[plane].take_complaints():
+            self.complaints.warn(f"plane_{plane}", complaint)
 
     def _draw_all(self) -> None:
         while True:
@@ -168,31 +188,30 @@ class OverlayNode(Node):  # type: ignore[misc]
                     self._changed.wait(max(0.0, min(deadlines) - time.monotonic()) if deadlines else None)
                     ready = self._next_ready()
                 plane, waiting = ready
-                choice = self._history.choose(plane, waiting.stamp_ns)
+                choice = self._history.choose(plane, waiting.frame.stamp_ns)
             try:
-                self._draw(plane, waiting, choice)
+                self._draw(plane, waiting.frame, choice)
             except Exception as error:
-                log_throttled(self, error)
+                self.complaints.error(error)
 
     def _next_ready(self) -> tuple[Plane, _Waiting] | None:
         now = time.monotonic()
         for plane, waiting in sorted(self._waiting.items(), key=lambda one: one[1].deadline):
             if self._stopping:
                 return None
-            if waiting.deadline <= now or self._history.answered(plane, waiting.stamp_ns):
+            if waiting.deadline <= now or self._history.answered(plane, waiting.frame.stamp_ns):
                 del self._waiting[plane]
                 return plane, waiting
         return None
 
-    def _draw(self, plane: Plane, waiting: _Waiting, choice: Choice) -> None:
+    def _draw(self, plane: Plane, frame: Frame, choice: Choice) -> None:
         publisher = self._pictures[plane]
         if publisher.get_subscription_count() == 0:
             return
-        pixels = decode_image(waiting.message)
-        with self._changed:
-            projection = self._calibrations[plane].projection(waiting.stamp_ns, pixels.shape)
-        picture = draw_overlay(pixels, projection, self._surface, choice.motion, choice.status, style=self._style)
-        header = header_fields(waiting.stamp_ns, waiting.message.header.frame_id)
+        picture = draw_overlay(
+            frame.pixels, frame.projection, self._surface, choice.motion, choice.status, style=self._style
+        )
+        header = header_fields(frame.stamp_ns, f"plane_{plane}")
         publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
 
     @guarded

@@ -28,7 +28,9 @@ def parse_registration(text: str) -> npt.NDArray[np.float64]:
         raise ConfigurationError("registration: a number is not finite")
     if numbers.size == 7:
         if abs(np.linalg.norm(numbers[3:]) - 1.0) > RIGID_TOLERANCE:
-            raise ConfigurationError(f"registration: the quaternion has length {np.linalg.norm(numbers[3:]):.4g}, not 1")
+            raise ConfigurationError(
+                f"registration: the quaternion has length {np.linalg.norm(numbers[3:]):.4g}, not 1"
+            )
         transform = np.eye(4)
         transform[:3, :3] = rotation_from_quaternion(numbers[3:])
         transform[:3, 3] = numbers[:3]
@@ -41,5 +43,7 @@ def parse_registration(text: str) -> npt.NDArray[np.float64]:
     rotation = transform[:3, :3]
     rigid = np.allclose(rotation @ rotation.T, np.eye(3), atol=RIGID_TOLERANCE) and np.linalg.det(rotation) > 0.0
     if not rigid or not np.allclose(transform[3], [0.0, 0.0, 0.0, 1.0], atol=RIGID_TOLERANCE):
-        raise ConfigurationError("registration: the matrix is not a rigid transform (rotation, metres, last row 0 0 0 1)")
+        raise ConfigurationError(
+            "registration: the matrix is not a rigid transform (rotation, metres, last row 0 0 0 1)"
+        )
     return transform

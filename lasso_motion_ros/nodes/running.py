@@ -6,6 +6,8 @@ import functools
 import signal
 import sys
 import threading
+import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
@@ -33,8 +35,40 @@ def require_ros() -> None:
         raise LassoMotionError(NO_ROS) from error
 
 
+class ThrottledLog:
+    """Logs a complaint at most once in a few seconds for each subject; how many were held back is said next time.
+
+    Args:
+        logger: the node's logger.
+    """
+
+    def __init__(self, logger: Any) -> None:
+        self._logger = logger
+        self._last: dict[str, float] = {}
+        self._held_back: Counter[str] = Counter()
+
+    def warn(self, subject: str, text: str) -> None:
+        """Complain about a subject (a topic, a kind of error); the subjects must be few."""
+        now = time.monotonic()
+        if now - self._last.get(subject, -LOG_PERIOD_S) < LOG_PERIOD_S:
+            self._held_back[subject] += 1
+            return
+        self._last[subject] = now
+        more = self._held_back.pop(subject, 0)
+        self._logger.warning(f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
+
+    def error(self, error: Exception) -> None:
+        """Complain about an exception."""
+        if isinstance(error, LassoMotionError):
+            self.warn("input", str(error))
+        else:
+            self.warn(type(error).__name__, str(error))
+
+
 class RunnableNode(Protocol):
     """An rclpy node that can be closed before it is destroyed."""
+
+    complaints: ThrottledLog
 
     def start(self) -> None:
         """Begin to work; called before the first callback."""
@@ -56,17 +90,11 @@ def guarded(method: Callback) -> Callback:
     def call(self: RunnableNode, *arguments: Any) -> Any:
         try:
             return method(self, *arguments)
-        except Exception as error:
-            log_throttled(self, error)
+        except Exception as error:  # whatever a message provokes, the node stays up
+            self.complaints.error(error)
             return None
 
     return call  # type: ignore[return-value]
-
-
-def log_throttled(node: RunnableNode, error: Exception) -> None:
-    """Log what went wrong, at most once in a few seconds."""
-    text = str(error) if isinstance(error, LassoMotionError) else f"{type(error).__name__}: {error}"
-    node.get_logger().error(text, throttle_duration_sec=LOG_PERIOD_S)
 
 
 def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None = None) -> int:
@@ -138,4 +166,4 @@ def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
         except (ExternalShutdownException, ShutdownException):
             stopped.set()
         except Exception as error:
-            log_throttled(node, error)
+            node.complaints.error(error)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
@@ -34,6 +35,7 @@ class OfferedSubscription:
         message_type: type,
         topic: str,
         callback: Callable[[Any], None],
+        *,
         reliability: str,
         depth: int,
     ) -> None:
@@ -94,8 +96,15 @@ class CalibrationSubscription:
 
     def __init__(self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None], depth: int) -> None:
         self._node = node
-        self._per_frame = OfferedSubscription(node, message_type, topic, callback, "auto", depth)
-        self._latched = node.create_subscription(message_type, topic, callback, qos(depth=depth, latched=True))
+        self._per_frame = OfferedSubscription(node, message_type, topic, callback, reliability="auto", depth=depth)
+        # That it does not match a volatile publisher is as meant: no warning about it.
+        self._latched = node.create_subscription(
+            message_type,
+            topic,
+            callback,
+            qos(depth=depth, latched=True),
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+        )
 
     def destroy(self) -> None:
         """Stop listening."""

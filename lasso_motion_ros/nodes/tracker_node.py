@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from geometry_msgs.msg import PolygonStamped
@@ -14,20 +16,26 @@ from std_msgs.msg import Header
 from std_srvs.srv import Trigger
 
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import ConfigurationError, LassoMotionError
+from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.nodes.diagnostics import plane_status, tracker_status
 from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
 from lasso_motion_ros.nodes.qos import qos
-from lasso_motion_ros.nodes.running import guarded
+from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.pipeline import Output, PipelineStatistics, ReadyPair, TrackingPipeline
+from lasso_motion_ros.rendering.tracking_view import draw_tracking
 from lasso_motion_ros.tracker import TrackerState
-from msg_adapters.messages import RosMessages
+from msg_adapters.images import encode_image
+from msg_adapters.messages import RosMessages, header_fields
 from msg_adapters.topics import (
     DIAGNOSTICS,
+    IMAGE_TYPE,
     OUTPUTS,
     R_PEAK,
+    STATE,
+    Topic,
     camera_info_topic,
     image_topic,
     seed_topic,
@@ -35,9 +43,22 @@ from msg_adapters.topics import (
 )
 
 WAITING_PAIRS = 8
-"""Pairs that may wait for the tracker: half a second at 15 pairs/s, about what building the model takes."""
+"""Pairs that may wait for the tracker: half a second at 15 pairs/s."""
 DIAGNOSTICS_PERIOD_S = 1.0
 CALIBRATION_DEPTH = 32
+
+
+@dataclass(frozen=True)
+class _Received:
+    """A pair, and when (steady clock, seconds) the last of its images had come."""
+
+    ready: ReadyPair
+    at_s: float
+
+    @property
+    def essential(self) -> bool:
+        """Whether the model would be lost, or a stale one kept, without it."""
+        return self.ready.seed is not None or self.ready.new_run
 
 
 class TrackerNode(LifecycleNode):  # type: ignore[misc]
@@ -51,6 +72,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     def __init__(self) -> None:
         super().__init__("lasso_tracker", automatically_declare_parameters_from_overrides=True)
+        self.complaints = ThrottledLog(self.get_logger())
         self._config = declare_configuration(self, ProductConfig)
         self._messages = RosMessages()
         self._outlets: dict[str, Publisher] = {
@@ -58,10 +80,10 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
         }
         self._pipeline: TrackingPipeline | None = None
-        self._worker: Worker[ReadyPair] | None = None
+        self._worker: Worker[_Received] | None = None
         self._images: dict[Plane, OfferedSubscription] = {}
         self._inputs: list[Any] = []
-        self._lock = threading.Lock()
+        self._latency_s: float | None = None
         self._state = ""
         self._say_state(TrackerState.INACTIVE)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
@@ -126,29 +148,30 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     def _activate(self) -> None:
         pipeline, config = self._pipeline, self._config
-        assert pipeline is not None  # the life cycle configures before it activates
-        self._worker = Worker(self._track, WAITING_PAIRS, self._on_worker_error, "tracker")
+        if pipeline is None:
+            raise TrackingError("the node must be configured before it is activated")
+        self._worker = Worker(
+            self._track,
+            capacity=WAITING_PAIRS,
+            # Clicks on an older pair bring back all that came since, and new ones come while they are worked on.
+            burst_capacity=2 * config.seed_buffer_pairs,
+            essential=lambda received: received.essential,
+            on_error=self.complaints.error,
+            name="tracker",
+        )
         self._publish(pipeline.initial_outputs())
         for plane in PLANES:
-            calibration, image, seed = camera_info_topic(plane), image_topic(plane), seed_topic(plane)
-            self._inputs.append(
-                CalibrationSubscription(
-                    self, CameraInfo, calibration.name, self._plane(self._on_camera_info, plane), CALIBRATION_DEPTH
-                )
-            )
-            self._inputs.append(
-                self.create_subscription(
-                    PolygonStamped, seed.name, self._plane(self._on_seed, plane), qos(depth=seed.depth)
-                )
+            info, image, seed = camera_info_topic(plane).name, image_topic(plane).name, seed_topic(plane)
+            on_info, on_image, on_seed = (
+                partial(callback, plane) for callback in (self._on_camera_info, self._on_image, self._on_seed)
             )
             self._images[plane] = OfferedSubscription(
-                self,
-                Image,
-                image.name,
-                self._plane(self._on_image, plane),
-                config.image_reliability,
-                config.image_depth,
+                self, Image, image, on_image, reliability=config.image_reliability, depth=config.image_depth
             )
+            self._inputs += [
+                CalibrationSubscription(self, CameraInfo, info, on_info, CALIBRATION_DEPTH),
+                self.create_subscription(PolygonStamped, seed.name, on_seed, qos(depth=seed.depth)),
+            ]
         self._inputs.append(
             self.create_subscription(Header, R_PEAK.name, self._on_r_peak, qos(depth=R_PEAK.depth, reliable=False))
         )
@@ -157,7 +180,10 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         for plane_images in self._images.values():
             plane_images.destroy()
         for one in self._inputs:
-            one.destroy()
+            if isinstance(one, CalibrationSubscription):
+                one.destroy()
+            else:
+                self.destroy_subscription(one)
         self._images.clear()
         self._inputs.clear()
         if self._worker is not None:
@@ -169,29 +195,113 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._deactivate()
         self._pipeline = None
 
-    def _plane(self, callback: Callable[[Plane, Any], None], plane: Plane) -> Callable[[Any], None]:
-        return lambda message: callback(plane, message)
-
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
-        self._enqueue(self._require().add_image(plane, message))
+        self._enqueue(self._active().add_image(plane, message))
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
-        self._enqueue(self._require().add_camera_info(plane, message))
+        pipeline = self._active()
+        self._enqueue(pipeline.add_camera_info(plane, message))
+        if self._state == TrackerState.WAITING_FOR_CALIBRATION.value:
+            self._publish(pipeline.pending_outputs())
 
     @guarded
     def _on_seed(self, plane: Plane, message: PolygonStamped) -> None:
-        self._enqueue(self._require().add_seed(plane, message))
+        self._enqueue(self._active().add_seed(plane, message))
 
     @guarded
     def _on_r_peak(self, message: Header) -> None:
-        self._require().add_r_peak(message)
+        self._active().add_r_peak(message)
 
-    @guarded
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._on_service(response, lambda pipeline: pipeline.reset())
+        return self._answer(response, self._reset)
+
+    def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer(response, lambda: self._active().set_reference())
+
+    def _answer(self, response: Trigger.Response, action: Callable[[], None]) -> Trigger.Response:
+        try:
+            action()
+            response.success = True
+        except LassoMotionError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    def _reset(self) -> None:
+        pipeline = self._active()
+        if self._worker is not None:
+            self._worker.clear()
+        self._publish(pipeline.reset())
+
+    def _active(self) -> TrackingPipeline:
+        if self._pipeline is None or self._worker is None:
+            raise TrackingError("the node is not active")
+        return self._pipeline
+
+    def _enqueue(self, pairs: Sequence[ReadyPair]) -> None:
+        if pairs and self._worker is not None:
+            self._worker.put([_Received(pair, time.monotonic()) for pair in pairs])
+        self._complain()
+
+    def _track(self, received: _Received) -> None:
+        pipeline = self._active()
+        self._publish(pipeline.process(received.ready))
+        self._latency_s = time.monotonic() - received.at_s
+        self._complain()
+        if not received.ready.answered and self._worker is not None and self._worker.waiting == 0:
+            self._publish_pictures(pipeline, received.ready)
+
+    def _publish(self, outputs: Iterable[Output]) -> None:
+        changed = False
+        for output in outputs:
+            if output.topic is STATE:
+                changed = changed or output.message.data != self._state
+                self._state = output.message.data
+            self._outlets[output.topic.name].publish(output.message)
+        if changed:
+            self._publish_diagnostics()
+
+    def _publish_pictures(self, pipeline: TrackingPipeline, ready: ReadyPair) -> None:
+        statistics: PipelineStatistics | None = None
+        for plane in PLANES:
+            outlet, frame = self._outlets[tracking_topic(plane).name], ready.pair.frame(plane)
+            if frame is None or outlet.get_subscription_count() == 0:
+                continue
+            statistics = statistics or pipeline.statistics()
+            loop = None if pipeline.last_result is None else pipeline.last_result.loop
+            picture = draw_tracking(frame, loop, statistics.state, statistics.reason)
+            fields = encode_image(picture, header_fields(frame.stamp_ns, f"plane_{plane}"))
+            outlet.publish(self._messages.make(IMAGE_TYPE, fields))
+
+    def _complain(self) -> None:
+        if self._pipeline is not None:
+            for problem in self._pipeline.take_problems():
+                self.complaints.warn(problem.topic or "stream", problem.text)
+
+    def _say_state(self, state: TrackerState) -> None:
+        if state.value != self._state:
+            self._state = state.value
+            self._outlets[STATE.name].publish(self._messages.make(STATE.type_name, {"data": state.value}))
+            self._publish_diagnostics()
 
     @guarded
-    def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._on_service(response, lambda pipeline: pipeline.set_reference())
+    def _publish_diagnostics(self) -> None:
+        name = self.get_fully_qualified_name()
+        statistics = None if self._pipeline is None or self._worker is None else self._pipeline.statistics()
+        if statistics is None:
+            statuses = [tracker_status(name, TrackerState.INACTIVE)]
+        else:
+            dropped = 0 if self._worker is None else self._worker.dropped
+            statuses = [tracker_status(name, statistics.state, statistics, dropped, self._latency_s)]
+            statuses += [
+                plane_status(name, plane, statistics, self._images[plane].reliable)
+                for plane in PLANES
+                if plane in self._images
+            ]
+        fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}
+        self._outlets[DIAGNOSTICS.name].publish(self._messages.make(DIAGNOSTICS.type_name, fields))
+
+    def _publisher(self, topic: Topic) -> Publisher:
+        message_class = type(self._messages.make(topic.type_name, {}))
+        return self.create_publisher(message_class, topic.name, qos(depth=topic.depth, latched=topic.latched))

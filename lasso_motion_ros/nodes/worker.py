@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -13,22 +13,35 @@ Item = TypeVar("Item")
 class Worker(Generic[Item]):
     """A worker thread behind a bounded queue; the newest wins.
 
-    When the queue is full everything in it is dropped but the item that comes in: under lasting overload what waits is
-    stale, and its age must not grow. In a short spell of work, such as building the model, all that waits is kept.
+    When the queue is full, what waits is dropped but for essential items and what comes in: under lasting overload
+    waiting items are stale, and their age must not grow. Work on an essential item may take long, once; until it and
+    what came meanwhile is done, the queue may grow to the larger bound.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
         capacity: items that may wait.
+        burst_capacity: items that may wait after an essential one.
+        essential: tells an item that is not dropped for a newer one.
         on_error: called in the worker's thread with what `work` raised.
         name: of the thread.
     """
 
     def __init__(
-        self, work: Callable[[Item], None], capacity: int, on_error: Callable[[Exception], None], name: str
+        self,
+        work: Callable[[Item], None],
+        *,
+        capacity: int,
+        burst_capacity: int,
+        essential: Callable[[Item], bool],
+        on_error: Callable[[Exception], None],
+        name: str,
     ) -> None:
         self._work = work
         self._on_error = on_error
+        self._essential = essential
         self._capacity = capacity
+        self._burst_capacity = burst_capacity
+        self._burst = False
         self._waiting: deque[Item] = deque()
         self._changed = threading.Condition()
         self._stopping = False
@@ -41,14 +54,29 @@ class Worker(Generic[Item]):
         """How many items were never worked on."""
         return self._dropped
 
-    def put(self, item: Item) -> None:
-        """Queue an item; never blocks."""
+    @property
+    def waiting(self) -> int:
+        """How many items wait."""
+        return len(self._waiting)
+
+    def put(self, items: Sequence[Item]) -> None:
+        """Queue items that belong together; never blocks."""
         with self._changed:
-            if len(self._waiting) >= self._capacity:
-                self._dropped += len(self._waiting)
-                self._waiting.clear()
-            self._waiting.append(item)
+            self._burst = self._burst or any(map(self._essential, items))
+            if len(self._waiting) + len(items) > (self._burst_capacity if self._burst else self._capacity):
+                kept = [item for item in self._waiting if self._essential(item)]
+                self._dropped += len(self._waiting) - len(kept)
+                self._waiting = deque(kept)
+            self._waiting.extend(items)
+            while len(self._waiting) > self._burst_capacity:
+                self._waiting.popleft()
+                self._dropped += 1
             self._changed.notify()
+
+    def clear(self) -> None:
+        """Forget what waits; it does not count as dropped."""
+        with self._changed:
+            self._waiting.clear()
 
     def stop(self) -> None:
         """Let the item in work end, forget those that wait, and end the thread."""
@@ -62,6 +90,8 @@ class Worker(Generic[Item]):
     def _run(self) -> None:
         while True:
             with self._changed:
+                if not self._waiting:
+                    self._burst = False
                 self._changed.wait_for(lambda: self._waiting or self._stopping)
                 if self._stopping:
                     return
