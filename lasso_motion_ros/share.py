@@ -49,3 +49,15 @@ def share_file(relative: str | Path) -> Path:
 def version() -> str:
     """The package's version; `package.xml` is the one place where it stands."""
     return ElementTree.parse(share_file("package.xml")).getroot().findtext("version", default="")
+
+
+def bundled_recording() -> Path:
+    """The recording that comes with the package.
+
+    Raises:
+        LassoMotionError: it is not there.
+    """
+    found = sorted(share_file("bags").glob("*.mcap"))
+    if not found:
+        raise LassoMotionError(f"{share_directory() / 'bags'}: no recording in it")
+    return found[0]

@@ -14,7 +14,6 @@ from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation import DETECTOR_M, PairEstimate, PairScore, score_pairs
 from lasso_motion_ros.evaluation_report import format_table, report, summarise
-from lasso_motion_ros.share import share_file
 from msg_adapters.evaluation_input import read_estimates, read_truth
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
@@ -85,7 +84,11 @@ def _tracked(recording: Path, config: Path | None) -> list[PairEstimate]:
 
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
         result = Path(directory) / "result.mcap"
-        track_recording(recording, result, config or share_file("config/tracker.yaml"))
+        summary = track_recording(recording, result, config)
+        if summary.statistics.poses == 0:
+            # A table of dashes would leave the reader to guess.
+            why = "; ".join(problem.text for problem in summary.problems)
+            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why}", file=sys.stderr)
         return read_estimates(result)
 
 

@@ -1,0 +1,333 @@
+"""`lasso-motion bench`: how fast the tracker answers, from undecoded messages to serialised answers, on one thread."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import platform
+import time
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from importlib.metadata import version as installed_version
+from pathlib import Path
+from typing import Any, Protocol
+from unittest import mock
+
+import numpy as np
+
+from lasso_motion_ros.cli.main import EXIT_DONE
+from lasso_motion_ros.cli.progress import progress
+from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.share import bundled_recording, share_file
+from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
+from msg_adapters.recording_reader import RawMessage, RecordingReader
+from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic
+
+HELP = """Measure the tracker stage by stage on one thread, from the undecoded messages of a recording to the serialised
+answers: all that the node does for a pair. Reading the file and building the model from the clicks are not in it."""
+
+DEFAULT_PAIRS = 60
+
+# Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
+INNER_STAGES = (
+    ("lasso_motion_ros.brost2009", "distance_map", "features"),
+    ("lasso_motion_ros.brost2009", "register", "registration"),
+)
+
+
+class Codec(Protocol):
+    """Messages to bytes and back, as the node's middleware or the offline command does it."""
+
+    name: str
+    factory: MessageFactory
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+
+
+class RosCodec:
+    """What rclpy does for the node."""
+
+    name = "rclpy"
+
+    def __init__(self) -> None:
+        from rclpy import serialization
+
+        self._serialization = serialization
+        self._classes: dict[str, Any] = {}
+        self.factory: MessageFactory = RosMessages()
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+        if type_name not in self._classes:
+            package, _, name = type_name.partition("/msg/")
+            self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), name)
+        return self._serialization.deserialize_message(data, self._classes[type_name])
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+        return bytes(self._serialization.serialize_message(message))
+
+
+class RecordedCodec:
+    """What the offline command does, where there is no ROS."""
+
+    name = "rosbags"
+
+    def __init__(self) -> None:
+        self._types = jazzy_types()
+        self.factory: MessageFactory = RecordedMessages(self._types)
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+        return self._types.deserialize_cdr(data, type_name)
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+        return bytes(self._types.serialize_cdr(message, type_name))
+
+
+@dataclass
+class Clock:
+    """Time spent, by stage.
+
+    Attributes:
+        spent_s: total by stage, seconds of wall time.
+        pair_s: wall time of each pair that was tracked, from its first message to its last answer.
+        processor_s: processor time of all threads over the same pairs.
+    """
+
+    spent_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    pair_s: list[float] = field(default_factory=list)
+    processor_s: float = 0.0
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Add the time of a block to a stage."""
+        begin = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.spent_s[name] += time.perf_counter() - begin
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What was measured.
+
+    Attributes:
+        pairs: pairs tracked; the pairs on which the model was built are left out.
+        pairs_per_s: pairs by wall time.
+        pairs_per_processor_s: pairs by processor time: what remains when other programs take none of it.
+        median_ms: of a pair.
+        p95_ms: 95th percentile of a pair.
+        processor_per_wall: processor time by wall time; more than 1.05 would mean more than one thread.
+        stages_ms: mean wall time a pair, by stage, in order; features and registration lie inside tracking.
+        messages: who serialised.
+        recording: the recording's name.
+        configuration: the configuration's name.
+        machine: processor architecture, Python and library versions.
+    """
+
+    pairs: int
+    pairs_per_s: float
+    pairs_per_processor_s: float
+    median_ms: float
+    p95_ms: float
+    processor_per_wall: float
+    stages_ms: dict[str, float]
+    messages: str
+    recording: str
+    configuration: str
+    machine: str
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's own arguments."""
+    parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+    parser.add_argument("--bag", type=Path, metavar="FILE", help="recording to track (default: the bundled one)")
+    parser.add_argument(
+        "--pairs", type=int, default=DEFAULT_PAIRS, metavar="N", help="pairs to track (default %(default)s)"
+    )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure and print; returns the exit status."""
+    if args.pairs < 1:
+        raise LassoMotionError(f"--pairs must be at least 1, found {args.pairs}")
+    configuration = args.config or share_file("config/tracker.yaml")
+    recording = args.bag or bundled_recording()
+    config = load_configuration(configuration, ProductConfig)
+    messages = read_undecoded(recording)
+    with one_thread():
+        clock, codec = measure(config, messages, args.pairs, quiet=args.quiet)
+    benchmark = summarise(clock, codec, recording.stem, configuration.name)
+    print(format_benchmark(benchmark))
+    if args.json is not None:
+        try:
+            args.json.write_text(json.dumps(asdict(benchmark), indent=1) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise RecordingError(f"{args.json}: cannot be written: {error.strerror}") from error
+    return EXIT_DONE
+
+
+def read_undecoded(recording: Path) -> list[RawMessage]:
+    """The tracker's inputs in a recording, as bytes, in the order they were logged.
+
+    Raises:
+        RecordingError: it cannot be read or has no images.
+    """
+    inputs = [topic(plane).recorded_name for plane in PLANES for topic in (camera_info_topic, seed_topic, image_topic)]
+    messages = list(RecordingReader(recording).raw_messages(inputs))
+    if not any("image_raw" in message.topic for message in messages):
+        raise RecordingError(f"{recording}: no images on {image_topic('a').recorded_name}")
+    return messages
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one."""
+    import cv2
+    from threadpoolctl import threadpool_limits
+
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(limits=1):
+            yield
+    finally:
+        cv2.setNumThreads(before)
+
+
+def available_codec() -> Codec:
+    """The node's own where ROS 2 is installed, else the offline command's."""
+    try:
+        return RosCodec()
+    except ImportError:
+        return RecordedCodec()
+
+
+def measure(
+    config: ProductConfig, messages: Sequence[RawMessage], pairs: int, *, quiet: bool = True
+) -> tuple[Clock, Codec]:
+    """Track a recording, over and over, until so many pairs are tracked.
+
+    Args:
+        config: the tracker's parameters.
+        messages: undecoded inputs, in order.
+        pairs: how many pairs to track.
+        quiet: True shows no progress.
+
+    Raises:
+        RecordingError: not one pair of the recording is tracked.
+    """
+    codec = available_codec()
+    _play(config, messages, codec, Clock(), pairs=3)  # libraries load and caches fill outside of the measurement
+    clock = Clock()
+    bar = progress(range(pairs), pairs, "tracking", quiet)
+    shown = next(bar, None)
+    with _inner_stages(clock):
+        while len(clock.pair_s) < pairs:
+            before = len(clock.pair_s)
+            _play(config, messages, codec, clock, pairs)
+            if len(clock.pair_s) == before:
+                raise RecordingError("no pair of the recording was tracked: are there clicks for both planes?")
+            while shown is not None and shown < len(clock.pair_s) - 1:
+                shown = next(bar, None)
+    return clock, codec
+
+
+def _play(config: ProductConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
+    """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
+    pipeline = TrackingPipeline(config, codec.factory)
+    feed: dict[str, Callable[[Any], list[ReadyPair]]] = {}
+    for plane in PLANES:
+        feed[image_topic(plane).recorded_name] = partial(pipeline.add_image, plane)
+        feed[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
+        feed[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
+    tracked = False
+    since = Clock()
+    wall, processor = time.perf_counter(), time.process_time()
+    for raw in messages:
+        with since.stage("deserialise"):
+            message = codec.decode(raw.data, raw.type_name)
+        with since.stage("decode and pair"):
+            ready = feed[raw.topic](message)
+        for pair in ready:
+            with since.stage("tracking"):
+                outputs = pipeline.process(pair)
+            with since.stage("serialise"):
+                for output in outputs:
+                    codec.encode(output.message, output.topic.type_name)
+            now, processor_now = time.perf_counter(), time.process_time()
+            if tracked:
+                clock.pair_s.append(now - wall)
+                clock.processor_s += processor_now - processor
+                for name, spent in since.spent_s.items():
+                    clock.spent_s[name] += spent
+                if len(clock.pair_s) >= pairs:
+                    return
+            tracked = tracked or any(output.topic is MOTION_RAW for output in outputs)
+            since, wall, processor = Clock(), now, processor_now
+
+
+@contextmanager
+def _inner_stages(clock: Clock) -> Iterator[None]:
+    """Time the parts of the trackers, without a word about timing in the trackers themselves."""
+    with ExitStack() as stack:
+        for module_name, function, label in INNER_STAGES:
+            module = importlib.import_module(module_name)
+            stack.enter_context(mock.patch.object(module, function, _timed(getattr(module, function), clock, label)))
+        yield
+
+
+def _timed(function: Callable[..., Any], clock: Clock, label: str) -> Callable[..., Any]:
+    def timed(*args: Any, **keywords: Any) -> Any:
+        with clock.stage(f"  {label}"):
+            return function(*args, **keywords)
+
+    return timed
+
+
+def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) -> Benchmark:
+    """The figures of a measurement."""
+    wall = np.array(clock.pair_s)
+    order = ["deserialise", "decode and pair", "tracking", *(f"  {label}" for *_, label in INNER_STAGES), "serialise"]
+    return Benchmark(
+        pairs=len(wall),
+        pairs_per_s=float(len(wall) / wall.sum()),
+        pairs_per_processor_s=float(len(wall) / clock.processor_s),
+        median_ms=float(1e3 * np.median(wall)),
+        p95_ms=float(1e3 * np.percentile(wall, 95)),
+        processor_per_wall=float(clock.processor_s / wall.sum()),
+        stages_ms={name: 1e3 * clock.spent_s[name] / len(wall) for name in order if name in clock.spent_s},
+        messages=codec.name,
+        recording=recording,
+        configuration=configuration,
+        machine=f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
+        f"scipy {installed_version('scipy')}, OpenCV {importlib.import_module('cv2').__version__}",
+    )
+
+
+def format_benchmark(benchmark: Benchmark) -> str:
+    """The figures for people."""
+    lines = [
+        f"{benchmark.configuration} on {benchmark.recording}: {benchmark.pairs_per_s:.1f} pairs/s on one thread "
+        f"({benchmark.pairs} pairs, median {benchmark.median_ms:.1f} ms, 95 % within {benchmark.p95_ms:.1f} ms)",
+        f"processor time / wall time {benchmark.processor_per_wall:.2f}; "
+        f"{benchmark.pairs_per_processor_s:.1f} pairs a second of processor time",
+        f"messages by {benchmark.messages}; {benchmark.machine}",
+    ]
+    lines += [f"  {name:<18}{spent:9.2f} ms" for name, spent in benchmark.stages_ms.items()]
+    return "\n".join(lines)
