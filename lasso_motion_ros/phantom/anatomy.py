@@ -73,7 +73,7 @@ class Thorax:
 
 def build_thorax(random: np.random.Generator) -> Thorax:
     """A thorax of average proportions, its irregularities (vessels, lumps, rib angles) drawn from `random`."""
-    cavities = [ellipsoid((-78, -2, 5), (66, 92, 165)), ellipsoid((80, -2, 5), (64, 92, 165))]
+    cavities = [ellipsoid((-70, -3, 5), (72, 90, 165)), ellipsoid((72, -3, 5), (71, 90, 165))]
     heart = [
         ellipsoid((0, 0, 0), (33, 21, 26)),  # left atrium
         ellipsoid((34, -34, -24), (52, 33, 33), _turn(-0.55, 0.35)),  # left ventricle, towards the apex
@@ -93,8 +93,8 @@ def build_thorax(random: np.random.Generator) -> Thorax:
         ellipsoid((8, -5, 84), (28, 34, 17)),  # arch
         ellipsoid((-30, -18, 70), (12, 12, 90), _turn(0.0, -0.05)),  # superior vena cava
         ellipsoid((-31, -4, -75), (15, 16, 60)),  # inferior vena cava
-        ellipsoid((0, 26, 40), (25, 32, 150), _turn(0.0, 0.04)),  # oesophagus, nodes, fat before the spine
-        ellipsoid((-6, 0, 105), (34, 52, 66)),  # upper mediastinum
+        ellipsoid((0, 27, 40), (19, 28, 150), _turn(0.0, 0.04)),  # oesophagus, nodes, fat before the spine
+        ellipsoid((-6, 0, 115), (30, 46, 62)),  # upper mediastinum
     ]
     # Spine and descending aorta are no straight cylinders: their borders against the lung wander.
     great_vessels += [
@@ -116,7 +116,7 @@ def build_thorax(random: np.random.Generator) -> Thorax:
     ]
     under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * SOFT)]
     return Thorax(
-        trunk=ellipsoid((0, 2, -20), (178, 122, 520)),
+        trunk=ellipsoid((0, 2, -20), (176, 116, 520)),
         fixed=_spine(random) + _sternum() + _lumps(random, 60, (150, 105, 130), (8, 34), 0.6, -5.0),
         ribs=_ribs(random),
         cavities=cavities,

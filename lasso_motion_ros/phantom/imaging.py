@@ -65,7 +65,7 @@ class ImagingChain:
             opening = collimator_mask(fluence.shape, self._settings.collimator)
             high, wide = fluence.shape[0] // 4, fluence.shape[1] // 4
             self._gain = self._settings.quanta / float(fluence[high:-high, wide:-wide].mean())
-            self._white = float(np.percentile(fluence[opening > 0.5], 99.0)) * self._gain * 1.08
+            self._white = float(np.percentile(fluence[opening > 0.5], 99.5)) * self._gain * 1.1
         signal = self.detect(fluence * np.float32(self._gain * dose), random)
         lag = np.float32(self._settings.lag)
         self._last = signal if self._last is None else signal * (1 - lag) + self._last * lag
