@@ -8,16 +8,15 @@ import signal
 import threading
 
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
+from lasso_motion_ros.cli.track import parse_remap
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recording_reader import RecordingReader
 
-HELP = (
-    "Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker has put "
-    "out is left out, so that one can be run on it. Only this machine sees it unless ROS_AUTOMATIC_DISCOVERY_RANGE says "
-    "otherwise."
-)
+HELP = """Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker
+has put out is left out, so that one can be run on it. Only this machine sees it, unless
+ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +27,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
-    parser.add_argument("--remap", action="append", default=[], metavar="A:=B", help="publish topic A as B")
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="FROM:=TO",
+        help="publish the recorded topic FROM as TO",
+    )
     parser.add_argument(
         "--wait", type=_not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
     )
@@ -75,21 +81,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"{args.recording}: {summary.damage}")
         return EXIT_PART
     return EXIT_DONE
-
-
-def parse_remap(entries: list[str]) -> dict[str, str]:
-    """`recorded:=published` entries as a mapping.
-
-    Raises:
-        RecordingError: an entry that is not of that form.
-    """
-    remap: dict[str, str] = {}
-    for entry in entries:
-        recorded, separator, published = entry.partition(":=")
-        if not (recorded and separator and published):
-            raise RecordingError(f"--remap expects A:=B, found {entry!r}")
-        remap[recorded] = published
-    return remap
 
 
 def _positive(text: str) -> float:

@@ -6,21 +6,21 @@ import contextlib
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
-from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.nodes.diagnostics import HALF_PAIRS, PAIRS
 from lasso_motion_ros.nodes.listener import Listener
 from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain
-from msg_adapters.messages import stamp_to_ns
 from msg_adapters.recording_writer import RecordingWriter
-from msg_adapters.topics import CATHETER, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
+from msg_adapters.topics import DIAGNOSTICS, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
 
 START_WAIT_S = 30.0
 ANSWER_WAIT_S = 20.0
@@ -40,7 +40,7 @@ class DemonstrationInput:
         recording: the recording.
         configuration: the tracker's parameter file.
         surface: the STL that the overlay draws, world millimetres.
-        stamps_ns: the stamps of the pairs that must be answered.
+        whole_pairs: how many pairs, those with an image of both planes, must be answered.
         pictures: how many images of each plane must come back with the overlay drawn in.
         directory: where the live recording and the logs go.
     """
@@ -48,8 +48,8 @@ class DemonstrationInput:
     recording: Path
     configuration: Path
     surface: Path
-    stamps_ns: frozenset[int]
-    pictures: dict[str, int]
+    whole_pairs: int
+    pictures: Mapping[Plane, int]
     directory: Path
 
 
@@ -80,6 +80,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
     topics = [
         *(overlay_topic(plane) for plane in PLANES),
         OVERLAY_SURFACE,
+        DIAGNOSTICS,
         *(topic for topic in OUTPUTS if topic is not STATE),
         STATE,
     ]
@@ -106,7 +107,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
                 lambda: wire.unanswered(given) == 0,
                 ANSWER_WAIT_S,
                 processes,
-                lambda: f"{wire.unanswered(given)} of {len(given.stamps_ns)} pairs were not answered",
+                lambda: f"{wire.unanswered(given)} of {given.whole_pairs} pairs were not answered",
             )
             with contextlib.suppress(_TooLateError):  # a picture that is missing shows as such in the video
                 _wait(lambda: wire.has_pictures(given), PICTURE_WAIT_S, processes, "")
@@ -152,22 +153,28 @@ class _Wire:
     def __init__(self, writer: RecordingWriter) -> None:
         self._writer = writer
         self._counts: dict[str, int] = {}
-        self._answered: set[int] = set()
+        self._answered = 0
 
     def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
         self._writer.write_raw(
             topic.recorded_name, topic.type_name, bytes(message), published_ns, latched=topic.latched
         )
         self._counts[topic.name] = self._counts.get(topic.name, 0) + 1
-        if topic is CATHETER:
-            # One a pair, with or without a pose: it is what shows that a pair was answered.
-            self._answered.add(stamp_to_ns(deserialize_message(message, Marker).header.stamp))
+        if topic is DIAGNOSTICS:
+            # A pair without a pose is answered by a state, which has no stamp: the tracker's own count tells.
+            self._take_diagnostics(deserialize_message(message, DiagnosticArray))
 
     def count(self, topic: Topic) -> int:
         return self._counts.get(topic.name, 0)
 
+    def _take_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            values = {entry.key: entry.value for entry in status.values}
+            if PAIRS in values:
+                self._answered = int(values[PAIRS]) - int(values[HALF_PAIRS])
+
     def unanswered(self, given: DemonstrationInput) -> int:
-        return len(given.stamps_ns - self._answered)
+        return max(0, given.whole_pairs - self._answered)
 
     def has_pictures(self, given: DemonstrationInput) -> bool:
         return all(self.count(overlay_topic(plane)) >= count for plane, count in given.pictures.items())

@@ -81,6 +81,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         self._marker: Any = None
         self._history = MotionHistory(self._config)
         self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
+        self._frame_ids: dict[Plane, str] = {}
         self._waiting: dict[Plane, _Waiting] = {}
         self._changed = threading.Condition()
         self._stopping = False
@@ -165,6 +166,7 @@ class OverlayNode(Node):  # type: ignore[misc]
 
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
+        self._frame_ids[plane] = message.header.frame_id
         self._take(plane, self._frames[plane].add_image(message))
 
     def _take(self, plane: Plane, frames: list[Frame]) -> None:
@@ -211,7 +213,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         picture = draw_overlay(
             frame.pixels, frame.projection, self._surface, choice.motion, choice.status, style=self._style
         )
-        header = header_fields(frame.stamp_ns, f"plane_{plane}")
+        header = header_fields(frame.stamp_ns, self._frame_ids[plane])
         publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
 
     @guarded

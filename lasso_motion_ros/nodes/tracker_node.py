@@ -83,6 +83,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._worker: Worker[_Received] | None = None
         self._images: dict[Plane, OfferedSubscription] = {}
         self._inputs: list[Any] = []
+        self._frame_ids: dict[Plane, str] = {}
         self._latency_s: float | None = None
         self._state = ""
         self._say_state(TrackerState.INACTIVE)
@@ -197,6 +198,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
+        self._frame_ids[plane] = message.header.frame_id
         self._enqueue(self._active().add_image(plane, message))
 
     @guarded
@@ -271,7 +273,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             statistics = statistics or pipeline.statistics()
             loop = None if pipeline.last_result is None else pipeline.last_result.loop
             picture = draw_tracking(frame, loop, statistics.state, statistics.reason)
-            fields = encode_image(picture, header_fields(frame.stamp_ns, f"plane_{plane}"))
+            fields = encode_image(picture, header_fields(frame.stamp_ns, self._frame_ids[plane]))
             outlet.publish(self._messages.make(IMAGE_TYPE, fields))
 
     def _complain(self) -> None:

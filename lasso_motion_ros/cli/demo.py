@@ -1,0 +1,191 @@
+"""`lasso-motion demo`: the whole graph, live over DDS, on a recording; video, plots and a table of it."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from lasso_motion_ros.cli.main import EXIT_DONE
+from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.evaluation import Truth
+from lasso_motion_ros.evaluation_report import Summary
+from lasso_motion_ros.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surface
+from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
+from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
+from lasso_motion_ros.rendering.windowing import RgbImage
+from lasso_motion_ros.share import share_directory, share_file
+from msg_adapters.evaluation_input import read_estimates, read_truth
+from msg_adapters.messages import RecordedMessages, stamp_to_ns
+from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
+from msg_adapters.topics import camera_info_topic, image_topic, overlay_topic
+
+HELP = """Play a recording in real time to the tracker and the overlay, each a process of its own, over DDS on this
+machine, and write what comes over the wire: a video of the overlay, plots, and a table of the errors."""
+
+LIMITS: Mapping[str, float] = {
+    "missing": 0,
+    "lost_in_silence": 0,
+    "error_2d_a_mm": 1.0,
+    "error_2d_b_mm": 1.0,
+    "target_error_mm": 1.5,
+}
+"""What the bundled recording's table may show at most: every pair has a pose, no pose is more than 2 mm off, and the
+2-D error is no larger than the published method's (1.0 mm in each plane)."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--bag", type=Path, metavar="FILE", help="the recording to play (default: the bundled one)")
+    parser.add_argument(
+        "--out", type=Path, default=Path("demo_output"), metavar="DIR", help="where to write (default: demo_output)"
+    )
+    parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demonstration; returns the exit status, 0 when every pair was answered and no limit is exceeded."""
+    require_ros()
+    from lasso_motion_ros.nodes.demonstration import DemonstrationInput, run_graph
+
+    # SIGTERM unwinds like Ctrl-C, so that the children are stopped then too.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    recording: Path = args.bag or bundled_recording()
+    configuration: Path = args.config or share_file("config/tracker.yaml")
+    pairs = read_pairs(recording, load_configuration(configuration, ProductConfig))
+    truth = _truth(recording)
+    surface = demo_surface(truth)
+    args.out.mkdir(parents=True, exist_ok=True)
+    surface_file = args.out / "left_atrium.stl"
+    write_stl(surface_file, surface, "mm")
+    given = DemonstrationInput(
+        recording=recording,
+        configuration=configuration,
+        surface=surface_file,
+        whole_pairs=sum(pair.a is not None and pair.b is not None for pair in pairs),
+        pictures={plane: sum(pair.frame(plane) is not None for pair in pairs) for plane in PLANES},
+        directory=args.out,
+    )
+    live = run_graph(given, (lambda line: None) if args.quiet else print)
+    demo = DemoRun(
+        name=recording.stem,
+        pairs=pairs,
+        estimates=read_estimates(live),
+        overlays=read_pictures(live),
+        surface=surface,
+        truth=truth,
+    )
+    artefacts = write_demo_artefacts(demo, args.out)
+    _report(demo, artefacts, live)
+    exceeded = exceeded_limits(artefacts.summary) if args.bag is None else []
+    if exceeded:
+        raise LassoMotionError(f"the table is above its limits: {'; '.join(exceeded)}")
+    return EXIT_DONE
+
+
+def bundled_recording() -> Path:
+    """The recording that comes with the package.
+
+    Raises:
+        LassoMotionError: it is not there.
+    """
+    found = sorted((share_directory() / "bags").glob("*.mcap"))
+    if not found:
+        raise LassoMotionError(f"{share_directory() / 'bags'}: no recording; name one with --bag")
+    return found[0]
+
+
+def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:
+    """The pairs in a recording, by the rule by which the node pairs them.
+
+    Raises:
+        RecordingError: the recording cannot be read, lacks a topic, or was cut short.
+    """
+    reader = RecordingReader(recording)
+    check_tracking_topics(reader.topics)
+    images = {image_topic(plane).recorded_name: plane for plane in PLANES}
+    calibrations = {camera_info_topic(plane).recorded_name: plane for plane in PLANES}
+    pipeline = TrackingPipeline(config, RecordedMessages())
+    ready: list[ReadyPair] = []
+    for recorded in reader.messages([*images, *calibrations]):
+        if recorded.topic in images:
+            ready += pipeline.add_image(images[recorded.topic], recorded.message)
+        else:
+            ready += pipeline.add_camera_info(calibrations[recorded.topic], recorded.message)
+    if reader.damage is not None:
+        raise RecordingError(f"{reader.damage}: the demonstration needs a whole recording")
+    return [one.pair for one in (*ready, *pipeline.flush())]
+
+
+def demo_surface(truth: Truth | None) -> TriangleMesh:
+    """A left atrium with the lasso in the ostium of a vein; about the world's origin where no truth tells the place."""
+    if truth is None or truth.loop is None:
+        return left_atrium_surface()
+    centre = truth.loop.mean(axis=0)
+    _, _, axes = np.linalg.svd(truth.loop - centre)
+    radius = float(np.linalg.norm(truth.loop - centre, axis=1).mean())
+    return atrium_at_ostium(centre, axes[2], 2.0 * radius)
+
+
+def exceeded_limits(summary: Summary | None) -> list[str]:
+    """What in a table is above `LIMITS`, in words."""
+    if summary is None:
+        return ["there is no truth to measure against"]
+    values = asdict(summary)
+    return [
+        f"{name} is {'unknown' if values[name] is None else format(values[name], '.3g')}, at most {limit:g} is allowed"
+        for name, limit in LIMITS.items()
+        if values[name] is None or values[name] > limit
+    ]
+
+
+def read_pictures(live: Path) -> dict[Plane, dict[int, RgbImage]]:
+    """The overlay pictures in a live recording: per plane, by the image's stamp (ns), (H, W, 3) uint8 RGB."""
+    plane_of: dict[str, Plane] = {overlay_topic(plane).recorded_name: plane for plane in PLANES}
+    pictures: dict[Plane, dict[int, RgbImage]] = {plane: {} for plane in PLANES}
+    for recorded in RecordingReader(live).messages(list(plane_of)):
+        message = recorded.message
+        picture = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
+        pictures[plane_of[recorded.topic]][stamp_to_ns(message.header.stamp)] = picture
+    return pictures
+
+
+def _truth(recording: Path) -> Truth | None:
+    try:
+        return read_truth(recording).truth
+    except RecordingError:
+        return None
+
+
+def _report(demo: DemoRun, artefacts: DemoArtefacts, live: Path) -> None:
+    if artefacts.table_text is not None:
+        print(artefacts.table_text.read_text(encoding="utf-8"))
+    files = (
+        ("video", artefacts.video),
+        ("motion", artefacts.motion_plot),
+        ("2-D error", artefacts.error_plot),
+        ("table", artefacts.table_text),
+        ("table, JSON", artefacts.table_json),
+        ("what came over the wire", live),
+    )
+    for what, path in files:
+        if path is not None:
+            print(f"{what}: {path}")
+    poses = sum(estimate.motion_raw is not None for estimate in demo.estimates)
+    line = f"{len(demo.pairs)} pairs played, {len(demo.estimates)} answered, {poses} with a pose"
+    summary = artefacts.summary
+    if summary is not None and summary.error_2d_a_mm is not None and summary.error_2d_b_mm is not None:
+        line += f"; 2-D error {summary.error_2d_a_mm:.2f} mm in plane A, {summary.error_2d_b_mm:.2f} mm in plane B"
+    if summary is not None and summary.target_error_mm is not None and summary.static_error_mm is not None:
+        line += (
+            f"; target error {summary.target_error_mm:.2f} mm, without compensation {summary.static_error_mm:.2f} mm"
+        )
+    print(line)
