@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections import deque
 from dataclasses import dataclass
 
@@ -23,14 +24,17 @@ class ReadyPair:
         pair: the images.
         seed: clicks on this pair: the model is built here.
         new_run: the first pair after the stamps went back.
-        answered: this pair was given out before, and comes again because clicks on it, or on one before it,
-            came later.
+        answered: this pair was given out before, and comes again because clicks on it came later.
+        later: the pairs given out since, oldest first, to be gone through again after it.
+        number: counts up from pair to pair given out.
     """
 
     pair: FramePair
     seed: Seed | None = None
     new_run: bool = False
     answered: bool = False
+    later: tuple[FramePair, ...] = ()
+    number: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,12 +49,16 @@ class ClickedPairs:
 
     Args:
         capacity: pairs remembered.
+
+    Attributes:
+        number: of the last pair given out.
     """
 
     def __init__(self, capacity: int) -> None:
         self._pairs: deque[FramePair] = deque(maxlen=capacity)
         self._clicks: dict[Plane, _Clicks] = {}
         self._complaints: list[tuple[Plane, str]] = []
+        self.number = 0
 
     def take_complaints(self) -> list[tuple[Plane, str]]:
         """Clicks that were refused since the last call: plane and reason."""
@@ -64,7 +72,7 @@ class ClickedPairs:
 
     def add_clicks(
         self, plane: Plane, stamp_ns: int, points: npt.NDArray[np.float64], hold: bool = False
-    ) -> list[ReadyPair]:
+    ) -> ReadyPair | None:
         """Take one plane's clicks.
 
         Args:
@@ -75,19 +83,14 @@ class ClickedPairs:
 
         Returns:
             Where both planes' clicks are on a remembered pair: that pair with its seed and those after it, to be
-            gone through again. Else nothing.
+            gone through again. Else None.
         """
         self._clicks[plane] = _Clicks(stamp_ns, points, hold)
-        if hold:
-            return []
-        index = self._clicked_index()
+        index = None if hold else self._clicked_index()
         if index is None:
-            return []
+            return None
         first, *later = list(self._pairs)[index:]
-        return [
-            ReadyPair(first, self._take_seed(), answered=True),
-            *(ReadyPair(pair, answered=True) for pair in later),
-        ]
+        return self._numbered(ReadyPair(first, self._take_seed(), answered=True, later=tuple(later)))
 
     def add_pair(self, pair: FramePair, new_run: bool) -> ReadyPair:
         """Remember the next pair; it carries the seed if it is the one that was clicked."""
@@ -98,7 +101,11 @@ class ClickedPairs:
         seed = None
         if self._is_next_clicked(pair) or self._clicked_index() == len(self._pairs) - 1:
             seed = self._take_seed()
-        return ReadyPair(pair, seed, new_run)
+        return self._numbered(ReadyPair(pair, seed, new_run))
+
+    def _numbered(self, ready: ReadyPair) -> ReadyPair:
+        self.number += 1
+        return dataclasses.replace(ready, number=self.number)
 
     def _take_seed(self) -> Seed:
         clicks, self._clicks = self._clicks, {}

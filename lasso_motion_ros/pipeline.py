@@ -15,7 +15,7 @@ from typing import Any
 from lasso_motion_ros.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, TrackingError
-from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
 from msg_adapters.calibrations import Extrinsics
@@ -80,7 +80,7 @@ class PipelineStatistics:
         reason: why, in a few plain words.
         pairs: pairs answered.
         half_pairs: of those, with a plane missing.
-        poses: poses published.
+        poses: of those, with a pose.
         states: pairs answered, by state.
         problems: problems, by topic.
         frames: per plane, what became of images and calibrations before pairing.
@@ -136,15 +136,17 @@ class TrackingPipeline:
         self._intake, self._tracking, self._reporting = threading.Lock(), threading.Lock(), threading.Lock()
         self._state, self._reason = TrackerState.WAITING_FOR_CALIBRATION, "no calibration yet"
         self._has_model = False
-        self._seed_accepted = False
+        self._indispensable: deque[ReadyPair] = deque()
+        self._forgotten_seeds = 0  # seeds up to this number were clicked before a reset
         self._shown = False
         self._reference_ns: int | None = None
         self._said_calibrated = False
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
         self._problem_counts: Counter[str] = Counter()
         self._states: Counter[TrackerState] = Counter()
+        # State of the last pairs by stamp, since a pair may be answered again when its clicks come late.
+        self._answers: dict[int, TrackerState] = {}
         self._half_pairs = 0
-        self._poses = 0
         self._last_pose_ns: int | None = None
         self.last_pair: FramePair | None = None
         self.last_result: TrackResult | None = None
@@ -173,7 +175,7 @@ class TrackingPipeline:
                 plane, stamp_to_ns(message.header.stamp), points, hold=self._pairing.restarting
             )
             self._report_clicks()
-            return ready
+            return [] if ready is None else self._registered([ready])
 
     def add_r_peak(self, message: Any) -> list[ReadyPair]:
         """Take the stamp of an R peak. Nothing is gated by it yet."""
@@ -198,6 +200,11 @@ class TrackingPipeline:
     def _issued(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
         ready = [self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run) for pair in pairs]
         self._report_clicks()
+        return self._registered(ready)
+
+    def _registered(self, ready: list[ReadyPair]) -> list[ReadyPair]:
+        """Remember those that must not be lost, though a busy node may skip pairs: seeds and new runs."""
+        self._indispensable.extend(one for one in ready if one.seed is not None or one.new_run)
         return ready
 
     def _report_clicks(self) -> None:
@@ -228,27 +235,27 @@ class TrackingPipeline:
             return [self._state_output(0)]
 
     def process(self, ready: ReadyPair) -> list[Output]:
-        """Answer one pair: reference (where it changes), state, poses, catheter, in this order."""
+        """Answer one pair: reference (where it changes), state, poses, catheter, in this order.
+
+        Pairs may be left out when there is no time for them, but not come out of order. A seed or a new run that
+        was left out is made up for with the next pair.
+        """
         with self._tracking:
             outputs: list[Output] = []
-            if ready.new_run:
-                self._report("", "the stamps of both planes went back: a new run, which needs a seed of its own")
-                outputs += self._forget(ready.pair.stamp_ns)
-            if ready.answered and ready.seed is None and not self._seed_accepted:
-                return outputs
-            result = self._result(ready)
-            if ready.seed is not None and ready.answered and not self._seed_accepted:
-                return outputs  # this pair has its answer already
-            self._count(ready, result)
-            if result is None:
-                return [*outputs, self._state_output(ready.pair.stamp_ns)]
-            return outputs + self._result_outputs(result, is_new=ready.seed is not None and self._seed_accepted)
+            while self._indispensable and self._indispensable[0].number <= ready.number:
+                due = self._indispensable.popleft()
+                if due.number < ready.number:
+                    outputs += self._answer(due)
+            return outputs + self._answer(ready)
 
     def reset(self) -> list[Output]:
         """Forget model, motion and clicks: WAITING_FOR_SEED. Returns what is to be published."""
         with self._intake:
             self._clicked.clear()
+            forgotten = self._clicked.number
         with self._tracking:
+            self._forgotten_seeds = forgotten
+            self._indispensable.clear()
             return [*self._forget(0), self._state_output(0)]
 
     def set_reference(self) -> None:
@@ -278,8 +285,8 @@ class TrackingPipeline:
                 reason=self._reason,
                 pairs=sum(self._states.values()),
                 half_pairs=self._half_pairs,
-                poses=self._poses,
-                states=dict(self._states),
+                poses=sum(count for state, count in self._states.items() if state.has_pose),
+                states={state: count for state, count in dict(self._states).items() if count},
                 problems=dict(self._problem_counts),
                 frames={plane: dataclasses.replace(self._frames[plane].counts) for plane in PLANES},
                 pairing={plane: dataclasses.replace(self._pairing.counts[plane]) for plane in PLANES},
@@ -288,33 +295,62 @@ class TrackingPipeline:
                 residual_px={} if result is None else dict(result.residual_px),
             )
 
-    def _result(self, ready: ReadyPair) -> TrackResult | None:
-        """The tracker's answer; None while there is no model."""
-        if ready.seed is not None:
-            self._seed_accepted = False
-            try:
-                result = self._tracker.initialise(ready.pair, ready.seed)
-            except LassoMotionError as error:
-                self._report("seed", str(error))
-            else:
-                self._seed_accepted = self._has_model = True
-                return result
-            if ready.answered:
-                return None
-        if not self._has_model:
+    def _answer(self, ready: ReadyPair) -> list[Output]:
+        outputs: list[Output] = []
+        if ready.new_run:
+            self._report("", "the stamps of both planes went back: a new run, which needs a seed of its own")
+            outputs += self._forget(ready.pair.stamp_ns)
+        seed = ready.seed if ready.number > self._forgotten_seeds else None
+        result = None if seed is None else self._initialised(ready.pair, seed)
+        if result is not None:
+            outputs += self._result_outputs(ready.pair, result, is_new=True)
+            for pair in ready.later:
+                outputs += self._result_outputs(pair, self._tracked(pair))
+        elif ready.answered:
+            pass  # refused clicks change nothing, and this pair has its answer already
+        elif self._has_model:
+            outputs += self._result_outputs(ready.pair, self._tracked(ready.pair))
+        else:
             self._set_state(TrackerState.WAITING_FOR_SEED, "no seed yet")
-            return None
-        return self._tracker.track(ready.pair)
+            self._count(ready.pair, None)
+            outputs.append(self._state_output(ready.pair.stamp_ns))
+        return outputs
 
-    def _count(self, ready: ReadyPair, result: TrackResult | None) -> None:
-        self.last_pair, self.last_result = ready.pair, result
+    def _initialised(self, pair: FramePair, seed: Seed) -> TrackResult | None:
+        """The tracker's answer to clicks; None where it refuses them."""
+        try:
+            result = self._tracker.initialise(pair, seed)
+        except LassoMotionError as error:
+            self._report("seed", str(error))
+            return None
+        self._has_model = True
+        return result
+
+    def _tracked(self, pair: FramePair) -> TrackResult:
+        """The tracker's answer to the next pair; a pair that it cannot work with is one where the lasso is lost."""
+        try:
+            return self._tracker.track(pair)
+        except LassoMotionError as error:
+            self._report("", str(error))
+            reference = self._reference_ns if self._reference_ns is not None else pair.stamp_ns
+            return TrackResult(pair.stamp_ns, TrackerState.LOST, str(error), None, None, None, reference)
+
+    def _count(self, pair: FramePair, result: TrackResult | None) -> None:
+        self.last_pair, self.last_result = pair, result
         if result is not None:
             self._set_state(result.state, result.reason)
-        if not ready.answered:
-            self._states[self._state] += 1
-            self._half_pairs += ready.pair.a is None or ready.pair.b is None
+        before = self._answers.pop(pair.stamp_ns, None)
+        if before is not None:
+            self._states[before] -= 1
+        else:
+            self._half_pairs += pair.a is None or pair.b is None
+        self._states[self._state] += 1
+        self._answers[pair.stamp_ns] = self._state
+        while len(self._answers) > self._config.seed_buffer_pairs:
+            del self._answers[next(iter(self._answers))]
 
-    def _result_outputs(self, result: TrackResult, is_new: bool) -> list[Output]:
+    def _result_outputs(self, pair: FramePair, result: TrackResult, *, is_new: bool = False) -> list[Output]:
+        self._count(pair, result)
         stamp = result.stamp_ns
         header = header_fields(stamp, self._config.world_frame)
         outputs: list[Output] = []
@@ -329,7 +365,6 @@ class TrackingPipeline:
             if result.covariance is not None:
                 fields = encode_pose_with_covariance_stamped(result.motion, result.covariance, header)
                 outputs.append(self._output(MOTION_WITH_COVARIANCE, fields, stamp))
-            self._poses += 1
             self._last_pose_ns = stamp
         if result.loop is not None:
             self._shown = True
@@ -347,8 +382,9 @@ class TrackingPipeline:
 
     def _forget(self, stamp_ns: int) -> list[Output]:
         self._tracker.reset()
-        self._has_model = self._seed_accepted = False
+        self._has_model = False
         self._reference_ns = None
+        self._answers.clear()
         self.last_result = None
         if self._state is not TrackerState.WAITING_FOR_CALIBRATION:
             self._set_state(TrackerState.WAITING_FOR_SEED, "the model was forgotten")

@@ -7,6 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -230,12 +231,11 @@ def _intake(
     for plane in PLANES:
         raw, compressed = image_topic(plane), compressed_image_topic(plane)
         images = raw if reader.topics.get(raw.recorded_name) == raw.type_name else compressed
-        intake[images.recorded_name] = lambda message, plane=plane: pipeline.add_image(plane, message)
+        intake[images.recorded_name] = partial(pipeline.add_image, plane)
         if with_calibration:
-            name = camera_info_topic(plane).recorded_name
-            intake[name] = lambda message, plane=plane: pipeline.add_camera_info(plane, message)
+            intake[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
         if with_seeds:
-            intake[seed_topic(plane).recorded_name] = lambda message, plane=plane: pipeline.add_seed(plane, message)
+            intake[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
     intake[R_PEAK.recorded_name] = pipeline.add_r_peak
     return intake
 

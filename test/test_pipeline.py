@@ -1,0 +1,232 @@
+"""Messages in, messages out: order, seeds early and late, new runs, bad messages, lost pairs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image, seed, stamp, stream
+
+from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
+from lasso_motion_ros.errors import TrackingError
+from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.pipeline import Output, ReadyPair, TrackingPipeline
+from msg_adapters.markers import ADD, DELETE
+from msg_adapters.messages import stamp_to_ns
+from msg_adapters.poses import decode_pose
+
+
+def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipeline:
+    config = configuration_from_values(ProductConfig, values)
+    return TrackingPipeline(config, MESSAGES, tracker or FakeTracker())
+
+
+def give(line: TrackingPipeline, topic: str, message: Any) -> list[ReadyPair]:
+    plane: Plane = "a" if topic.startswith("/plane_a") else "b"
+    add = {"image_raw": line.add_image, "camera_info": line.add_camera_info, "seed": line.add_seed}
+    return add[topic.rsplit("/", 1)[1]](plane, message)
+
+
+def run(line: TrackingPipeline, messages: Any) -> list[Output]:
+    outputs = []
+    for topic, _, message, _ in messages:
+        for ready in give(line, topic, message):
+            outputs += line.process(ready)
+    return outputs
+
+
+def names(outputs: list[Output]) -> list[str]:
+    return [output.topic.name for output in outputs]
+
+
+def poses(outputs: list[Output]) -> dict[int, float]:
+    """x of each `motion`, mm, by stamp."""
+    found = [output.message for output in outputs if output.topic.name == "motion"]
+    return {stamp_to_ns(m.header.stamp): round(1e3 * float(decode_pose(m)[0, 3]), 6) for m in found}
+
+
+def states(outputs: list[Output]) -> list[str]:
+    return [output.message.data for output in outputs if output.topic.name == "state"]
+
+
+def test_the_first_seeded_pair_gives_reference_state_and_identity_in_this_order() -> None:
+    outputs = run(pipeline(), stream(2))
+    assert names(outputs) == [
+        "state",  # the pair is complete before its clicks in plane B
+        "reference", "state", "motion", "motion_raw", "motion_with_covariance", "catheter",
+        "state", "motion", "motion_raw", "motion_with_covariance", "catheter",
+    ]  # fmt: skip
+    assert states(outputs) == ["WAITING_FOR_SEED", "TRACKING", "TRACKING"]
+    assert poses(outputs) == {stamp(0): 0.0, stamp(1): 1.0}
+    reference = outputs[1].message
+    assert stamp_to_ns(reference.stamp) == stamp(0)
+    motion = outputs[3].message
+    assert motion.header.frame_id == "patient_table"
+    assert np.array_equal(decode_pose(motion), np.eye(4))
+    assert np.array_equal(outputs[5].message.pose.covariance, (np.eye(6) * 1e-8).reshape(-1))
+    assert outputs[6].message.action == ADD
+    assert len(outputs[6].message.points) >= 64
+    assert [output.stamp_ns for output in outputs] == [stamp(0)] * 7 + [stamp(1)] * 5
+
+
+def test_before_anything_comes_it_waits_for_calibration_and_then_for_a_seed() -> None:
+    line = pipeline()
+    assert states(line.initial_outputs()) == ["WAITING_FOR_CALIBRATION"]
+    assert line.add_camera_info("a", camera_info("a")) == []
+    assert line.pending_outputs() == []
+    line.add_camera_info("b", camera_info("b"))
+    assert states(line.pending_outputs()) == ["WAITING_FOR_SEED"]
+    assert line.pending_outputs() == []
+
+
+@pytest.mark.parametrize("late_by", [0, 1, 5])
+def test_clicks_that_come_late_change_no_pose(late_by: int) -> None:
+    expected = poses(run(pipeline(), stream(8)))
+    messages = list(stream(8))
+    clicks = [entry for entry in messages if entry[0].endswith("seed")]
+    messages = [entry for entry in messages if not entry[0].endswith("seed")]
+    place = 4 * (1 + late_by)  # behind so many pairs
+    assert poses(run(pipeline(), messages[:place] + clicks + messages[place:])) == expected
+    assert expected == {stamp(k): float(k) for k in range(8)}
+
+
+def test_clicks_with_stamp_zero_are_for_the_next_pair() -> None:
+    line = pipeline()
+    run(line, stream(3, seeded=None))
+    assert line.add_seed("a", seed(0)) == line.add_seed("b", seed(0)) == []
+    assert poses(run(line, stream(2, seeded=None, start=3))) == {stamp(3): 0.0, stamp(4): 1.0}
+
+
+def test_clicks_on_two_pairs_are_refused_and_can_be_completed() -> None:
+    line = pipeline()
+    run(line, stream(4, seeded=None))
+    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(2))) == []
+    problem = line.take_problems()[-1]
+    assert problem.topic == "plane_a/seed"
+    assert "one pair" in problem.text
+    assert [ready.pair.stamp_ns for ready in line.add_seed("a", seed(stamp(2)))] == [stamp(2)]
+
+
+def test_clicks_on_an_image_that_is_gone_are_refused() -> None:
+    line = pipeline(seed_buffer_pairs=3)
+    run(line, stream(6, seeded=None))
+    assert line.add_seed("a", seed(stamp(1))) == []
+    assert "not among the last 3 pairs" in line.take_problems()[-1].text
+    line.add_seed("a", seed(stamp(4)))
+    assert [ready.pair.stamp_ns for ready in line.add_seed("b", seed(stamp(4)))] == [stamp(4)]
+
+
+def test_clicks_that_fit_no_loop_are_reported_and_leave_the_state() -> None:
+    line = pipeline(FakeTracker(refuse=True))
+    outputs = run(line, stream(3))
+    assert set(states(outputs)) == {"WAITING_FOR_SEED"}
+    assert [problem.text for problem in line.take_problems()] == ["no loop here"]
+    assert len(states(outputs)) == 3, "one answer a pair"
+
+
+def test_refused_clicks_do_not_disturb_a_running_track() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(3))
+    tracker.refuse = True
+    line.add_seed("a", seed(stamp(1)))
+    (ready,) = line.add_seed("b", seed(stamp(1)))
+    assert line.process(ready) == []
+    assert poses(run(line, stream(1, seeded=None, start=3))) == {stamp(3): 3.0}
+
+
+def test_a_missing_plane_is_answered_without_a_pose() -> None:
+    line = pipeline()
+    messages = [entry for entry in stream(5) if not (entry[0] == "/plane_b/image_raw" and entry[3] == stamp(2) + 1000)]
+    outputs = run(line, messages)
+    assert states(outputs)[-3:] == ["LOST", "TRACKING", "TRACKING"]
+    assert sorted(poses(outputs)) == [stamp(0), stamp(1), stamp(3), stamp(4)]
+    lost = [output for output in outputs if output.stamp_ns == stamp(2)]
+    assert names(lost) == ["state", "catheter"]
+    assert lost[1].message.action == DELETE
+    assert line.statistics().half_pairs == 1
+
+
+def test_stamps_that_go_back_are_a_new_run() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(8))
+    outputs = run(line, stream(8))
+    assert poses(outputs) == {stamp(k): float(k) for k in range(8)}
+    assert names(outputs)[:2] == ["catheter", "state"]
+    assert states(outputs)[0] == "WAITING_FOR_SEED"
+    assert [problem.text for problem in line.take_problems()] == [
+        "the stamps of both planes went back: a new run, which needs a seed of its own"
+    ]
+
+
+def test_a_busy_node_may_skip_pairs_but_loses_no_seed() -> None:
+    line = pipeline()
+    ready = [one for topic, _, message, _ in stream(6) for one in give(line, topic, message)]
+    assert [one.seed is not None for one in ready] == [False, True, False, False, False, False, False]
+    outputs = line.process(ready[-1])
+    assert sorted(poses(outputs)) == [stamp(0), stamp(5)]
+
+
+def test_reset_forgets_and_set_reference_is_refused_then() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(2))
+    line.set_reference()
+    assert tracker.calls[-1] == ("set_reference", 0)
+    assert names(line.reset()) == ["catheter", "state"]
+    with pytest.raises(TrackingError, match="WAITING_FOR_SEED"):
+        line.set_reference()
+    assert states(run(line, stream(1, seeded=None, start=2))) == ["WAITING_FOR_SEED"]
+
+
+@pytest.mark.parametrize(
+    ("topic", "message", "text"),
+    [
+        ("/plane_a/image_raw", lambda: _spoilt_image(), "encoding: expected mono8"),
+        ("/plane_b/camera_info", lambda: camera_info("b", d=np.array([0.1, 0, 0, 0, 0])), "d: expected all zero"),
+        ("/plane_b/seed", lambda: seed(0, count=4), "expected 6 clicks"),
+    ],
+)
+def test_a_bad_message_is_one_problem_and_no_exception(topic: str, message: Any, text: str) -> None:
+    line = pipeline()
+    assert give(line, topic, message()) == []
+    (problem,) = line.take_problems()
+    assert problem.topic == topic[1:]
+    assert text in problem.text
+    assert line.statistics().problems == {topic[1:]: 1}
+
+
+def _spoilt_image() -> Any:
+    message = image(stamp(0))
+    message.encoding = "bgr8"
+    return message
+
+
+def test_statistics_count_what_came_and_what_became_of_it() -> None:
+    line = pipeline()
+    run(line, stream(5))
+    statistics = line.statistics()
+    assert (statistics.pairs, statistics.poses, statistics.half_pairs) == (5, 5, 0)
+    assert {state.value: count for state, count in statistics.states.items()} == {"TRACKING": 5}
+    assert statistics.pairing["a"].paired == 5
+    assert statistics.frames["b"].images == 5
+    assert statistics.last_pose_ns == stamp(4)
+    assert statistics.residual_px == {"a": 0.5, "b": 0.4}
+
+
+def test_images_are_released() -> None:
+    import gc
+    import weakref
+
+    line = pipeline(seed_buffer_pairs=4)
+    kept = []
+    for topic, _, message, _ in stream(40, offset_ns=PERIOD_NS // 2):
+        for ready in give(line, topic, message):
+            line.process(ready)
+            kept.append(weakref.ref(ready.pair))
+        del message
+    del ready
+    gc.collect()
+    assert sum(pair() is not None for pair in kept) <= 5
