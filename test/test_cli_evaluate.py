@@ -9,6 +9,7 @@ import pytest
 from drawn_recording import write_input, write_result
 
 from lasso_motion_ros.cli.main import main
+from msg_adapters.recording_reader import RecordingReader
 
 STATES = ["TRACKING", "TRACKING", "DEGRADED", "LOST"]
 
@@ -70,6 +71,16 @@ def test_bad_input_is_one_line(
     error = capsys.readouterr().err
     assert text in error
     assert error.count("\n") == 1
+
+
+def test_the_truth_in_a_recording_changes_no_answer(tmp_path: Path) -> None:
+    motions = [0.0, 2.0, 4.0]
+    answers = []
+    for name, truth in (("with", True), ("without", False)):
+        recording, result = tmp_path / f"{name}.mcap", tmp_path / f"{name}_result.mcap"
+        assert main(["track", "--quiet", str(write_input(recording, motions, truth=truth)), "-o", str(result)]) == 0
+        answers.append([(m.topic, m.log_time_ns, m.data) for m in RecordingReader(result).raw_messages()])
+    assert answers[0] == answers[1]
 
 
 def test_without_a_result_the_recording_is_tracked_first(recording: Path, tmp_path: Path) -> None:

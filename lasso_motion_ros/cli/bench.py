@@ -37,6 +37,9 @@ DEFAULT_PAIRS = 60
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
+    ("lasso_motion_ros.appearance_tracker", "working_image", "working image"),
+    ("lasso_motion_ros.appearance_tracker", "find_peaks", "search"),
+    ("lasso_motion_ros.appearance_tracker", "align", "alignment"),
     ("lasso_motion_ros.brost2009", "distance_map", "features"),
     ("lasso_motion_ros.brost2009", "register", "registration"),
 )
@@ -132,7 +135,7 @@ class Benchmark:
         median_ms: of a pair.
         p95_ms: 95th percentile of a pair.
         processor_per_wall: processor time by wall time; more than 1.05 would mean more than one thread.
-        stages_ms: mean wall time a pair, by stage, in order; features and registration lie inside tracking.
+        stages_ms: mean wall time a pair, by stage, in order; the indented ones lie inside tracking.
         messages: who serialised.
         recording: the recording's name.
         configuration: the configuration's name.
