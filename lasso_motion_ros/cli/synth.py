@@ -35,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's seed")
     parser.add_argument("--frames", type=int, metavar="N", help="number of pairs instead of the scenario's")
     parser.add_argument("--volume", metavar="FILE", help="CT volume (NIfTI, NRRD, MHA) as the patient's body")
+    parser.add_argument(
+        "--volume-centre",
+        nargs=3,
+        type=float,
+        metavar=("X", "Y", "Z"),
+        help="left atrium in the volume, mm in its LPS coordinates (default: its middle)",
+    )
     parser.add_argument("--list", action="store_true", help="list the scenarios that come with the package")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
 
@@ -51,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     if args.volume is not None:
         from lasso_motion_ros.phantom.volume import volume_bodies
 
-        body = volume_bodies(args.volume)
+        body = volume_bodies(args.volume, args.volume_centre)
     simulator = Simulator(scenario, body)
     pairs = progress(simulator.pairs(), scenario.pairs, "rendering", args.quiet)
     write_recording(Path(args.output), simulator, pairs, overwrite=args.overwrite)
@@ -109,9 +116,7 @@ def _pair_messages(pair: SimulatedPair) -> list[tuple[int, topics.Topic, dict[st
     for plane, frame in pair.frames.items():
         header = header_fields(frame.stamp_ns, f"plane_{plane}")
         # The calibration first: whoever takes messages in order then has it with the image.
-        messages.append(
-            (frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.published, header))
-        )
+        messages.append((frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.published, header)))
         messages.append((frame.stamp_ns, topics.image_topic(plane), encode_image(frame.pixels, header)))
     world = header_fields(pair.stamp_ns, WORLD_FRAME)
     messages.append((pair.stamp_ns, topics.TRUE_MOTION, encode_pose_stamped(pair.motion, world)))

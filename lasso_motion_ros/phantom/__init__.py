@@ -4,7 +4,8 @@ Scenario (YAML) → motion, anatomy, catheters → optical depth per ray → ima
 message; `lasso-motion synth` writes what the simulator yields into a recording.
 """
 
-from lasso_motion_ros.phantom.scenario import Scenario, available_scenarios, load_scenario, scenario_directory
+from lasso_motion_ros.phantom.scenario import available_scenarios, load_scenario, scenario_directory
+from lasso_motion_ros.phantom.settings import Scenario
 from lasso_motion_ros.phantom.simulator import SimulatedFrame, SimulatedPair, Simulator
 
 __all__ = [

@@ -98,10 +98,11 @@ def build_thorax(random: np.random.Generator) -> Thorax:
     ]
     # Spine and descending aorta are no straight cylinders: their borders against the lung wander.
     great_vessels += [
-        ellipsoid((-4 + random.normal(0, 2.5), 66, 52 * index), (random.uniform(21, 26), 34, 50)) for index in range(-2, 3)
+        ellipsoid((-4 + random.normal(0, 2.5), 66, 52 * index), (random.uniform(21, 26), 34, 50))
+        for index in range(-2, 3)
     ]
     great_vessels += [
-        ellipsoid((22 + random.normal(0, 2), 45 + random.normal(0, 3), 60 * index), random.uniform(12, 15, 2).tolist() + [58])
+        ellipsoid((22 + random.normal(0, 2), 45 + random.normal(0, 3), 60 * index), [*random.uniform(12, 15, 2), 58])
         for index in range(-2, 3)
     ]
     great_vessels += [
@@ -117,14 +118,16 @@ def build_thorax(random: np.random.Generator) -> Thorax:
     under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * SOFT)]
     return Thorax(
         trunk=ellipsoid((0, 2, -20), (176, 116, 520)),
-        fixed=_spine(random) + _sternum() + _lumps(random, 60, (150, 105, 130), (8, 34), 0.6, -5.0),
+        fixed=_spine(random)
+        + _sternum()
+        + _lumps(random, count=60, spread_mm=(150, 105, 130), size_mm=(8, 34), hollow=0.6, attenuation=-5.0),
         ribs=_ribs(random),
         cavities=cavities,
         heart=heart,
         great_vessels=great_vessels,
         domes=domes,
         under_diaphragm=under_diaphragm,
-        heart_fat=_lumps(random, 18, (55, 45, 45), (5, 15), 0.0, -3.6),
+        heart_fat=_lumps(random, count=18, spread_mm=(55, 45, 45), size_mm=(5, 15), hollow=0.0, attenuation=-3.6),
         airways=_airways(),
         lung_vessels=_lung_vessels(random),
     )
@@ -175,11 +178,15 @@ def _bumps(random: np.random.Generator, on: list[Body], count: int) -> list[Body
 
 
 def _sternum() -> list[Additive]:
-    return [Additive(ellipsoid((0, -104, 35), (17, 5.5, 75)), 6.0), Additive(ellipsoid((0, -108, 118), (28, 6, 26)), 6.0)]
+    return [
+        Additive(ellipsoid((0, -104, 35), (17, 5.5, 75)), 6.0),
+        Additive(ellipsoid((0, -108, 118), (28, 6, 26)), 6.0),
+    ]
 
 
 def _lumps(
     random: np.random.Generator,
+    *,
     count: int,
     spread_mm: tuple[float, float, float],
     size_mm: tuple[float, float],
@@ -239,7 +246,7 @@ def _smooth(points: Array, samples: int) -> Array:
 
 
 def _lung_vessels(random: np.random.Generator) -> Segments:
-    """Branching trees from both hila, dividing until thinner than 0.6 mm; the area is kept at each branching (Murray)."""
+    """Branching trees from both hila, dividing until thinner than 0.6 mm; radii branch as Murray's law has them."""
     starts: list[Array] = []
     ends: list[Array] = []
     radii: list[float] = []

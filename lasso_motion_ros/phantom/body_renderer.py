@@ -60,9 +60,7 @@ class BodyRenderer:
         depth = self._fixed + self._shifted_ribs(coarse, state)
         depth += self._moving(coarse, rays, state)
         # Binned pixel i covers pixels i·b … i·b + b − 1: the convention of cv2.resize.
-        full = cv2.resize(
-            depth.astype(np.float32), (width * binning, height * binning), interpolation=cv2.INTER_CUBIC
-        )
+        full = cv2.resize(depth.astype(np.float32), (width * binning, height * binning), interpolation=cv2.INTER_CUBIC)
         return np.ascontiguousarray(full[: projection.height, : projection.width])
 
     def _prepare(self, coarse: Projection) -> Rays:
@@ -83,8 +81,8 @@ class BodyRenderer:
         shift = coarse.project(lift) - coarse.project(np.zeros(3))
         matrix = np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]])
         size = (coarse.width, coarse.height)
-        return cv2.warpAffine(  # type: ignore[return-value]
-            self._ribs, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        return np.asarray(
+            cv2.warpAffine(self._ribs, matrix, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         )
 
     def _moving(self, coarse: Projection, rays: Rays, state: BodyState) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
-from lasso_motion_ros.phantom.scenario import LassoSettings
+from lasso_motion_ros.phantom.settings import LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
 from lasso_motion_ros.transforms import apply
 

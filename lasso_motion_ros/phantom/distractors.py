@@ -5,8 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.phantom.catheters import SEPTUM, body_segments, build_loop, followed, lasso_shaft, loop_segments, spline
-from lasso_motion_ros.phantom.scenario import DistractorSettings, LassoSettings
+from lasso_motion_ros.phantom.catheters import (
+    SEPTUM,
+    body_segments,
+    build_loop,
+    followed,
+    lasso_shaft,
+    loop_segments,
+    spline,
+)
+from lasso_motion_ros.phantom.settings import DistractorSettings, LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
 from lasso_motion_ros.transforms import apply
 
@@ -58,7 +66,9 @@ def _ecg_lead(index: int) -> Segments:
     """A copper lead on the skin, ending in a snap electrode."""
     side = -1.0 if index % 2 else 1.0
     end = np.array([side * (28.0 + 11.0 * index), -104.0 + 3.0 * index, -26.0 - 9.0 * index])
-    knots = end + np.array([[0, 0, 0], [side * 6, 2, 14], [side * 22, 12, 30], [side * 26, 18, 75], [side * 60, 44, 120]])
+    knots = end + np.array(
+        [[0, 0, 0], [side * 6, 2, 14], [side * 22, 12, 30], [side * 26, 18, 75], [side * 60, 44, 120]]
+    )
     snap = np.stack([end - np.array([0.0, 2.0, 0.0]), end + np.array([0.0, 1.0, 0.0])])
     return joined([chain(spline(knots * 1e-3, 1.5e-3), 0.55e-3, 260.0), chain(snap * 1e-3, 4.5e-3, 130.0)])
 
@@ -66,7 +76,9 @@ def _ecg_lead(index: int) -> Segments:
 def _oesophageal_probe(motion: Array) -> Segments:
     """A 3 mm temperature probe behind the atrium, with its sensor at the end."""
     knots = np.array([[2, 27, 190], [3, 29, 110], [6, 30, 45], [9, 31, -14]]) * 1e-3
-    curve = spline(np.stack([followed(knot, share, motion) for knot, share in zip(knots, (0.0, 0.2, 0.5, 0.5), strict=True)]))
+    curve = spline(
+        np.stack([followed(knot, share, motion) for knot, share in zip(knots, (0.0, 0.2, 0.5, 0.5), strict=True)])
+    )
     return joined([chain(curve, 1.5e-3, 70.0), chain(curve[-8:], 1.2e-3, 260.0)])
 
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.geometry import Projection, carm_projection
-from lasso_motion_ros.phantom.scenario import Event, Scenario
+from lasso_motion_ros.phantom.settings import Event, Scenario
 from lasso_motion_ros.transforms import rigid
 
 Array = npt.NDArray[np.float64]

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.phantom.scenario import ImagingSettings
+from lasso_motion_ros.phantom.settings import ImagingSettings
 
 Image = npt.NDArray[np.float32]
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]

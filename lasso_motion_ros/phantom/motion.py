@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.phantom.body_renderer import BodyState
-from lasso_motion_ros.phantom.scenario import BreathingSettings, HeartSettings
+from lasso_motion_ros.phantom.settings import BreathingSettings, HeartSettings
 from lasso_motion_ros.transforms import rigid
 
 Array = npt.NDArray[np.float64]
@@ -32,8 +32,11 @@ class Breathing:
         self._direction = _unit(settings.direction)
         # The way back lies beside the way in, across the main direction, mostly front to back.
         sideways = np.cross(self._direction, (1.0, 0.0, 0.0))
-        self._sideways = _unit(sideways if np.linalg.norm(sideways) > 0.1 else np.cross(self._direction, (0.0, 1.0, 0.0)))
-        starts, depths = [-settings.start * settings.period_s], []
+        self._sideways = _unit(
+            sideways if np.linalg.norm(sideways) > 0.1 else np.cross(self._direction, (0.0, 1.0, 0.0))
+        )
+        starts = [-settings.start * settings.period_s]
+        depths: list[float] = []
         while starts[-1] <= duration_s or not depths:
             spread = random.normal(size=2) if depths else np.zeros(2)
             starts.append(starts[-1] + settings.period_s * float(np.exp(0.6 * settings.irregularity * spread[0])))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -28,8 +28,8 @@ from lasso_motion_ros.phantom.distractors import distractor_segments
 from lasso_motion_ros.phantom.gantry import concerns, progress, published_projection, true_projection
 from lasso_motion_ros.phantom.imaging import ImagingChain, Pixels
 from lasso_motion_ros.phantom.motion import Breathing, Heartbeat, Motion
-from lasso_motion_ros.phantom.scenario import Event, Scenario
 from lasso_motion_ros.phantom.seeds import clicks_along_loop
+from lasso_motion_ros.phantom.settings import Event, Scenario
 from lasso_motion_ros.phantom.tubes import Segments, joined, optical_depth
 from lasso_motion_ros.transforms import apply, inverse, rigid
 
@@ -98,7 +98,7 @@ class Simulator:
         body: the patient; a procedural thorax drawn from the scenario's seed if not given.
     """
 
-    def __init__(self, scenario: Scenario, body: dict[Plane, BodySource] | None = None) -> None:
+    def __init__(self, scenario: Scenario, body: Mapping[Plane, BodySource] | None = None) -> None:
         self.scenario = scenario
         duration = (scenario.pairs + 1) / scenario.rate_hz
         self.motion = Motion(
@@ -106,7 +106,7 @@ class Simulator:
             Heartbeat(scenario.heart, self._random(_HEART), duration),
         )
         self.thorax: Thorax = build_thorax(self._random(_ANATOMY))
-        self._bodies: dict[Plane, BodySource] = body or {plane: BodyRenderer(self.thorax) for plane in PLANES}
+        self._bodies: Mapping[Plane, BodySource] = body or {plane: BodyRenderer(self.thorax) for plane in PLANES}
         self.loop: Loop = build_loop(scenario.lasso, SEPTUM)
         # The loop is placed at the first pair's phase.
         self._start = self.motion.body_state(0.0).heart
@@ -228,7 +228,11 @@ class Simulator:
         """The exposure control hunts slowly: two incommensurate oscillations with phases of their own."""
         phase = self._random(_DOSE, PLANES.index(plane)).uniform(0.0, 2.0 * np.pi, 2)
         time_s = self.time_s(index, plane)
-        hunting = np.sin(0.7 * time_s + phase[0]) - np.sin(phase[0]) + 0.5 * (np.sin(1.9 * time_s + phase[1]) - np.sin(phase[1]))
+        hunting = (
+            np.sin(0.7 * time_s + phase[0])
+            - np.sin(phase[0])
+            + 0.5 * (np.sin(1.9 * time_s + phase[1]) - np.sin(phase[1]))
+        )
         return float(max(0.2, 1.0 + self.scenario.imaging.brightness_drift * hunting))
 
     def _events(self, kind: str) -> list[Event]:

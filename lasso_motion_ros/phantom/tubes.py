@@ -14,6 +14,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry import Projection
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 BATCH_RAYS = 1_500_000
 
@@ -75,41 +76,48 @@ def optical_depth(projection: Projection, segments: Segments, supersampling: int
     ends = np.stack([projection.project(segments.start), projection.project(segments.end)])
     nearest = np.minimum(projection.depth(segments.start), projection.depth(segments.end)) - segments.radius
     reach = segments.radius * projection.focal_length_px / np.maximum(nearest, 1e-3) + 1.0
-    low = np.floor(ends.min(axis=0) - reach[:, None]).astype(np.int64)
+    low: Indices = np.floor(ends.min(axis=0) - reach[:, None]).astype(np.int64)
     high = np.ceil(ends.max(axis=0) + reach[:, None]).astype(np.int64)
     visible = (nearest > 0.01) & np.all(high >= 0, axis=1) & (low[:, 0] < width) & (low[:, 1] < height)
     side = (high - low + 1).max(axis=1)
     # Equal patches are computed together; sizes in steps of √2 keep the waste small and the batches few.
     group = np.ceil(2.0 * np.log2(side)).astype(np.int64)
-    inverse = np.linalg.inv(projection.matrix[:, :3])
+    inverse: Array = np.asarray(np.linalg.inv(projection.matrix[:, :3]), dtype=np.float64)
     for size_class in np.unique(group[visible]):
-        members = np.flatnonzero(visible & (group == size_class))
+        members: Indices = np.flatnonzero(visible & (group == size_class)).astype(np.int64)
         patch = int(side[members].max())
         step = max(1, BATCH_RAYS // (patch * supersampling) ** 2)
         for first in range(0, len(members), step):
             batch = members[first : first + step]
-            depth = _patches(projection.source, inverse, segments, batch, low[batch], patch, supersampling)
+            depth = _patches(
+                projection.source, inverse, segments, batch, corner=low[batch], patch=patch, supersampling=supersampling
+            )
             columns = low[batch, 0, None, None] + np.arange(patch)[None, None, :]
             rows = low[batch, 1, None, None] + np.arange(patch)[None, :, None]
             inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height) & (depth != 0.0)
-            image += np.bincount(
-                (rows * width + columns)[inside], weights=depth[inside], minlength=height * width
-            )
+            image += np.bincount((rows * width + columns)[inside], weights=depth[inside], minlength=height * width)
     return image.reshape(height, width)
 
 
 def _patches(
-    source: Array, inverse: Array, segments: Segments, batch: Array, low: Array, patch: int, supersampling: int
+    source: Array,
+    inverse: Array,
+    segments: Segments,
+    batch: Indices,
+    *,
+    corner: Indices,
+    patch: int,
+    supersampling: int,
 ) -> Array:
-    """Optical depths (B, patch, patch) of the chosen segments, each on the patch whose first pixel is `low`."""
+    """Optical depths (B, patch, patch) of the chosen segments, each on the patch whose first pixel is `corner`."""
     axis = segments.end[batch] - segments.start[batch]
     length = np.linalg.norm(axis, axis=1)
     axis = axis / np.maximum(length, 1e-12)[:, None]
     to_source = source - 0.5 * (segments.start[batch] + segments.end[batch])
     along_source = np.einsum("si,si->s", to_source, axis)
     offset = (np.arange(patch * supersampling) + 0.5) / supersampling - 0.5
-    u = low[:, 0, None, None] + offset[None, None, :]
-    v = low[:, 1, None, None] + offset[None, :, None]
+    u = corner[:, 0, None, None] + offset[None, None, :]
+    v = corner[:, 1, None, None] + offset[None, :, None]
     # A pixel's ray is inverse·(u, v, 1): its products with fixed vectors are linear in u and v.
     norm_form = inverse.T @ inverse
     norm = np.sqrt(

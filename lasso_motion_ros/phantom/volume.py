@@ -1,0 +1,171 @@
+"""A CT volume given by the user as the patient's body, projected by sampling along the rays.
+
+Needs the optional extra `volume` (SimpleITK, which reads NIfTI, NRRD and MHA and gives all of them in the LPS axes
+used here). The volume's attenuation is that of its Hounsfield units; what lies about the heart is carried along with
+breathing and heartbeat by a smooth warp, and only that part is sampled again for every picture.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import map_coordinates
+
+from lasso_motion_ros.errors import ScenarioError
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.phantom.anatomy import SOFT
+from lasso_motion_ros.phantom.bodies import Rays, pixel_rays
+from lasso_motion_ros.phantom.body_renderer import BodyState
+
+Array = npt.NDArray[np.float64]
+Sampler = Callable[[Array], npt.NDArray[np.float32]]
+
+FIXED_SIDE, MOVING_SIDE = 256, 128
+STEP_M = 1.5e-3
+# The heart moves as a whole within the first radius; the motion fades to nothing at the second.
+HEART_RADIUS_M, FADE_RADIUS_M = 0.055, 0.105
+CHUNK_SAMPLES = 4_000_000
+
+
+class Volume:
+    """Attenuation on a regular grid, placed in the world.
+
+    Args:
+        attenuation: (Z, Y, X) linear attenuation, 1/m.
+        to_index: (4, 4) world metres to array indices (z, y, x).
+    """
+
+    def __init__(self, attenuation: npt.NDArray[np.float32], to_index: Array) -> None:
+        self.attenuation = attenuation
+        self.to_index = to_index
+        to_world = np.linalg.inv(to_index)
+        corners = np.array(np.meshgrid(*[(-0.5, size - 0.5) for size in attenuation.shape])).reshape(3, -1).T
+        world = corners @ to_world[:3, :3].T + to_world[:3, 3]
+        self.centre = world.mean(axis=0)
+        self.radius = float(np.linalg.norm(world - self.centre, axis=1).max())
+
+    def sample(self, points: Array) -> npt.NDArray[np.float32]:
+        """Attenuation at world points (3, N), trilinear, 0 outside."""
+        index = self.to_index[:3, :3] @ points + self.to_index[:3, 3:]
+        return np.asarray(map_coordinates(self.attenuation, index, order=1, mode="constant", cval=0.0))
+
+
+class VolumeRenderer:
+    """A volume as the body in one plane; the still part is kept per geometry."""
+
+    def __init__(self, volume: Volume) -> None:
+        self._volume = volume
+        self._key: tuple[bytes, int, int] | None = None
+        self._fixed: npt.NDArray[np.float32] = np.zeros((0, 0), np.float32)
+
+    def optical_depth(self, projection: Projection, state: BodyState) -> npt.NDArray[np.float32]:
+        """Line integral of the attenuation through every pixel, (H, W), dimensionless."""
+        key = (projection.matrix.tobytes(), projection.width, projection.height)
+        if key != self._key:
+            self._fixed = self._on_grid(projection, FIXED_SIDE, None)
+            self._key = key
+        return np.asarray(self._fixed + self._on_grid(projection, MOVING_SIDE, state), np.float32)
+
+    def _on_grid(self, projection: Projection, side: int, state: BodyState | None) -> npt.NDArray[np.float32]:
+        binning = max(1, max(projection.width, projection.height) // side)
+        width, height = -(-projection.width // binning), -(-projection.height // binning)
+        rays = pixel_rays(projection.read_out(0, 0, width, height, binning, binning))
+        if state is None:
+            depth = _integrate(rays, self._volume.centre, self._volume.radius, self._volume.sample)
+        else:
+            shift = _heart_shift(state)
+
+            def change(points: Array) -> npt.NDArray[np.float32]:
+                moved = points - _warp_weight(points) * shift[:, None]
+                return np.asarray(self._volume.sample(moved) - self._volume.sample(points))
+
+            depth = _integrate(rays, np.zeros(3), FADE_RADIUS_M, change)
+        image = depth.reshape(rays.shape).astype(np.float32)
+        full = cv2.resize(image, (width * binning, height * binning), interpolation=cv2.INTER_CUBIC)
+        return np.asarray(full[: projection.height, : projection.width], np.float32)
+
+
+def volume_bodies(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> dict[Plane, VolumeRenderer]:
+    """The body in both planes, from a CT file.
+
+    Args:
+        path: NIfTI, NRRD or MHA, Hounsfield units.
+        centre_mm: (3,) place of the left atrium in the file's LPS coordinates; the volume's middle if not given.
+
+    Raises:
+        ScenarioError: SimpleITK is not installed, the file cannot be read, or it is no CT volume.
+    """
+    volume = read_volume(path, centre_mm)
+    return {plane: VolumeRenderer(volume) for plane in PLANES}
+
+
+def read_volume(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> Volume:
+    """See `volume_bodies`."""
+    try:
+        reader = importlib.import_module("SimpleITK")
+    except ImportError as error:
+        raise ScenarioError(
+            f"{path}: reading a volume needs SimpleITK: pip install 'lasso_motion_ros[volume]'"
+        ) from error
+    if not Path(path).is_file():
+        raise ScenarioError(f"{path}: no such file")
+    try:
+        image = reader.ReadImage(str(path))
+    except RuntimeError as error:
+        raise ScenarioError(f"{path}: cannot be read as NIfTI, NRRD or MHA") from error
+    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
+        raise ScenarioError(
+            f"{path}: expected one 3-D volume of Hounsfield units, found {image.GetDimension()} dimensions"
+        )
+    hounsfield = np.asarray(reader.GetArrayFromImage(image), dtype=np.float32)
+    if min(hounsfield.shape) < 2 or not np.all(np.isfinite(hounsfield)):
+        raise ScenarioError(f"{path}: expected at least 2 finite voxels a side, found shape {hounsfield.shape}")
+    # Index (x, y, z) to LPS millimetres, then the chosen centre to the world's origin.
+    direction = np.asarray(image.GetDirection(), dtype=np.float64).reshape(3, 3)
+    to_lps = np.eye(4)
+    to_lps[:3, :3] = direction * np.asarray(image.GetSpacing())
+    to_lps[:3, 3] = image.GetOrigin()
+    extent_mm = np.asarray(image.GetSize()) * np.asarray(image.GetSpacing())
+    if not 50.0 <= extent_mm.max() <= 3000.0:
+        raise ScenarioError(f"{path}: expected 50 to 3000 mm along the longest side, found {extent_mm.max():.4g} mm")
+    middle = to_lps[:3, :3] @ (0.5 * (np.asarray(image.GetSize()) - 1.0)) + to_lps[:3, 3]
+    to_lps[:3, 3] -= middle if centre_mm is None else np.asarray(centre_mm, dtype=np.float64)
+    to_lps[:3] *= 1e-3
+    reverse = np.eye(4)[[2, 1, 0, 3]]
+    attenuation = (SOFT * np.maximum(1.0 + hounsfield / 1000.0, 0.0)).astype(np.float32)
+    return Volume(attenuation, reverse @ np.linalg.inv(to_lps))
+
+
+def _integrate(rays: Rays, centre: Array, radius: float, value: Sampler) -> Array:
+    """Midpoint rule along each ray's part inside a ball; (N,)."""
+    middle = (centre - rays.source) @ rays.directions
+    count = int(np.ceil(2.0 * radius / STEP_M))
+    depth = np.zeros(rays.directions.shape[1])
+    nearest_squared = np.sum((centre - rays.source) ** 2) - middle**2
+    hit = np.flatnonzero(nearest_squared < radius * radius)
+    offsets = (np.arange(count) + 0.5) * STEP_M - 0.5 * count * STEP_M
+    chunk = max(1, CHUNK_SAMPLES // count)
+    for first in range(0, hit.size, chunk):
+        part = hit[first : first + chunk]
+        distance = middle[part, None] + offsets
+        points = rays.source[:, None, None] + rays.directions[:, part, None] * distance
+        samples = value(points.reshape(3, -1))
+        depth[part] = STEP_M * samples.reshape(part.size, count).sum(axis=1)
+    return depth
+
+
+def _heart_shift(state: BodyState) -> Array:
+    return np.asarray(state.heart[:3, 3])
+
+
+def _warp_weight(points: Array) -> Array:
+    """1 inside the heart's radius, falling smoothly to 0; (N,) for world points (3, N)."""
+    distance = np.sqrt(np.einsum("in,in->n", points, points))
+    part = np.clip((FADE_RADIUS_M - distance) / (FADE_RADIUS_M - HEART_RADIUS_M), 0.0, 1.0)
+    return np.asarray(part * part * (3.0 - 2.0 * part))
