@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 
 from lasso_motion_ros.nodes.worker import Worker
 
@@ -27,13 +28,20 @@ class Gate:
             self.released.release()
 
 
+def make(gate: Gate, on_error: Callable[[Exception], None] = lambda error: None) -> Worker[int]:
+    """Three may wait; five, while an item of 100 or more is in work."""
+    return Worker(
+        gate, capacity=3, burst_capacity=5, takes_long=lambda item: item >= 100, on_error=on_error, name="test"
+    )
+
+
 def test_everything_that_fits_is_worked_on_in_order() -> None:
     gate = Gate()
-    worker = Worker(gate, 3, lambda error: None, "test")
-    worker.put(0)
+    worker = make(gate)
+    worker.put([0])
     assert gate.begun.acquire(timeout=10)
     for item in (1, 2, 3):
-        worker.put(item)
+        worker.put([item])
     gate.let(4)
     for _ in range(3):
         assert gate.begun.acquire(timeout=10)
@@ -44,11 +52,11 @@ def test_everything_that_fits_is_worked_on_in_order() -> None:
 
 def test_when_full_only_the_newest_is_kept() -> None:
     gate = Gate()
-    worker = Worker(gate, 3, lambda error: None, "test")
-    worker.put(0)
+    worker = make(gate)
+    worker.put([0])
     assert gate.begun.acquire(timeout=10)
     for item in (1, 2, 3, 4):
-        worker.put(item)
+        worker.put([item])
     gate.let(2)
     assert gate.begun.acquire(timeout=10)
     worker.stop()
@@ -56,11 +64,46 @@ def test_when_full_only_the_newest_is_kept() -> None:
     assert worker.dropped == 3
 
 
+def test_while_one_takes_long_more_may_wait_until_all_is_done() -> None:
+    gate = Gate()
+    worker = make(gate)
+    worker.put([100])
+    assert gate.begun.acquire(timeout=10)
+    worker.put([1, 2, 3])
+    worker.put([4, 5])
+    gate.let(6)
+    for _ in range(5):
+        assert gate.begun.acquire(timeout=10)
+    worker.put([6])
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    worker.put([7, 8, 9])
+    worker.put([10])
+    gate.let(2)
+    assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [100, 1, 2, 3, 4, 5, 6, 10]
+    assert worker.dropped == 3
+
+
+def test_clear_forgets_without_counting() -> None:
+    gate = Gate()
+    worker = make(gate)
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    worker.put([1, 2])
+    worker.clear()
+    gate.let(1)
+    worker.stop()
+    assert gate.done == [0]
+    assert worker.dropped == 0
+
+
 def test_work_that_fails_is_reported_and_the_next_is_done() -> None:
     gate, errors = Gate(), []
-    worker = Worker(gate, 3, errors.append, "test")
-    worker.put(-1)
-    worker.put(5)
+    worker = make(gate, errors.append)
+    worker.put([-1])
+    worker.put([5])
     gate.let(2)
     for _ in range(2):
         assert gate.begun.acquire(timeout=10)
@@ -71,10 +114,10 @@ def test_work_that_fails_is_reported_and_the_next_is_done() -> None:
 
 def test_stop_ends_the_item_in_work_and_forgets_the_rest() -> None:
     gate = Gate()
-    worker = Worker(gate, 3, lambda error: None, "test")
-    worker.put(1)
+    worker = make(gate)
+    worker.put([1])
     assert gate.begun.acquire(timeout=10)
-    worker.put(2)
+    worker.put([2])
     stopping = threading.Thread(target=worker.stop)
     stopping.start()
     gate.let(1)

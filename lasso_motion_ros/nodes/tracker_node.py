@@ -55,11 +55,6 @@ class _Received:
     ready: ReadyPair
     at_s: float
 
-    @property
-    def essential(self) -> bool:
-        """Whether the model would be lost, or a stale one kept, without it."""
-        return self.ready.seed is not None or self.ready.new_run
-
 
 class TrackerNode(LifecycleNode):  # type: ignore[misc]
     """Wiring only: callbacks store and pair, one worker thread tracks the pairs and publishes.
@@ -154,9 +149,9 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._worker = Worker(
             self._track,
             capacity=WAITING_PAIRS,
-            # Clicks on an older pair bring back all that came since, and new ones come while they are worked on.
-            burst_capacity=2 * config.seed_buffer_pairs,
-            essential=lambda received: received.essential,
+            # A model is built, all pairs since the clicked one are gone through, and new ones come meanwhile.
+            burst_capacity=config.seed_buffer_pairs,
+            takes_long=lambda received: received.ready.seed is not None,
             on_error=self.complaints.error,
             name="tracker",
         )

@@ -13,15 +13,15 @@ Item = TypeVar("Item")
 class Worker(Generic[Item]):
     """A worker thread behind a bounded queue; the newest wins.
 
-    When the queue is full, what waits is dropped but for essential items and what comes in: under lasting overload
-    waiting items are stale, and their age must not grow. Work on an essential item may take long, once; until it and
-    what came meanwhile is done, the queue may grow to the larger bound.
+    When the queue is full, all that waits is dropped but for what comes in: under lasting overload waiting items are
+    stale, and their age must not grow. Some items may take long, once; until such a one is done and the queue is
+    empty again, it may grow to the larger bound.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
         capacity: items that may wait.
-        burst_capacity: items that may wait after an essential one.
-        essential: tells an item that is not dropped for a newer one.
+        burst_capacity: items that may wait after one that takes long.
+        takes_long: tells such an item.
         on_error: called in the worker's thread with what `work` raised.
         name: of the thread.
     """
@@ -32,13 +32,13 @@ class Worker(Generic[Item]):
         *,
         capacity: int,
         burst_capacity: int,
-        essential: Callable[[Item], bool],
+        takes_long: Callable[[Item], bool],
         on_error: Callable[[Exception], None],
         name: str,
     ) -> None:
         self._work = work
         self._on_error = on_error
-        self._essential = essential
+        self._takes_long = takes_long
         self._capacity = capacity
         self._burst_capacity = burst_capacity
         self._burst = False
@@ -62,15 +62,11 @@ class Worker(Generic[Item]):
     def put(self, items: Sequence[Item]) -> None:
         """Queue items that belong together; never blocks."""
         with self._changed:
-            self._burst = self._burst or any(map(self._essential, items))
+            self._burst = self._burst or any(map(self._takes_long, items))
             if len(self._waiting) + len(items) > (self._burst_capacity if self._burst else self._capacity):
-                kept = [item for item in self._waiting if self._essential(item)]
-                self._dropped += len(self._waiting) - len(kept)
-                self._waiting = deque(kept)
+                self._dropped += len(self._waiting)
+                self._waiting.clear()
             self._waiting.extend(items)
-            while len(self._waiting) > self._burst_capacity:
-                self._waiting.popleft()
-                self._dropped += 1
             self._changed.notify()
 
     def clear(self) -> None:
@@ -90,12 +86,11 @@ class Worker(Generic[Item]):
     def _run(self) -> None:
         while True:
             with self._changed:
-                if not self._waiting:
-                    self._burst = False
                 self._changed.wait_for(lambda: self._waiting or self._stopping)
                 if self._stopping:
                     return
                 item = self._waiting.popleft()
+                self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
             try:
                 self._work(item)
             except Exception as error:
