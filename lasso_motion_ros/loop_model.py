@@ -1,21 +1,42 @@
-"""The 3-D model of the loop, built from the clicks on one pair."""
+"""The 3-D model of the loop: from the clicks' ellipse to an open curve that follows the wire in both planes.
+
+A real loop is no ellipse: it is open or overlaps itself, is slightly helical and bulges. The ellipse gives
+each plane's outline its place along the loop; a smooth curve is then fitted to both outlines at once, and
+once more to the lines found in the images beside it.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import BSpline
 
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.curves import resample
-from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
-from lasso_motion_ros.reconstruction import reconstruct_ellipse
-from lasso_motion_ros.seeding import is_bright, outlines, require_both_planes
+from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
+from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.line_filter import sato
+from lasso_motion_ros.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
+from lasso_motion_ros.seeding import is_bright, line_sigma_px, outlines, require_both_planes
 
 Array = npt.NDArray[np.float64]
 
 POINTS = 160
+ANGLES_PER_TURN = 96
+KNOTS_PER_TURN = 14
+OUTLINE_POINTS = 90
+SMALLEST_OVERLAP_TURNS = 0.06  # clicked past its start by this much, a loop overlaps itself
+LARGEST_TURNS = 1.35
+SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
+
+OUTLINE_SIGMA_MM = 0.15
+BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
+BEND_SIGMA_MM = 0.35  # of the spline coefficients' second differences
+SNAP_REACH_MM = 1.0
+SNAP_STEP_MM = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +44,12 @@ class LoopModel:
     """The loop at the reference.
 
     Attributes:
-        points: (L, 3) along the loop, evenly spaced, world metres.
-        centre: (3,) mean of the points, world metres.
+        points: (L, 3) along the loop from end to end, evenly spaced, world metres.
+        centre: (3,) centre of the circle nearest to the points, world metres: where the ring tilts and stretches
+            about. (The points' mean lies nearer to where an overlapping loop is double.)
         bright: True where the catheter is brighter than its background.
-        shifts: per plane, (2,) pixels by which its images lie off its calibration.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration (and, where plane B is
+            exposed later, off plane A's phase).
     """
 
     points: Array
@@ -53,8 +76,196 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
         ReconstructionError: no 3-D loop explains the clicks.
     """
     projections = require_both_planes(pair)
+    frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
     bright = is_bright(pair, seed, config)
     paths = outlines(pair, seed, config, bright=bright)
-    ellipse = reconstruct_ellipse(projections, paths).chosen.ellipse.points(400)
-    points = resample(np.vstack([ellipse, ellipse[:1]]), POINTS)
-    return LoopModel(points, points.mean(axis=0), bright, {plane: np.zeros(2) for plane in PLANES})
+    simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < SIMULTANEOUS_S * 1e9
+    share_of_a = 0.5 if simultaneous else 0.0
+    shifts = epipolar_shift(projections, paths, share_of_a)
+    shifted = _shifted(projections, shifts)
+    ellipse = reconstruct_ellipse(shifted, paths).chosen.ellipse
+    angles, found = _along_the_ellipse(ellipse, shifted, paths)
+    curve = _fit_curve(ellipse, angles, shifted, found)
+    for _ in range(2):
+        found = {p: _snap(curve(angles), frames[p], shifted[p], bright, config.path.line_sigma_mm) for p in PLANES}
+        # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
+        shifts = epipolar_shift(projections, found, share_of_a)
+        shifted = _shifted(projections, shifts)
+        curve = _fit_curve(ellipse, angles, shifted, found)
+    points = resample(curve(np.linspace(angles[0], angles[-1], 8 * POINTS)), POINTS)
+    return LoopModel(points, _circle_centre(points), bright, shifts)
+
+
+def _circle_centre(points: Array) -> Array:
+    """(3,) centre of the circle through points (N, 3), in their plane of least squares (Kåsa's fit)."""
+    mean = points.mean(axis=0)
+    _, _, directions = np.linalg.svd(points - mean, full_matrices=False)
+    flat = (points - mean) @ directions[:2].T
+    design = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    solution, *_ = np.linalg.lstsq(design, (flat**2).sum(axis=1), rcond=None)
+    return np.asarray(mean + solution[:2] @ directions[:2])
+
+
+def _shifted(projections: dict[Plane, Projection], shifts: dict[Plane, Array]) -> dict[Plane, Projection]:
+    return {p: m.read_out(*(-shifts[p]), m.width, m.height) for p, m in projections.items()}
+
+
+class _Curve:
+    """The ellipse plus a spline offset, a function of the eccentric angle."""
+
+    def __init__(self, ellipse: Ellipse3D, knots: Array, coefficients: Array) -> None:
+        self._ellipse, self._knots, self._coefficients = ellipse, knots, coefficients
+
+    def __call__(self, angles: Array) -> Array:
+        basis = BSpline.design_matrix(angles, self._knots, 3).toarray()
+        return np.asarray(_on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
+
+
+def _on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
+    angles = angles[:, None]
+    return np.asarray(ellipse.centre + np.cos(angles) * ellipse.semi_major + np.sin(angles) * ellipse.semi_minor)
+
+
+def _along_the_ellipse(
+    ellipse: Ellipse3D, projections: dict[Plane, Projection], paths: dict[Plane, Array]
+) -> tuple[Array, dict[Plane, Array]]:
+    """Give every outline point its eccentric angle; both planes on one range of angles.
+
+    Returns:
+        (N,) angles from end to end of the loop, and per plane (N, 2) outline pixels at them (NaN where that
+        plane's outline does not reach).
+    """
+    ranges: dict[Plane, tuple[Array, Array]] = {}
+    for plane in PLANES:
+        outline = resample(paths[plane], OUTLINE_POINTS)
+        ranges[plane] = _monotone_angles(outline, ellipse, projections[plane]), outline
+    a, b = ranges["a"][0], ranges["b"][0]
+    # The same angle plus a whole turn is the same place on the ellipse: bring both ranges together.
+    b = b + 2.0 * np.pi * np.round((a.mean() - b.mean()) / (2.0 * np.pi))
+    spans = {"a": float(np.ptp(a)), "b": float(np.ptp(b))}
+    turn = 2.0 * np.pi
+    if max(spans.values()) > turn * (1.0 + SMALLEST_OVERLAP_TURNS):
+        low, high = min(a.min(), b.min()), max(a.max(), b.max())
+        if high - low > turn * LARGEST_TURNS:  # started at opposite ends: trust the longer outline
+            longer = a if spans["a"] >= spans["b"] else b
+            low, high = longer.min(), longer.max()
+        angles = np.linspace(low, high, round(ANGLES_PER_TURN * (high - low) / turn))
+    else:
+        low = a.min()
+        angles = np.linspace(low, low + turn, ANGLES_PER_TURN + 1)
+    found: dict[Plane, Array] = {}
+    for plane, at in (("a", a), ("b", b)):
+        outline = ranges[plane][1]
+        order = np.argsort(at, kind="stable")
+        values = np.full((len(angles), 2), np.nan)
+        for whole in (-turn, 0.0, turn):
+            shifted = at[order] + whole
+            inside = (angles >= shifted[0]) & (angles <= shifted[-1]) & np.isnan(values[:, 0])
+            for axis in range(2):
+                values[inside, axis] = np.interp(angles[inside], shifted, outline[order, axis])
+        found[plane] = values
+    return angles, found
+
+
+def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection) -> Array:
+    """(N,) eccentric angles of outline points (N, 2), monotone along it: dynamic programming, both directions."""
+    turns = 2
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, ANGLES_PER_TURN * turns, endpoint=False)
+    pixels = projection.project(_on_ellipse(ellipse, angles))
+    best_cost, best = np.inf, angles[:1]
+    for direction in (1, -1):
+        ordered = angles[::direction]
+        cost = np.linalg.norm(outline[:, None] - pixels[None, ::direction], axis=-1)
+        total = cost[0].copy()
+        steps = []
+        for row in cost[1:]:
+            # From any earlier angle within an eighth of a turn, to this one.
+            reach = ANGLES_PER_TURN // 8
+            window = np.full((reach, len(total)), np.inf)
+            for back in range(reach):
+                window[back, back:] = total[: len(total) - back]
+            step = np.argmin(window, axis=0)
+            total = window[step, np.arange(len(total))] + row
+            steps.append(step)
+        end = int(np.argmin(total))
+        if total[end] < best_cost:
+            best_cost = float(total[end])
+            index, indices = end, [end]
+            for step in reversed(steps):
+                index -= int(step[index])
+                indices.append(index)
+            best = ordered[indices[::-1]]
+    return best
+
+
+def _fit_curve(
+    ellipse: Ellipse3D, angles: Array, projections: dict[Plane, Projection], found: dict[Plane, Array]
+) -> _Curve:
+    """Regularised least squares of the distances, across the curve, to the outline in both planes."""
+    count = max(6, round(KNOTS_PER_TURN * float(np.ptp(angles)) / (2.0 * np.pi)))
+    inner = np.linspace(angles[0], angles[-1], count)
+    spacing = inner[1] - inner[0]
+    knots = np.concatenate([inner[0] - spacing * np.arange(3, 0, -1), inner, inner[-1] + spacing * np.arange(1, 4)])
+    basis = BSpline.design_matrix(np.clip(angles, inner[0], inner[-1]), knots, 3).toarray()
+    size = basis.shape[1]
+    bends = np.diff(np.eye(size), 2, axis=0)
+    prior = np.eye(size) / BULGE_SIGMA_MM**2 + bends.T @ bends / BEND_SIGMA_MM**2
+    normal = np.kron(prior, np.eye(3)) * 1e6
+    right = np.zeros(3 * size)
+    points = _on_ellipse(ellipse, angles)
+    for plane in PLANES:
+        projection = projections[plane]
+        pixels = projection.project(points)
+        tangents = np.gradient(pixels, axis=0)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
+        valid = np.isfinite(offset)
+        scale = projection.millimetres_per_pixel(ellipse.centre) / OUTLINE_SIGMA_MM
+        slope = np.einsum("nj,njk->nk", normals, projection.jacobian(points))  # pixels per metre
+        # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
+        weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
+        rows = (basis[:, :, None] * slope[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
+        normal += rows.T @ rows
+        right += rows.T @ (np.nan_to_num(offset) * weight)
+    return _Curve(ellipse, knots, np.linalg.solve(normal, right).reshape(size, 3))
+
+
+def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigma_mm: float) -> Array:
+    """(N, 2) pixels of the line beside a projected curve (N, 3): the smoothest strong path through the strip."""
+    pixels = projection.project(curve)
+    tangents = np.gradient(pixels, axis=0)
+    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    unit = projection.millimetres_per_pixel(curve.mean(axis=0))
+    offsets = np.arange(-SNAP_REACH_MM, SNAP_REACH_MM + 1e-9, SNAP_STEP_MM) / unit
+    margin = 16
+    low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - margin, 0)
+    high = np.ceil(pixels.max(axis=0)).astype(int) + margin
+    grey = frame.pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    response = sato(-grey if bright else grey, (line_sigma_px(projection, sigma_mm),))
+    at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - low).astype(np.float32)
+    strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    strip = strip / max(float(np.quantile(strip, 0.95)), 1e-6)
+    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / SNAP_REACH_MM) ** 2
+    best = _ridge_path(gain)
+    return np.asarray(pixels + (offsets[best])[:, None] * normals)
+
+
+def _ridge_path(gain: Array, bend: float = 0.25) -> npt.NDArray[np.int64]:
+    """(N,) column per row that maximises the gain less `bend` per squared column step (dynamic programming)."""
+    rows, columns = gain.shape
+    steps = np.arange(-3, 4)
+    total = gain[0].copy()
+    choices = np.zeros((rows, columns), dtype=np.int64)
+    for row in range(1, rows):
+        padded = np.pad(total, 3, constant_values=-np.inf)
+        options = np.stack([padded[3 + s : 3 + s + columns] - bend * s * s for s in steps])
+        choice = np.argmax(options, axis=0)
+        choices[row] = steps[choice]
+        total = options[choice, np.arange(columns)] + gain[row]
+    path = np.empty(rows, dtype=np.int64)
+    path[-1] = int(np.argmax(total))
+    for row in range(rows - 1, 0, -1):
+        path[row - 1] = path[row] + choices[row, path[row]]
+    return path

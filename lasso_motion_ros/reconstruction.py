@@ -252,3 +252,46 @@ def _cut(cone: Array, space_plane: Array, frame: Array) -> list[Ellipse3D]:
 def _reprojection(ellipse: Ellipse3D, projection: Projection, outline: Array) -> float:
     projected = projection.project(ellipse.points(120))
     return float(distance_to_curve(outline, np.vstack([projected, projected[:1]])).mean())
+
+
+def epipolar_shift(
+    projections: dict[Plane, Projection], outlines: dict[Plane, Array], share_of_a: float
+) -> dict[Plane, Array]:
+    """Pixel shifts that bring the outlines' epipolar tangents of both planes together.
+
+    A plane through both sources that touches the loop shows as a line that touches both outlines. Where the
+    two tangents' mean differs, the planes are off to each other: their calibration, or the loop moved
+    between the exposures.
+
+    Args:
+        projections: world metres to pixels, per plane.
+        outlines: (N, 2) pixels along the loop, per plane.
+        share_of_a: share of the correction that plane A's images take, in [0, 1].
+
+    Returns:
+        Per plane, (2,) pixels by which its images lie off: project, then add.
+
+    Raises:
+        ReconstructionError: the two views are the same.
+    """
+    a, b = projections["a"], projections["b"]
+    centre = _well_scaled_frame(projections, outlines)[:3, 3]
+    baseline = b.source - a.source
+    baseline = baseline / np.linalg.norm(baseline)
+    # Height of a point above the baseline–centre plane, which any epipolar plane's angle measures.
+    towards = centre - a.source
+    upward = np.cross(baseline, towards)
+    upward /= np.linalg.norm(upward)
+    outward = np.cross(upward, baseline)
+    middles = {}
+    for plane, projection in projections.items():
+        rays = projection.rays(outlines[plane])
+        angles = np.arctan2(rays @ upward, rays @ outward)
+        middles[plane] = 0.5 * float(angles.min() + angles.max())
+    lever = float(np.linalg.norm(np.cross(baseline, towards)))
+    height = (middles["b"] - middles["a"]) * lever  # B sees the loop this much higher
+    shifts: dict[Plane, Array] = {}
+    corrections: tuple[tuple[Plane, float, float], ...] = (("a", share_of_a, -1.0), ("b", 1.0 - share_of_a, 1.0))
+    for plane, share, sign in corrections:
+        shifts[plane] = np.asarray(sign * share * height * (projections[plane].jacobian(centre) @ upward))
+    return shifts

@@ -49,15 +49,16 @@ class SearchCandidate:
     centres: dict[Plane, Array]
 
 
-def find_peaks(image: WorkingImage, appearance: Image, curve: Array) -> Peaks:
+def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Array) -> Peaks:
     """Correlate a plane's working image with the loop's appearance and take the highest local maxima.
 
     Args:
         image: the plane.
         appearance: (L, 2·HALF_WIDTH + 1) strip values.
-        curve: (L, 3) the loop about where it is expected, world metres.
+        centre: (3,) about where the loop's centre is expected, world metres.
+        arms: (L, 3) the loop about its centre, metres.
     """
-    kernel, first_cell = render(appearance, strip_along(curve, image.projection), CELL_PX)
+    kernel, first_cell = render(appearance, strip_along(centre + arms, image.projection), CELL_PX)
     height, width = (size // CELL_PX for size in image.values.shape)
     cells = cv2.resize(image.values[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA)
     # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
@@ -75,7 +76,7 @@ def find_peaks(image: WorkingImage, appearance: Image, curve: Array) -> Peaks:
     y, x = y[best], x[best]
     dx = _parabola(scores[y, x - 1], scores[y, x], scores[y, x + 1])
     dy = _parabola(scores[y - 1, x], scores[y, x], scores[y + 1, x])
-    centre_cell = (image.projection.project(curve.mean(axis=0)) + 0.5) / CELL_PX - 0.5
+    centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
     to_centre = centre_cell - first_cell - np.array([pad_x // 2, pad_y // 2])
     pixels = (np.stack([x + dx, y + dy], axis=1) + to_centre + 0.5) * CELL_PX - 0.5
     return Peaks(scores[y, x].astype(np.float64), pixels, image)
