@@ -31,15 +31,18 @@ setup(
         "opencv-python-headless>=4.6",
         "scikit-fmm>=2023.4",
         "PyYAML>=6",
+        "lz4>=4",
         "mcap>=1.1",
         "rosbags>=0.10",
         "matplotlib>=3.6",
         "threadpoolctl>=3",
         "tqdm>=4.60",
+        "zstandard>=0.20",
     ],
     extras_require={
         # Not needed, and not wanted, beside an apt installation of ROS 2, which they would shadow.
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
+        "overlay": ["trimesh>=4"],
         "video": ["av>=12"],
         "volume": ["SimpleITK>=2.3"],
         "dev": [

@@ -35,8 +35,8 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as directory:
         venv.create(directory, with_pip=True)
         python = Path(directory) / "bin" / "python"
-        everything = resolved(python, "ros,video,volume,dev")
-        running = {name: everything[name] for name in resolved(python, "ros,video")}
+        everything = resolved(python, "ros,overlay,video,volume,dev")
+        running = {name: everything[name] for name in resolved(python, "ros,overlay,video")}
     testing = {name: version for name, version in everything.items() if name not in running}
     for name, title, head, pins in (
         ("run.txt", "What `make demo` installs.", "", running),
