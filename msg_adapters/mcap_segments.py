@@ -162,6 +162,9 @@ def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> None:
             layout.damage = f"it ends at byte {size}, inside a record that goes to byte {body + length}"
             break
         if opcode == _FOOTER:
+            stream.seek(body + length)
+            if stream.read(len(MAGIC)) != MAGIC:
+                layout.damage = f"it ends at byte {size} without its closing bytes"
             break
         stream.seek(body + length)
     if run is not None:

@@ -181,10 +181,16 @@ def test_reset_forgets_and_set_reference_is_refused_then() -> None:
     assert states(run(line, stream(1, seeded=None, start=2))) == ["WAITING_FOR_SEED"]
 
 
+def _spoilt_image() -> Any:
+    message = image(stamp(0))
+    message.encoding = "bgr8"
+    return message
+
+
 @pytest.mark.parametrize(
     ("topic", "message", "text"),
     [
-        ("/plane_a/image_raw", lambda: _spoilt_image(), "encoding: expected mono8"),
+        ("/plane_a/image_raw", _spoilt_image, "encoding: expected mono8"),
         ("/plane_b/camera_info", lambda: camera_info("b", d=np.array([0.1, 0, 0, 0, 0])), "d: expected all zero"),
         ("/plane_b/seed", lambda: seed(0, count=4), "expected 6 clicks"),
     ],
@@ -196,12 +202,6 @@ def test_a_bad_message_is_one_problem_and_no_exception(topic: str, message: Any,
     assert problem.topic == topic[1:]
     assert text in problem.text
     assert line.statistics().problems == {topic[1:]: 1}
-
-
-def _spoilt_image() -> Any:
-    message = image(stamp(0))
-    message.encoding = "bgr8"
-    return message
 
 
 def test_statistics_count_what_came_and_what_became_of_it() -> None:

@@ -1,0 +1,137 @@
+"""Images and calibrations of one plane: per frame or latched, in any order of arrival."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from message_inputs import PERIOD_NS, camera_info, image, projection, stamp
+
+from lasso_motion_ros.frames import Frame
+from msg_adapters.calibrated_frames import CalibratedFrames
+
+
+def info(index: int | None, turned: int = 0) -> Any:
+    """A calibration for image `index` (None: stamp 0), of a view that `turned` tells from others."""
+    matrix = projection("a").matrix.copy()
+    matrix[0] += 1e-3 * turned * matrix[2]
+    return camera_info("a", 0 if index is None else stamp(index), p=matrix.reshape(-1))
+
+
+def feed(frames: CalibratedFrames, *messages: Any) -> list[Frame]:
+    found = []
+    for message in messages:
+        found += frames.add_image(message) if hasattr(message, "encoding") else frames.add_camera_info(message)
+    return found
+
+
+def views(found: list[Frame]) -> list[tuple[int, int]]:
+    """(image, turn of its view) of each frame."""
+    start = projection("a").matrix
+    return [
+        (
+            round((frame.stamp_ns - stamp(0)) / PERIOD_NS),
+            round(float((frame.projection.matrix - start)[0, 3] / (1e-3 * start[2, 3]))),
+        )
+        for frame in found
+    ]
+
+
+def test_per_frame_each_image_uses_its_own() -> None:
+    messages = [m for k in range(5) for m in (info(k, k), image(stamp(k)))]
+    assert views(feed(CalibratedFrames(), *messages)) == [(k, k) for k in range(5)]
+
+
+def test_per_frame_behind_their_images() -> None:
+    messages = [m for k in range(5) for m in (image(stamp(k)), info(k, k))]
+    assert views(feed(CalibratedFrames(), *messages)) == [(k, k) for k in range(5)]
+
+
+@given(st.lists(st.integers(0, 3), min_size=6, max_size=20))
+def test_arrival_within_a_frame_of_each_other_changes_nothing(delays: list[int]) -> None:
+    count = len(delays)
+    arrivals = [(2 * k, 1, image(stamp(k))) for k in range(count)]
+    arrivals += [(max(2 * k - 1 + delay, 0), 0, info(k, k)) for k, delay in enumerate(delays)]
+    order = sorted(arrivals, key=lambda entry: (entry[0], entry[1]))
+    own = [entry[2] for entry in order if entry[1] == 0]
+    if [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in own] != [stamp(k) for k in range(count)]:
+        return  # one topic keeps its order
+    frames = CalibratedFrames()
+    assert views(feed(frames, *(entry[2] for entry in order)) + frames.flush()) == [(k, k) for k in range(count)]
+
+
+@pytest.mark.parametrize("index", [None, -7])
+def test_latched_the_last_one_holds(index: int | None) -> None:
+    frames = CalibratedFrames()
+    found = feed(frames, info(index, 1), *(image(stamp(k)) for k in range(3)), info(index, 2), image(stamp(3)))
+    assert views(found) == [(0, 1), (1, 1), (2, 1), (3, 2)]
+
+
+def test_latched_heard_after_the_first_images() -> None:
+    frames = CalibratedFrames()
+    assert feed(frames, image(stamp(0)), image(stamp(1))) == []
+    assert views(feed(frames, info(None, 3), image(stamp(2)))) == [(0, 3), (1, 3), (2, 3)]
+
+
+def test_without_any_calibration_images_are_left_out_and_counted() -> None:
+    frames = CalibratedFrames()
+    assert feed(frames, *(image(stamp(k)) for k in range(10))) == []
+    assert frames.counts.uncalibrated == 8
+    assert len(frames.take_complaints()) == 8
+
+
+def test_a_lost_calibration_is_made_up_for_where_nothing_moved() -> None:
+    messages = [info(0), image(stamp(0)), image(stamp(1)), info(2), image(stamp(2))]
+    assert views(feed(CalibratedFrames(), *messages)) == [(0, 0), (1, 0), (2, 0)]
+
+
+def test_a_lost_calibration_leaves_its_image_out_while_something_moves() -> None:
+    frames = CalibratedFrames()
+    messages = [info(0, 0), image(stamp(0)), image(stamp(1)), info(2, 5), image(stamp(2))]
+    assert views(feed(frames, *messages)) == [(0, 0), (2, 5)]
+    assert frames.take_complaints() == ["an image was left out: there is no calibration for it"]
+
+
+def test_a_refused_calibration_is_not_replaced_by_an_older_one() -> None:
+    frames = CalibratedFrames()
+    bad = info(1)
+    bad.d = np.array([0.5])
+    assert views(feed(frames, info(0), image(stamp(0)), bad, image(stamp(1)), info(2), image(stamp(2)))) == [
+        (0, 0),
+        (2, 0),
+    ]
+    assert frames.counts.refused_calibrations == 1
+    assert frames.counts.uncalibrated == 1
+    latched = CalibratedFrames()
+    bad.header.stamp.sec = bad.header.stamp.nanosec = 0
+    assert views(feed(latched, info(None), image(stamp(0)), bad, image(stamp(1)))) == [(0, 0)]
+    assert not latched.calibrated
+
+
+def test_an_image_of_another_size_is_left_out() -> None:
+    frames = CalibratedFrames()
+    assert feed(frames, info(None), image(stamp(0), side=16)) == []
+    (complaint,) = frames.take_complaints()
+    assert "the calibration is for an image of 32×32" in complaint
+    assert "16×16" in complaint
+
+
+def test_when_calibrations_stop_the_last_one_holds() -> None:
+    frames = CalibratedFrames()
+    found = feed(frames, info(0, 4), *(image(stamp(k)) for k in range(6)))
+    assert views(found + frames.flush()) == [(k, 4) for k in range(6)]
+
+
+def test_a_recording_played_again_is_read_as_the_first_time() -> None:
+    frames = CalibratedFrames()
+    messages = [m for k in range(6) for m in (image(stamp(k)), info(k, k))]
+    first, second = feed(frames, *messages), feed(frames, *messages)
+    assert views(first) == views(second) == [(k, k) for k in range(6)]
+
+
+def test_the_same_calibration_is_the_same_object() -> None:
+    found = feed(CalibratedFrames(), *(m for k in range(3) for m in (info(k), image(stamp(k)))))
+    assert found[0].projection is found[2].projection
