@@ -16,6 +16,9 @@ from lasso_motion_ros.transforms import rigid
 Array = npt.NDArray[np.float64]
 
 LARGEST_NUMBER_OF_MOVES = 500  # a bound only; a search takes some tens
+# Eq. (3) is level wherever each point has a line within reach: over a millimetre, on which a search for less stops
+# at the rim. The distance without the search, at this weight, leads to the middle of the level and decides little else.
+TIE_BREAK = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +34,9 @@ class View:
     distances: DistanceMap
 
 
-def normal_search_cost(model: Array, motions: Array, view: View, normal_search_px: int) -> Array:
+def normal_search_cost(
+    model: Array, motions: Array, view: View, normal_search_px: int, tie_break: float = 0.0
+) -> Array:
     """Equation (3) of Brost et al. (2009) in one plane, for several motions at once.
 
     Every projected model point takes the smallest distance found within ± `normal_search_px` pixels along
@@ -42,6 +47,7 @@ def normal_search_cost(model: Array, motions: Array, view: View, normal_search_p
         motions: (K, 4, 4) rigid transforms to try.
         view: the plane.
         normal_search_px: reach of the search, in pixels of a 1024-pixel-wide image.
+        tie_break: weight at which the distances without the search are added; 0 is eq. (3) itself.
 
     Returns:
         (K,) mean distance over the model's points, pixels of this image.
@@ -55,7 +61,8 @@ def normal_search_cost(model: Array, motions: Array, view: View, normal_search_p
     offsets = np.linspace(-reach, reach, 2 * max(1, round(reach)) + 1) if reach > 0 else np.zeros(1)
     samples = pixels[:, :, None, :] + offsets[:, None] * normals[:, :, None, :]
     distances = view.distances.sample(samples.reshape(-1, len(offsets), 2))
-    return np.asarray(distances.min(axis=1).reshape(pixels.shape[:2]).mean(axis=1), dtype=np.float64)
+    smallest = distances.min(axis=1) + tie_break * distances[:, len(offsets) // 2]
+    return np.asarray(smallest.reshape(pixels.shape[:2]).mean(axis=1), dtype=np.float64)
 
 
 def register(
@@ -79,7 +86,7 @@ def register(
 
     def cost(parameters: Array) -> Array:
         candidates = motions(parameters)
-        costs = [normal_search_cost(model, candidates, v, config.normal_search_px) for v in views]
+        costs = [normal_search_cost(model, candidates, v, config.normal_search_px, TIE_BREAK) for v in views]
         return np.asarray(np.sum(costs, axis=0))
 
     steps = np.array([config.translation_step_mm * 1e-3] * 3 + [np.radians(config.rotation_step_deg)] * 3)

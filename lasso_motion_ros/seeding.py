@@ -48,7 +48,7 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
         dark, bright = sato(grey, (sigma,)), sato(-grey, (sigma,))
         for x, y in np.rint(seed.points(plane)).astype(int):
             # Clicks are a few pixels off: the strongest line nearby speaks for each.
-            window = (slice(max(y - 4, 0), max(y + 5, 1)), slice(max(x - 4, 0), max(x + 5, 1)))
+            window = (slice(max(y - 4, 0), max(y + 5, 0)), slice(max(x - 4, 0), max(x + 5, 0)))
             if dark[window].size:
                 peaks = float(dark[window].max()), float(bright[window].max())
                 evidence += (peaks[1] - peaks[0]) / max(sum(peaks), 1e-6)

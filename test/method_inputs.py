@@ -68,7 +68,7 @@ def draw_curve(
     shape: tuple[int, int],
     *,
     sigma_px: float = 1.2,
-    background: float = 180.0,
+    background: float | np.ndarray = 180.0,
     depth: float = 90.0,
     bright: bool = False,
 ) -> np.ndarray:
