@@ -9,10 +9,16 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain
+from msg_adapters.messages import RosMessages
+from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.topics import Topic
 
 PATIENCE_S = 30.0
+
+# Fast DDS reads its profile once a process: before the first test makes a participant.
+use_image_profile()
 
 
 class Heard:
@@ -61,6 +67,25 @@ class Graph:
         self.processes.stop()
         self.listener.__exit__()
 
+    def publisher(self, topic: Topic, *, reliable: bool = True, latched: bool = False) -> Any:
+        """A publisher in this process; its `publish` takes messages and serialised bytes."""
+        from lasso_motion_ros.nodes.qos import qos
+
+        message_class = type(RosMessages().make(topic.type_name, {}))
+        return self.listener.node.create_publisher(
+            message_class, topic.recorded_name, qos(depth=32, reliable=reliable, latched=latched)
+        )
+
+    def call(self, service_type: type, name: str, request: Any) -> Any:
+        """Call a service, once it is there, and wait for its answer."""
+        client = self.listener.node.create_client(service_type, name)
+        self.wait_until(client.service_is_ready)
+        answered = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        assert answered.wait(PATIENCE_S), f"{name} has not answered"
+        return future.result()
+
     def wait_for_end(self, name: str, patience_s: float = PATIENCE_S) -> int:
         """The exit status of a child, once it has ended."""
         return self.processes.wait(name, patience_s)
@@ -72,3 +97,12 @@ class Graph:
         while not what():
             assert time.monotonic() < deadline, f"did not happen within {patience_s} s"
             tick.wait(0.02)
+
+
+def recorded(path: Path, *topics: Topic) -> list[tuple[str, bytes]]:
+    """(topic name, serialised message) of a recording, in its order."""
+    reader = RecordingReader(path)
+    return [
+        (message.topic.removeprefix("/"), message.data)
+        for message in reader.raw_messages([topic.recorded_name for topic in topics])
+    ]
