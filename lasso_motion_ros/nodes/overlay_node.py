@@ -79,6 +79,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         self._surface = surface.moved(parse_registration(self._config.registration))
         self._messages = RosMessages()
         self._marker: Any = None
+        self._surface_shown = False
         self._history = MotionHistory(self._config)
         self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
         self._frame_ids: dict[Plane, str] = {}
@@ -148,7 +149,10 @@ class OverlayNode(Node):  # type: ignore[misc]
     def _on_state(self, message: String) -> None:
         with self._changed:
             self._history.add_state(message.data)
+            compensated = self._history.has_pose
             self._changed.notify()
+        if not compensated and self._surface_shown:
+            self._publish_surface(0, None)
 
     @guarded
     def _on_motion(self, message: PoseStamped) -> None:
@@ -192,6 +196,8 @@ class OverlayNode(Node):  # type: ignore[misc]
                 plane, waiting = ready
                 choice = self._history.choose(plane, waiting.frame.stamp_ns)
             try:
+                if choice.motion is None and self._surface_shown:
+                    self._publish_surface(waiting.frame.stamp_ns, None)
                 self._draw(plane, waiting.frame, choice)
             except Exception as error:
                 self.complaints.error(error)
@@ -227,6 +233,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         if self._surfaces.get_subscription_count() == 0:
             return
         header = header_fields(stamp_ns, self._config.world_frame)
+        self._surface_shown = motion is not None
         if motion is None:
             fields = encode_delete(header, SURFACE_NAMESPACE)
             self._surfaces.publish(self._messages.make(OVERLAY_SURFACE.type_name, fields))

@@ -1,0 +1,41 @@
+"""The overlay's registration as text."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lasso_motion_ros.errors import ConfigurationError
+from lasso_motion_ros.nodes.registration_parameter import parse_registration
+
+QUARTER_TURN_ABOUT_Z = [[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, 0.3], [0, 0, 0, 1]]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0.1 0.2 0.3 0 0 0.70710678 0.70710678",
+        "0.1, 0.2, 0.3, 0, 0, 0.70710678, 0.70710678",
+        "0 -1 0 0.1  1 0 0 0.2  0 0 1 0.3  0 0 0 1",
+    ],
+)
+def test_both_forms(text: str) -> None:
+    np.testing.assert_allclose(parse_registration(text), QUARTER_TURN_ABOUT_Z, atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "found 0 numbers"),
+        ("1 2 3", "found 3 numbers"),
+        ("0 0 0 0 0 0 x", "could not convert"),
+        ("0 0 0 0 0 0 nan", "not finite"),
+        ("0 0 0 0 0 0 2", "length 2, not 1"),
+        ("1000 0 0 0 0 1000 0 0 0 0 1000 0 0 0 0 1", "not a rigid transform"),
+        ("-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1", "not a rigid transform"),
+        ("1 0 0 0 0 1 0 0 0 0 1 0 5 0 0 1", "not a rigid transform"),
+    ],
+)
+def test_what_is_no_rigid_transform_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ConfigurationError, match=message):
+        parse_registration(text)
