@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -19,11 +20,13 @@ from lasso_motion_ros.errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 SCHEMA, CHANNEL, MESSAGE = 0x03, 0x04, 0x05
-_FOOTER, _CHUNK = 0x02, 0x06
+_FOOTER, _CHUNK, _CHUNK_INDEX = 0x02, 0x06, 0x08
 _DATA_END, _LAST_KNOWN, _FIRST_PRIVATE = 0x0F, 0x0F, 0x80
 _PREFIX = struct.Struct("<BQ")
 _MESSAGE_HEAD = struct.Struct("<HIQQ")
 _CHUNK_HEAD = struct.Struct("<QQQI")
+_CHUNK_INDEX_HEAD = struct.Struct("<QQQQ")
+_FOOTER_BODY = struct.Struct("<QQI")
 # A run of messages outside chunks is cut here, so that it is held in memory piece by piece.
 _RUN_BYTES = 8 << 20
 _PIECE_BYTES = 1 << 16
@@ -114,13 +117,17 @@ def walk_file(path: Path) -> FileLayout:
             stream.seek(0)
             if stream.read(len(MAGIC)) != MAGIC:
                 raise RecordingError(f"{path} is not an MCAP recording (its first bytes are another format's)")
-            _walk(stream, size, layout)
+            chunks = _walk(stream, size, layout)
+            if layout.damage is not None:
+                _rejoin(stream, size, layout, chunks)
     except OSError as error:
         raise RecordingError(f"{path} cannot be read: {error.strerror}") from error
     return layout
 
 
-def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> None:
+def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> set[int]:
+    """Go from record to record as far as it goes; returns the places of the chunks passed."""
+    chunks: set[int] = set()
     run: _Run | None = None
     while True:
         place = stream.tell()
@@ -139,6 +146,7 @@ def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> None:
             run = None
         if opcode == _CHUNK:
             _note_chunk(stream, body, length, complete, layout)
+            chunks.add(place)
         elif opcode == MESSAGE and complete and length >= _MESSAGE_HEAD.size:
             log_time = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))[2]
             if run is not None and run.size + length > _RUN_BYTES:
@@ -171,6 +179,39 @@ def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> None:
         layout.segments.append(run.segment())
     if layout.damage is not None:
         layout.has_summary = False
+    return chunks
+
+
+def _rejoin(stream: BinaryIO, size: int, layout: FileLayout, passed: set[int]) -> None:
+    """Find the chunks behind a damaged place by the index at the file's end, where that is sound."""
+    tail = _PREFIX.size + _FOOTER_BODY.size + len(MAGIC)
+    stream.seek(max(size - tail, 0))
+    end = stream.read(tail)
+    if len(end) < tail or not end.endswith(MAGIC) or _PREFIX.unpack_from(end) != (_FOOTER, _FOOTER_BODY.size):
+        return
+    start, _, crc = _FOOTER_BODY.unpack_from(end, _PREFIX.size)
+    if not 0 < start < size - tail:
+        return
+    stream.seek(start)
+    summary = stream.read(size - tail - start)
+    if crc and zlib.crc32(end[: _PREFIX.size + _FOOTER_BODY.size - 4], zlib.crc32(summary)) != crc:
+        return
+    try:
+        records = list(_records(summary))
+        layout.schemas.update(parse_schema(content) for opcode, content in records if opcode == SCHEMA)
+        layout.channels.update(parse_channel(content) for opcode, content in records if opcode == CHANNEL)
+    except ValueError:
+        return
+    for opcode, content in records:
+        if opcode != _CHUNK_INDEX or len(content) < _CHUNK_INDEX_HEAD.size:
+            continue
+        _, _, place, length = _CHUNK_INDEX_HEAD.unpack_from(content)
+        if place in passed or place + length > start:
+            continue
+        stream.seek(place)
+        if stream.read(_PREFIX.size) == _PREFIX.pack(_CHUNK, length - _PREFIX.size):
+            _note_chunk(stream, place + _PREFIX.size, length - _PREFIX.size, True, layout)
+            layout.damage = "a part in its middle is not readable"
 
 
 class _Run:
@@ -217,18 +258,22 @@ def read_segment(stream: BinaryIO, segment: Segment) -> tuple[list[tuple[int, by
     data, damage = _unpack(stream.read(segment.size), segment)
     if damage is not None:
         return [], damage
-    records: list[tuple[int, bytes]] = []
+    records = list(_records(data))
+    if segment.complete and sum(_PREFIX.size + len(content) for _, content in records) != len(data):
+        return records, f"a chunk at byte {segment.offset} ends inside a record"
+    return records, None
+
+
+def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
+    """(opcode, content) of the whole records at the start of `data`."""
     place = 0
     while place + _PREFIX.size <= len(data):
         opcode, length = _PREFIX.unpack_from(data, place)
         place += _PREFIX.size
         if place + length > len(data):
-            break
-        records.append((opcode, data[place : place + length]))
+            return
+        yield opcode, data[place : place + length]
         place += length
-    if segment.complete and place != len(data):
-        return records, f"a chunk at byte {segment.offset} ends inside a record"
-    return records, None
 
 
 def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
@@ -251,15 +296,17 @@ def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
 
 def _decompress(decompressor: Any, packed: bytes, limit: int) -> bytes:
     """As much as can be unpacked of data that may be cut or corrupt, and not much more than `limit` bytes."""
-    unpacked = bytearray()
+    pieces: list[bytes] = []
+    size = 0
     try:
         for start in range(0, len(packed), _PIECE_BYTES):
-            if len(unpacked) > limit or getattr(decompressor, "eof", False):
+            if size > limit or getattr(decompressor, "eof", False):
                 break
-            unpacked += decompressor.decompress(packed[start : start + _PIECE_BYTES])
+            pieces.append(decompressor.decompress(packed[start : start + _PIECE_BYTES]))
+            size += len(pieces[-1])
     except (zstandard.ZstdError, RuntimeError, EOFError):
         pass  # its length or its checksum will tell
-    return bytes(unpacked)
+    return b"".join(pieces)
 
 
 def parse_schema(content: bytes) -> tuple[int, Schema]:

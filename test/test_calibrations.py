@@ -115,7 +115,7 @@ def test_refusals_name_the_field_and_what_was_expected(message: Any, text: str) 
 
 
 def test_another_image_size_is_refused() -> None:
-    with pytest.raises(MessageError, match="for an image of 100×80 .*the image has 80×100"):
+    with pytest.raises(MessageError, match=r"for an image of 100×80 .*the image has 80×100"):
         decode_camera_info(info(), (100, 80))
     with pytest.raises(MessageError, match="50×40"):
         decode_camera_info(info(binning_x=2, binning_y=2), (80, 100))
