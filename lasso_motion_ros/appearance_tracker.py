@@ -110,8 +110,7 @@ class AppearanceTracker:
         self._observe(trial, pair, finding, time_s)
         displacement = trial.at_a.displacement
         departure = self._displaced or self._envelope.departure(time_s, displacement, predicted)
-        rotation = rotation_from_vector(finding.alignment.turn) * np.exp(finding.alignment.stretch)
-        loop = model.centre + displacement + model.arms @ rotation.T
+        loop = self._loop(finding.alignment, displacement)
         if departure:
             if len(finding.seen) == 2:
                 # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
@@ -261,6 +260,15 @@ class AppearanceTracker:
         respiration.mark_a(time_s)
         if "b" in finding.seen:
             respiration.observe(times["b"], b=self._observation(planes["b"]))
+
+    def _loop(self, alignment: Alignment, displacement: Array) -> Array:
+        """(L, 3) the loop's curve at a displacement, world metres."""
+        model = self._require_model()
+        rotation = rotation_from_vector(alignment.turn) * np.exp(alignment.stretch)
+        # The model's depth came from plane B's first exposure: what the loop moved until then put it off.
+        ray_a, lateral = model.depth_directions
+        depth = float(lateral @ self._respiration.origin_b.displacement) / float(lateral @ ray_a)
+        return np.asarray(model.centre - depth * ray_a + displacement + model.arms @ rotation.T)
 
     def _result(self, pair: FramePair, state: TrackerState, reason: str, loop: Array | None) -> TrackResult:
         result = TrackResult(

@@ -50,12 +50,15 @@ class LoopModel:
         bright: True where the catheter is brighter than its background.
         shifts: per plane, (2,) pixels by which its images lie off its calibration (and, where plane B is
             exposed later, off plane A's phase).
+        depth_directions: (3,) unit vector of plane A's ray through the centre, along which only plane B sees, and
+            (3,) the unit vector along which plane B measures it, across its own ray and the epipolar plane's normal.
     """
 
     points: Array
     centre: Array
     bright: bool
     shifts: dict[Plane, Array]
+    depth_directions: tuple[Array, Array]
 
     @property
     def arms(self) -> Array:
@@ -93,7 +96,10 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
         shifted = _shifted(projections, shifts)
         curve = _fit_curve(ellipse, angles, shifted, found)
     points = resample(curve(np.linspace(angles[0], angles[-1], 8 * POINTS)), POINTS)
-    return LoopModel(points, _circle_centre(points), bright, shifts)
+    centre = _circle_centre(points)
+    ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
+    lateral = np.cross(np.cross(ray_a, ray_b), ray_b)
+    return LoopModel(points, centre, bright, shifts, (ray_a, lateral / np.linalg.norm(lateral)))
 
 
 def _circle_centre(points: Array) -> Array:

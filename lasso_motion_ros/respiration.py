@@ -24,9 +24,9 @@ SIZE = 21
 
 FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
-FIRST_SPREAD_WEIGHT = 3.0  # pairs
-TIME_SCALE_S = 0.9  # of breathing; a period of 4 s has 0.64 s per radian
-HEARTBEAT_SPREAD_M = 0.0005
+FIRST_SPREAD_WEIGHT = 1.0  # pairs
+TIME_SCALE_S = 1.5  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
+HEARTBEAT_SPREAD_M = 0.0003
 HEARTBEAT_TIME_SCALE_S = 0.12
 
 
@@ -128,6 +128,11 @@ class RespiratoryMotion:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
         self._advance(time_s)
         self._clone(AT_A)
+
+    @property
+    def origin_b(self) -> Estimate:
+        """The displacement at plane B's first exposure, as known by now."""
+        return Estimate(self._state[ORIGIN_B].copy(), self._covariance[ORIGIN_B, ORIGIN_B].copy())
 
     @property
     def at_a(self) -> Estimate:
