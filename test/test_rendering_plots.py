@@ -62,3 +62,9 @@ def test_a_figure_is_written_the_same_each_time(tmp_path):
     assert (tmp_path / "a.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
     with pytest.raises(RecordingError, match="cannot be written"):
         save_figure(motion_figure(TIMES, FOUND, TRUE), tmp_path / "missing" / "a.png")
+
+
+def test_a_pair_without_lasso_that_rightly_got_no_pose_is_not_counted_as_missing():
+    nothing = {"a": np.array([0.1, np.nan]), "b": np.array([0.1, np.nan])}
+    flags = np.array([True, False])
+    assert "no pose" not in legend(error_figure(nothing, flags, flags, flags))

@@ -53,7 +53,7 @@ def test_every_state_is_written_in_its_colour(state):
     picture = draw_tracking(frame(), None, state)
     corner = picture[:40, :300].astype(int)
     matches = np.abs(corner - np.array(STATE_COLOURS[state])).sum(axis=-1) < 60
-    assert matches[:, 6:].sum() > 60  # the words; the bar at the very left is not counted
+    assert matches[:, 6:].sum() > 25  # the words; the bar at the very left is not counted
 
 
 def test_the_reason_stands_under_the_state_and_is_cut_to_fit():
