@@ -200,10 +200,13 @@ def test_a_later_reference_is_compared_with_the_motion_since_then() -> None:
 
 
 def test_the_covariance_of_a_moved_point() -> None:
-    """1 mm in each direction, and 10 mrad about x, which moves a point at z = 0.1 m by 1 mm along y."""
+    """1 mm in each direction, and 10 mrad about x, which moves a point at z = 0.1 m by 1 mm against y."""
     covariance = np.diag([1e-6, 1e-6, 1e-6, 1e-4, 0.0, 0.0])
-    spread = centre_covariance(covariance, np.array([0.0, 0.0, 0.1]))
-    np.testing.assert_allclose(spread, np.diag([1e-6, 2e-6, 1e-6]), atol=1e-18)
+    centre = np.array([0.0, 0.0, 0.1])
+    np.testing.assert_allclose(centre_covariance(covariance, centre), np.diag([1e-6, 2e-6, 1e-6]), atol=1e-18)
+    # Shift along y and turn about x together: half of what the turn adds is taken back, 2 · 0.1 m · 5e-6 m rad.
+    covariance[1, 3] = covariance[3, 1] = 5e-6
+    np.testing.assert_allclose(centre_covariance(covariance, centre), np.diag([1e-6] * 3), atol=1e-18)
 
 
 def test_coverage_of_the_covariance() -> None:
