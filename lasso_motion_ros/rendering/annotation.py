@@ -118,4 +118,4 @@ def draw_loop(image: RgbImage, projection: Projection, loop: Array, colour: Colo
 
 
 def _stroke(scale: float) -> int:
-    return 2 if scale > 0.85 else 1
+    return 2 if scale > 0.75 else 1
