@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import signal
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
@@ -56,8 +55,6 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     from lasso_motion_ros.nodes.demonstration import DemonstrationInput, run_graph
 
-    # SIGTERM unwinds like Ctrl-C, so that the children are stopped then too.
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
     recording: Path = args.bag or bundled_recording()
     configuration: Path = args.config or share_file("config/tracker.yaml")
     pairs = read_pairs(recording, load_configuration(configuration, ProductConfig))

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import HALF_PAIRS, PAIRS
 from lasso_motion_ros.nodes.listener import Listener
-from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain
+from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain, held_signals
 from msg_adapters.recording_writer import RecordingWriter
 from msg_adapters.topics import DIAGNOSTICS, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
 
@@ -69,6 +70,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
 
     Raises:
         LassoMotionError: a process failed, or did not answer in time; none is left behind.
+        KeyboardInterrupt: interrupted; none is left behind then either.
     """
     for name, value in LOOPBACK.items():
         os.environ.setdefault(name, value)
@@ -88,29 +90,29 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
         wire = _Wire(writer)
         with (
             Listener(topics, wire, domain=domain, raw=True) as listener,
+            held_signals() as interrupted,
             Processes({"ROS_DOMAIN_ID": str(domain)}, logs) as processes,
         ):
+            wait = partial(_wait, processes, interrupted)
             say(f"starting tracker and overlay (ROS_DOMAIN_ID={domain}, this machine only)")
             processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", _tracker_arguments(given))
             processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", _overlay_arguments(given))
-            _wait(
+            wait(
                 lambda: wire.count(STATE) > 0 and all(listener.publishers(overlay_topic(plane)) for plane in PLANES),
                 START_WAIT_S,
-                processes,
                 "the nodes have not come up",
             )
             say(f"playing {given.recording.name} in real time")
             processes.start("player", "lasso_motion_ros.cli.main", _player_arguments(given))
-            _wait(lambda: "player" in processes.ended(), None, processes, "")
+            wait(lambda: "player" in processes.ended(), None)
             say("waiting for the last answers")
-            _wait(
+            wait(
                 lambda: wire.unanswered(given) == 0,
                 ANSWER_WAIT_S,
-                processes,
                 lambda: f"{wire.unanswered(given)} of {given.whole_pairs} pairs were not answered",
             )
             with contextlib.suppress(_TooLateError):  # a picture that is missing shows as such in the video
-                _wait(lambda: wire.has_pictures(given), PICTURE_WAIT_S, processes, "")
+                wait(lambda: wire.has_pictures(given), PICTURE_WAIT_S)
             statuses = processes.stop()
     failed = {name: status for name, status in statuses.items() if status != 0}
     if failed:
@@ -133,18 +135,22 @@ def _player_arguments(given: DemonstrationInput) -> list[str]:
 
 
 def _wait(
-    what: Callable[[], bool], patience_s: float | None, processes: Processes, otherwise: str | Callable[[], str]
+    processes: Processes,
+    interrupted: threading.Event,
+    what: Callable[[], bool],
+    patience_s: float | None,
+    otherwise: Callable[[], str] | str = "",
 ) -> None:
-    """Wait until it holds; a child that fails meanwhile, or time that runs out, ends the demonstration."""
+    """Wait until it holds; a child that fails meanwhile, a signal, or time that runs out ends the demonstration."""
     deadline = None if patience_s is None else time.monotonic() + patience_s
-    pause = threading.Event()
     while not what():
         for name, status in processes.ended().items():
             if name != "player" or status != 0:
                 raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 1)}")
         if deadline is not None and time.monotonic() > deadline:
             raise _TooLateError(otherwise if isinstance(otherwise, str) else otherwise())
-        pause.wait(LOOK_PERIOD_S)
+        if interrupted.wait(LOOK_PERIOD_S):
+            raise KeyboardInterrupt
 
 
 class _Wire:
