@@ -14,20 +14,23 @@ import numpy.typing as npt
 
 from lasso_motion_ros.appearance import Image, Strip, strip_along
 from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import WorkingImage
 
 Array = npt.NDArray[np.float64]
 
 ITERATIONS = 8
-CONVERGED_MM = 0.004
+CONVERGED_MM = 0.008
 LARGEST_STEP_MM = 0.4
 LARGEST_TURN_RAD = 0.03
 # Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
 NOISE_CORRELATION = 8.0
 OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
 SEGMENTS = 12
+SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
+LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
+LOOK_AGAIN = 2  # the iteration by which a loop that is there shows
+HOPELESS_CORRELATION = 0.3
 
 
 @dataclass(frozen=True)
@@ -83,19 +86,10 @@ class Alignment:
     stretch: float
 
 
-@dataclass(frozen=True, eq=False)
-class _Pattern:
-    """A plane's appearance with its derivatives along the curve (per curve point) and across (per column)."""
-
-    values: Image
-    along: Image
-    across: Image
-
-
 def align(
     images: dict[Plane, WorkingImage],
     appearances: dict[Plane, Image],
-    loop: Array,
+    arms: Array,
     starts: dict[Plane, Array],
     prior: RingPrior,
     turn: Array | None = None,
@@ -106,107 +100,126 @@ def align(
     Args:
         images: the planes that take part, one or two.
         appearances: their strips (L, 2·HALF_WIDTH + 1).
-        loop: (L, 3) the loop's curve about its centre at the reference, metres.
+        arms: (L, 3) the loop's curve about its centre at the reference, metres.
         starts: per plane, (3,) the centre to start from, within about half a millimetre in that plane's image.
         prior: of the ring's own motion.
         turn: (3,) rotation vector to start from.
         stretch: logarithm of size to start from.
     """
-    planes = list(images)
-    count = 2 * len(planes) + 4
-    patterns = {
-        p: _Pattern(a, np.gradient(a, axis=0), np.gradient(a, axis=1)) for p, a in appearances.items() if p in images
-    }
-    across = {p: _directions_across(images[p].projection, starts[p]) for p in planes}
-    centres = {p: np.array(starts[p]) for p in planes}
+    views = {plane: _View(images[plane], appearances[plane], starts[plane]) for plane in images}
+    shared = 2 * len(views)  # the parameters: two shifts a plane, then turn (3) and stretch
+    places = [np.r_[2 * i, 2 * i + 1, shared : shared + 4] for i in range(len(views))]
     ring = np.append(np.zeros(3) if turn is None else turn, stretch)
     precision = np.append(np.full(3, 1.0 / prior.turn_rad**2), 1.0 / prior.stretch**2)
-    limits = np.append(np.full(2 * len(planes), LARGEST_STEP_MM * 1e-3), [LARGEST_TURN_RAD] * 3 + [0.02])
-    fits: dict[Plane, tuple[float, float, float, Image]] = {}
-    normal = np.eye(count)
-    for _ in range(ITERATIONS):
-        normal, gradient = np.zeros((count, count)), np.zeros(count)
-        moved = loop @ rotation_from_vector(ring[:3]).T * np.exp(ring[3])
-        for index, plane in enumerate(planes):
-            own = slice(2 * index, 2 * index + 2)
-            strip = strip_along(centres[plane] + moved, images[plane].projection)
-            samples = strip.sample(images[plane])
-            weights, gain, correlation, visible = _compare(samples, patterns[plane].values, strip)
-            fits[plane] = gain, correlation, visible, samples
-            jacobian = _strip_jacobian(patterns[plane], strip, images[plane].projection, centres[plane] + moved, moved, across[plane])
-            jacobian *= max(gain, 0.3)
-            residual = (gain * patterns[plane].values - samples).reshape(-1)
-            weighted = jacobian * weights.reshape(-1, 1)
-            block, right = weighted.T @ jacobian, weighted.T @ residual
-            where = np.r_[own, 2 * len(planes) : count]
-            normal[np.ix_(where, where)] += block
-            gradient[where] += right
-        normal[-4:, -4:] += np.diag(precision)
-        gradient[-4:] -= precision * ring
-        step = np.clip(np.linalg.solve(normal + 1e-12 * np.trace(normal) * np.eye(count), gradient), -limits, limits)
-        for index, plane in enumerate(planes):
-            centres[plane] = centres[plane] + step[2 * index : 2 * index + 2] @ across[plane]
-        ring = ring + step[-4:]
-        if np.all(np.abs(step[: 2 * len(planes)]) < CONVERGED_MM * 1e-3):
+    limits = np.append(np.full(shared, LARGEST_STEP_MM * 1e-3), [LARGEST_TURN_RAD] * 3 + [0.02])
+    normal = np.zeros((shared + 4, shared + 4))
+    for iteration in range(ITERATIONS):
+        moved = arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3])
+        normal[:] = 0.0
+        gradient = np.zeros(shared + 4)
+        for view, place in zip(views.values(), places, strict=True):
+            # The derivative changes little on the way; the residual is what has to be exact.
+            block, right = view.equations(moved, renew=iteration < 2)
+            normal[np.ix_(place, place)] += block
+            gradient[place] += right
+        if iteration == LOOK_AGAIN and all(view.correlation < HOPELESS_CORRELATION for view in views.values()):
             break
-    covariance = np.linalg.inv(normal + 1e-12 * np.trace(normal) * np.eye(count))
+        normal[range(shared, shared + 4), range(shared, shared + 4)] += precision
+        gradient[shared:] -= precision * ring
+        step = np.clip(np.linalg.solve(normal + _ridge(normal), gradient), -limits, limits)
+        for view, place in zip(views.values(), places, strict=True):
+            view.centre = view.centre + step[place[:2]] @ view.across
+        ring = ring + step[shared:]
+        if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3):
+            break
+    covariance = np.linalg.inv(normal + _ridge(normal))
     return Alignment(
-        planes={
-            p: PlaneFit(centres[p], across[p], covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2], *fits[p])
-            for i, p in enumerate(planes)
-        },
+        planes={p: view.fit(covariance[np.ix_(q[:2], q[:2])]) for (p, view), q in zip(views.items(), places, strict=True)},
         turn=ring[:3],
-        turn_covariance=covariance[-4:-1, -4:-1],
+        turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),
     )
 
 
-def _directions_across(projection: Projection, centre: Array) -> Array:
-    """(2, 3) unit vectors perpendicular to the ray through a world point."""
-    ray = centre - projection.source
-    return np.linalg.svd(ray[None])[2][1:]
+def _ridge(normal: Array) -> Array:
+    """A trace of damping, for a plane that shows nothing."""
+    return np.asarray(1e-12 * np.trace(normal) * np.eye(len(normal)))
 
 
-def _compare(samples: Image, pattern: Image, strip: Strip) -> tuple[Image, float, float, float]:
-    """Robust weights per sample (information, 1 / noise variance), gain, correlation, visible share."""
-    density = np.repeat(np.minimum(strip.spacing, 1.5)[:, None], samples.shape[1], axis=1).astype(np.float32)
-    gain = _gain(density, samples, pattern)
-    residual = samples - gain * pattern
-    noise = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
-    weights = density * np.clip(1.0 - (residual / (OUTLIER_SIGMAS * noise)) ** 2, 0.0, 1.0) ** 2
-    gain = _gain(weights, samples, pattern)
-    cross = weights * samples * pattern
-    energy, power = weights * pattern * pattern, weights * samples * samples
-    correlation = float(cross.sum() / np.sqrt(max(float(energy.sum() * power.sum()), 1e-12)))
-    chunks = np.array_split(np.arange(len(samples)), SEGMENTS)
-    cross, energy = cross.sum(axis=1), energy.sum(axis=1)
-    gains = np.array([cross[c].sum() / max(float(energy[c].sum()), 1e-9) for c in chunks])
-    shares = np.array([energy[c].sum() for c in chunks])
-    visible = float(shares[gains > 0.4].sum() / max(float(shares.sum()), 1e-9))
-    return weights / (noise**2 * NOISE_CORRELATION), gain, correlation, visible
+class _View:
+    """One plane while it is being aligned."""
+
+    def __init__(self, image: WorkingImage, pattern: Image, centre: Array) -> None:
+        self._image = image
+        self._pattern = pattern
+        self._along = np.gradient(pattern, axis=0)
+        self._sideways = np.gradient(pattern, axis=1)
+        self._jacobian = np.zeros((pattern.size, 6), dtype=np.float32)
+        self.centre = np.array(centre)
+        ray = self.centre - image.projection.source
+        self.across = np.linalg.svd(ray[None])[2][1:]
+        self.gain = self.correlation = 0.0
+
+    def equations(self, arms: Array, *, renew: bool) -> tuple[Array, Array]:
+        """Normal matrix (6, 6) and right side (6,) for own shift (2), turn (3) and stretch (1)."""
+        points = self.centre + arms
+        strip = strip_along(points, self._image.projection)
+        self._samples = samples = strip.sample(self._image)
+        density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[:, None]
+        gain = _gain(density, samples, self._pattern)
+        residual = gain * self._pattern - samples
+        noise = 1.4826 * float(np.median(np.abs(residual))) + 1e-6
+        share = 1.0 - np.square(residual * np.float32(1.0 / (OUTLIER_SIGMAS * noise)))
+        np.maximum(share, 0.0, out=share)
+        self._weights = weights = density * share * share
+        self.gain = gain = _gain(weights, samples, self._pattern)
+        cross = np.vdot(weights * samples, self._pattern)
+        power = np.vdot(weights * samples, samples) * np.vdot(weights * self._pattern, self._pattern)
+        self.correlation = float(cross / np.sqrt(max(float(power), 1e-12)))
+        if renew:
+            self._jacobian = self._derivative(strip, points, arms)
+        scale = max(gain, 0.3)
+        residual = (gain * self._pattern - samples).reshape(-1)
+        weighted = self._jacobian * (weights.reshape(-1, 1) / np.float32(noise**2 * NOISE_CORRELATION))
+        block = scale**2 * (weighted.T @ self._jacobian).astype(np.float64)
+        return block, scale * (weighted.T @ residual).astype(np.float64)
+
+    def fit(self, covariance: Array) -> PlaneFit:
+        """The result, with the share of the loop that looks as expected where it was last sampled."""
+        cross = (self._weights * self._samples * self._pattern).sum(axis=1)
+        energy = (self._weights * self._pattern * self._pattern).sum(axis=1)
+        starts = np.linspace(0, len(energy), SEGMENTS, endpoint=False).astype(int)
+        cross, energy = np.add.reduceat(cross, starts), np.add.reduceat(energy, starts)
+        there = cross > SEGMENT_GAIN * energy
+        visible = float(energy[there].sum() / max(float(energy.sum()), 1e-9))
+        return PlaneFit(self.centre, self.across, covariance, self.gain, self.correlation, visible, self._samples)
+
+    def _derivative(self, strip: Strip, points: Array, arms: Array) -> npt.NDArray[np.float32]:
+        """(L·columns, 6) derivative of the strip by own shift (2), turn (3) and stretch (1).
+
+        Where the loop moves by a pixel displacement d, what a sample should see is the pattern a distance d
+        further on: its slope along and across the curve, times d's parts in those directions.
+        """
+        by_point = self._image.projection.jacobian(points)  # (L, 2, 3)
+        along = np.einsum("lij,li->lj", by_point, strip.tangents) / np.maximum(strip.spacing, 0.05)[:, None]
+        sideways = np.einsum("lij,li->lj", by_point, strip.normals) / strip.step
+        derivative = np.empty((*self._pattern.shape, 6), dtype=np.float32)
+        for index, (slope_along, slope_sideways) in enumerate(
+            zip(_by_parameter(along, arms, self.across), _by_parameter(sideways, arms, self.across), strict=True)
+        ):
+            derivative[..., index] = self._along * slope_along[:, None] + self._sideways * slope_sideways[:, None]
+        return derivative.reshape(-1, 6)
+
+
+def _by_parameter(slope: Array, arms: Array, across: Array) -> npt.NDArray[np.float32]:
+    """(6, L) a slope by the points' position (L, 3), carried on to own shift (2), turn (3) and stretch (1)."""
+    x, y, z = arms.T
+    a, b, c = slope.T
+    # slope · (ω × arm) = ω · (arm × slope)
+    turn = (y * c - z * b, z * a - x * c, x * b - y * a)
+    return np.stack([*(slope @ across.T).T, *turn, x * a + y * b + z * c]).astype(np.float32)
 
 
 def _gain(weights: Image, samples: Image, pattern: Image) -> float:
-    return float((weights * samples * pattern).sum() / max(float((weights * pattern * pattern).sum()), 1e-9))
-
-
-def _strip_jacobian(
-    pattern: _Pattern, strip: Strip, projection: Projection, points: Array, arms: Array, across: Array
-) -> Array:
-    """(L·columns, 6 + …) derivative of the strip's expected values by own shift (2), turn (3) and stretch (1).
-
-    Moving the loop by a pixel displacement d moves the samples with it: they then see the pattern's value at
-    −d from where it really lies, so that the expected strip changes by its slope along d.
-    """
-    by_point = projection.jacobian(points)  # (L, 2, 3)
-    by_parameter = np.empty((len(points), 2, 6))
-    by_parameter[:, :, :2] = by_point @ across.T
-    # d(ω × arm)/dω = −[arm]×, row by row of the projection's derivative: a · (ω × r) = ω · (r × a).
-    by_parameter[:, :, 2:5] = np.cross(arms[:, None, :], by_point)
-    by_parameter[:, :, 5] = np.einsum("lij,lj->li", by_point, arms)
-    along = np.einsum("lij,li->lj", by_parameter, strip.tangents) / np.maximum(strip.spacing, 0.05)[:, None]
-    sideways = np.einsum("lij,li->lj", by_parameter, strip.normals) / strip.step
-    jacobian = pattern.along[:, :, None] * along[:, None, :] + pattern.across[:, :, None] * sideways[:, None, :]
-    return np.asarray(jacobian.reshape(-1, 6), dtype=np.float64)
-
-
+    weighted = weights * pattern
+    return float(np.vdot(weighted, samples) / max(float(np.vdot(weighted, pattern)), 1e-9))

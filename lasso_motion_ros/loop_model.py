@@ -24,7 +24,7 @@ from lasso_motion_ros.seeding import is_bright, line_sigma_px, outlines, require
 
 Array = npt.NDArray[np.float64]
 
-POINTS = 160
+POINTS = 120
 ANGLES_PER_TURN = 96
 KNOTS_PER_TURN = 14
 OUTLINE_POINTS = 90
