@@ -209,6 +209,15 @@ def test_the_covariance_of_a_moved_point() -> None:
     np.testing.assert_allclose(centre_covariance(covariance, centre), np.diag([1e-6] * 3), atol=1e-18)
 
 
+def test_the_lever_arm_is_that_of_small_rigid_motions() -> None:
+    centre, step = np.array([0.03, -0.05, 0.08]), 1e-6
+    small = step * np.eye(6)
+    columns = [(apply(rigid(change[3:], change[:3]), centre) - centre) / step for change in small]
+    root = np.random.default_rng(3).normal(size=(6, 6))
+    expected = np.column_stack(columns) @ root @ root.T @ np.column_stack(columns).T
+    np.testing.assert_allclose(centre_covariance(root @ root.T, centre), expected, rtol=1e-5)
+
+
 def test_coverage_of_the_covariance() -> None:
     truth = Truth([true_pair(i, shift()) for i in range(4)], LOOP, TARGETS)
     sigma = {"covariance": np.diag([0.25e-6] * 3 + [0.0] * 3)}  # 0.5 mm a direction
