@@ -232,8 +232,6 @@ class PairSynchroniser(Generic[Item]):
             sure = after <= jitter or (usual and limit is not None and after <= limit)
         else:
             after -= known
-            if until_next is not None and abs(after - until_next) < abs(after):
-                return "a alone"
             # A lost A makes the interval behind it twice as long; the known time needs no such margin.
             shortest = min(self._intervals, default=period)
             limit = None if shortest is None else max(2 * shortest // 5, jitter)

@@ -75,6 +75,7 @@ class FakeTracker:
 
     def __init__(self, refuse: bool = False) -> None:
         self.refuse = refuse
+        self.state = TrackerState.TRACKING
         self.calls: list[tuple[str, int]] = []
         self.reference_ns = 0
         self.count = 0
@@ -110,5 +111,5 @@ class FakeTracker:
         motion = rigid((0, 0, 0), (1e-3 * self.count, 0, 0))
         covariance = np.eye(6) * 1e-8
         return TrackResult(
-            pair.stamp_ns, TrackerState.TRACKING, "", motion, covariance, loop, self.reference_ns, {"a": 0.5, "b": 0.4}
+            pair.stamp_ns, self.state, "", motion, covariance, loop, self.reference_ns, {"a": 0.5, "b": 0.4}
         )

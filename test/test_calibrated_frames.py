@@ -76,6 +76,11 @@ def test_latched_heard_after_the_first_images() -> None:
     assert views(feed(frames, info(None, 3), image(stamp(2)))) == [(0, 3), (1, 3), (2, 3)]
 
 
+def test_the_first_image_waits_for_its_own_calibration_though_an_older_one_is_known() -> None:
+    messages = [info(-1, 9), image(stamp(0)), info(0, 2), image(stamp(1)), info(1, 3)]
+    assert views(feed(CalibratedFrames(), *messages)) == [(0, 2), (1, 3)]
+
+
 def test_without_any_calibration_images_are_left_out_and_counted() -> None:
     frames = CalibratedFrames()
     assert feed(frames, *(image(stamp(k)) for k in range(10))) == []

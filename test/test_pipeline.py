@@ -12,6 +12,7 @@ from lasso_motion_ros.configuration import ProductConfig, configuration_from_val
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.pipeline import Output, ReadyPair, TrackingPipeline
+from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.markers import ADD, DELETE
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -159,6 +160,37 @@ def test_stamps_that_go_back_are_a_new_run() -> None:
     assert [problem.text for problem in line.take_problems()] == [
         "the stamps of both planes went back: a new run, which needs a seed of its own"
     ]
+
+
+def test_clicks_of_the_run_before_are_forgotten() -> None:
+    line = pipeline()
+    run(line, stream(8))
+    line.add_seed("a", seed(stamp(9)))  # of a pair that never came
+    run(line, stream(10, seeded=None))
+    assert line.add_seed("b", seed(stamp(9))) == []
+
+
+@pytest.mark.parametrize(("state", "posed"), [("LOST", False), ("DISPLACED", False), ("DEGRADED", True)])
+def test_poses_are_published_in_tracking_and_degraded_only(state: str, posed: bool) -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(2))
+    tracker.state = TrackerState(state)
+    outputs = run(line, stream(1, seeded=None, start=2))
+    assert states(outputs) == [state]
+    assert bool(poses(outputs)) == posed
+    assert ("motion_raw" in names(outputs)) == posed
+
+
+def test_clicks_given_again_give_the_reference_again() -> None:
+    line = pipeline()
+    run(line, stream(2))
+    line.add_seed("a", seed(stamp(0)))
+    (again,) = line.add_seed("b", seed(stamp(0)))
+    outputs = line.process(again)
+    assert names(outputs)[0] == "reference"
+    assert poses(outputs) == {stamp(0): 0.0, stamp(1): 1.0}
+    assert line.statistics().pairs == 2
 
 
 def test_a_busy_node_may_skip_pairs_but_loses_no_seed() -> None:

@@ -231,11 +231,11 @@ def test_a_file_of_another_format_is_refused(tmp_path: Path) -> None:
 def test_files_of_another_writer_are_read(tmp_path: Path, compression: CompressionType, chunked: bool) -> None:
     path = tmp_path / "r.mcap"
     with path.open("wb") as file:
-        writer = Writer(file, chunk_size=2000, compression=compression, use_chunking=chunked, repeat_channels=False)
+        writer = Writer(file, chunk_size=1000, compression=compression, use_chunking=chunked, repeat_channels=False)
         writer.start("ros2")
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
         channel = writer.register_channel("/text", "cdr", schema)
-        for index in (2, 0, 1, 3):  # put down out of order
+        for index in (2, 0, 3, 1):  # put down out of order, and chunks overlap
             text = MESSAGES.make("std_msgs/msg/String", {"data": "x" * 700 + str(index)})
             data = bytes(jazzy_types().serialize_cdr(text, "std_msgs/msg/String"))
             writer.add_message(channel, index, data, index)
@@ -254,7 +254,7 @@ def test_bag_directories_split_and_whole_are_read(tmp_path: Path) -> None:
     with RecordingWriter(bag / "bag_10.mcap") as later:
         later.write("/text", "std_msgs/msg/String", {"data": "10"}, 10)
     with RecordingWriter(bag / "bag_9.mcap") as later:
-        later.write("/text", "std_msgs/msg/String", {"data": "9"}, 9)
+        later.write("/text", "std_msgs/msg/String", {"data": "9"}, 10)  # at one time with the next file's
     metadata = yaml.safe_load((bag / "metadata.yaml").read_text())
     metadata["rosbag2_bagfile_information"]["relative_file_paths"] += ["bag_9.mcap", "bag_10.mcap"]
     (bag / "metadata.yaml").write_text(yaml.safe_dump(metadata))
