@@ -370,15 +370,20 @@ class TrackingPipeline:
             self._shown = True
             outputs.append(self._output(CATHETER, encode_line_strip(result.loop, header, _CATHETER_NAMESPACE), stamp))
         else:
-            outputs += self._take_catheter_away(stamp)
+            # Again for every such pair: it is the only message with a stamp that a pair without a pose has.
+            self._shown = False
+            outputs.append(self._delete_output(stamp))
         return outputs
 
     def _take_catheter_away(self, stamp_ns: int) -> list[Output]:
         if not self._shown:
             return []
         self._shown = False
+        return [self._delete_output(stamp_ns)]
+
+    def _delete_output(self, stamp_ns: int) -> Output:
         header = header_fields(stamp_ns, self._config.world_frame)
-        return [self._output(CATHETER, encode_delete(header, _CATHETER_NAMESPACE), stamp_ns)]
+        return self._output(CATHETER, encode_delete(header, _CATHETER_NAMESPACE), stamp_ns)
 
     def _forget(self, stamp_ns: int) -> list[Output]:
         self._tracker.reset()
