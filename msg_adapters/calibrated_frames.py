@@ -19,8 +19,10 @@ from msg_adapters.calibrations import Extrinsics, decode_camera_info
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 
-# Images that may wait for their calibration, and stamps that are remembered.
+# Images (and time between their stamps) that may pass while one waits for its calibration; stamps remembered.
 _PATIENCE = 2
+_LAG_NS = 200_000_000
+_MAX_WAITING = 32
 _REMEMBERED = 64
 
 
@@ -157,7 +159,9 @@ class CalibratedFrames:
 
     def _must_wait(self, stamp: int, final: bool) -> bool:
         """Whether this image's own calibration, or any at all, may still come."""
-        if final or len(self._waiting) > _PATIENCE:
+        if final or len(self._waiting) > _MAX_WAITING:
+            return False
+        if len(self._waiting) > _PATIENCE and self._waiting[-1][0] - stamp >= _LAG_NS:
             return False
         if not self._heard:
             return True

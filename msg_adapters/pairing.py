@@ -3,7 +3,7 @@
 A B belongs to the last A that is not later than it (jitter aside), up to half of A's frame period after it; or,
 where the time from A's to B's exposure is known, to the A nearest to it. Frames of one plane come in order of
 their stamps; between the planes any order will do: a frame waits for its partner until frames of the other plane
-show that it is not coming, or two further ones of its own have come.
+show that it is not coming, or its own plane has gone on for 0.2 s and two frames without one.
 """
 
 from __future__ import annotations
@@ -20,6 +20,9 @@ PlaneName = Literal["a", "b"]
 NEW_RUN_NS = 1_000_000_000
 # The slowest sequence is 1 frame/s: a longer interval is a pause, and says nothing about the period.
 MAX_PERIOD_NS = 1_000_000_000
+# How far its own plane goes on, at least, before a frame gives up its partner: topics lag behind each other.
+_LAG_NS = 200_000_000
+_MAX_WAITING = 32
 _RECENT = 5
 _MAX_BACKWARD = 16
 
@@ -85,13 +88,13 @@ class PairSynchroniser(Generic[Item]):
     """Joins two streams of stamped items into pairs.
 
     Pairs come out in strictly increasing order of their stamps within a run; no item is given out twice; what
-    waits is bounded by a few items a plane.
+    waits is bounded, to a few items a plane.
 
     Args:
         jitter_s: a B this much earlier than its A still belongs to it.
         plane_b_offset_s: known time from A's to B's exposure; negative: unknown.
-        patience: further frames of its own plane that a frame waits through for a partner that the other
-            plane's frames do not yet rule out (the planes' topics may overtake each other on the way).
+        patience: further frames of its own plane (and 0.2 s of their stamps) that a frame waits through for a
+            partner that the other plane's frames do not yet rule out: the topics may overtake each other.
     """
 
     def __init__(self, jitter_s: float, plane_b_offset_s: float, patience: int = 1) -> None:
@@ -187,11 +190,11 @@ class PairSynchroniser(Generic[Item]):
         waiting_a, waiting_b = self._queues["a"].waiting, self._queues["b"].waiting
         while waiting_a or waiting_b:
             if not waiting_b:
-                if not (final or len(waiting_a) > 1 + self._patience):
+                if not (final or self._has_waited(waiting_a)):
                     return
                 yield from self._give(waiting_a.popleft(), None)
             elif not waiting_a:
-                if not (final or len(waiting_b) > 1 + self._patience):
+                if not (final or self._has_waited(waiting_b)):
                     return
                 yield from self._give(None, waiting_b.popleft())
             else:
@@ -203,6 +206,12 @@ class PairSynchroniser(Generic[Item]):
                     None if verdict == "a alone" else waiting_b.popleft(),
                 )
 
+    def _has_waited(self, waiting: deque[_Waiting[Item]]) -> bool:
+        """Whether the oldest of these has waited for its partner as long as it may."""
+        if len(waiting) <= 1 + self._patience:
+            return False
+        return waiting[-1].stamp_ns - waiting[0].stamp_ns >= _LAG_NS or len(waiting) > _MAX_WAITING
+
     def _verdict(
         self, waiting_a: deque[_Waiting[Item]], waiting_b: deque[_Waiting[Item]], final: bool
     ) -> Literal["wait", "pair", "a alone", "b alone"]:
@@ -210,7 +219,7 @@ class PairSynchroniser(Generic[Item]):
         first, after = waiting_a[0], waiting_b[0].stamp_ns - waiting_a[0].stamp_ns
         jitter, known = self._jitter_ns, self._known_offset_ns
         until_next = waiting_a[1].stamp_ns - first.stamp_ns if len(waiting_a) > 1 else None
-        nothing_to_wait_for = final or until_next is not None or len(waiting_b) > 1 + self._patience
+        nothing_to_wait_for = final or until_next is not None or self._has_waited(waiting_b)
         period = first.period_ns
         if period is None and nothing_to_wait_for:
             between_b = waiting_b[1].stamp_ns - waiting_b[0].stamp_ns if len(waiting_b) > 1 else MAX_PERIOD_NS

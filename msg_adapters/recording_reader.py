@@ -85,13 +85,13 @@ class RecordingReader:
     @property
     def topics(self) -> dict[str, str]:
         """Topic (after remapping) → message type."""
-        return {self._names[topic]: schema.name for topic, schema in self._recorded_topics().items()}
+        return {self._name(topic): schema.name for topic, schema in self._recorded_topics().items()}
 
     @property
     def latched_topics(self) -> frozenset[str]:
         """Topics (after remapping) that were offered with transient-local durability."""
         return frozenset(
-            self._names[channel.topic]
+            self._name(channel.topic)
             for file in self._files
             for channel, _ in file.known.values()
             if _offered_latched(channel.metadata.get("offered_qos_profiles", ""))
@@ -120,7 +120,7 @@ class RecordingReader:
         for file, stored in self._stored(wanted):
             channel, schema = file.known[stored.channel_id]
             yield RawMessage(
-                self._names[channel.topic], schema.name, stored.log_time_ns, stored.publish_time_ns, stored.data
+                self._name(channel.topic), schema.name, stored.log_time_ns, stored.publish_time_ns, stored.data
             )
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
@@ -139,12 +139,12 @@ class RecordingReader:
             if message is None:
                 self._note_damage(file, f"a message on {channel.topic} cannot be decoded and was left out")
                 continue
-            yield RecordedMessage(self._names[channel.topic], schema.name, stored.log_time_ns, message)
+            yield RecordedMessage(self._name(channel.topic), schema.name, stored.log_time_ns, message)
 
     def definition(self, topic: str) -> str:
         """The ros2msg text of a topic's type, as recorded."""
         for recorded, schema in self._recorded_topics().items():
-            if self._names[recorded] == topic:
+            if self._name(recorded) == topic:
                 return schema.text.decode("utf-8", "replace")
         raise RecordingError(f"{self.path} has no topic {topic}")
 
@@ -173,6 +173,10 @@ class RecordingReader:
             names.setdefault(topic, topic if topic not in taken else f"{topic}_recorded")
         return names
 
+    def _name(self, topic: str) -> str:
+        """The name given to a recorded topic (of a spoilt file, one may turn up that was not known at first)."""
+        return self._names.get(topic, topic)
+
     def _note_damage(self, file: _File, text: str | None) -> None:
         if text is not None and self.damage is None:
             self.damage = f"{file.path}: {text}; what could be read was used"
@@ -200,7 +204,7 @@ class RecordingReader:
                     messages, damage = file.read(streams[number], file.layout.segments[place])
                     self._note_damage(file, damage)
                     for order, stored in enumerate(messages):
-                        if wanted is None or self._names[file.known[stored.channel_id][0].topic] in wanted:
+                        if wanted is None or self._name(file.known[stored.channel_id][0].topic) in wanted:
                             heapq.heappush(waiting, (stored.log_time_ns, number, place, order, stored))
                             held += len(stored.data)
                     continue
@@ -253,7 +257,8 @@ class _File:
     def _learn(self, channel_id: int, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
         if schema is not None:
-            self.known[channel_id] = (channel, schema)
+            # The first to be read holds, so that a spoilt repetition changes nothing.
+            self.known.setdefault(channel_id, (channel, schema))
 
 
 class _Decoder:

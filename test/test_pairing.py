@@ -72,7 +72,11 @@ def test_missing_b_is_known_once_enough_as_have_come() -> None:
     at = stream(67, 0)
     sync = synchroniser()
     feed(sync, "a0", "b0", at_ms=at)
-    assert feed(sync, "a1", "a2", "a3", at_ms=at) == [("a1", None)]
+    assert feed(sync, "a1", "a2", "a3", at_ms=at) == []
+    assert feed(sync, "a4", at_ms=at) == [("a1", None)]  # 201 ms later
+    slow, at = synchroniser(), stream(333, 0)
+    assert feed(slow, "a0", "b0", "a1", "a2", at_ms=at) == [("a0", "b0")]
+    assert feed(slow, "a3", at_ms=at) == [("a1", None)]
 
 
 def test_missing_a_gets_the_stamp_that_it_would_have_had() -> None:
@@ -123,7 +127,7 @@ def test_partner_that_comes_after_its_instant_was_answered_is_dropped() -> None:
     at = stream(67, 0)
     sync = synchroniser()
     feed(sync, "a0", "b0", at_ms=at)
-    assert feed(sync, "a1", "a2", "a3", "b1", "b2", "b3", at_ms=at) == [("a1", None), ("a2", "b2"), ("a3", "b3")]
+    assert feed(sync, "a1", "a2", "a3", "a4", "b1", "b2", "b3", at_ms=at) == [("a1", None), ("a2", "b2"), ("a3", "b3")]
     assert sync.counts["b"].dropped == 1
 
 

@@ -206,6 +206,22 @@ def test_behind_a_damaged_place_the_index_leads_on(tmp_path: Path, spoilt: int) 
     assert "middle is not readable" in reader.damage
 
 
+@pytest.mark.parametrize("compression", ["zstd", "none"])
+def test_whatever_is_spoilt_only_a_recording_error_comes_out(tmp_path: Path, compression: str) -> None:
+    data = write(tmp_path / "r.mcap", compression=compression).read_bytes()
+    random = np.random.default_rng(1)
+    for _ in range(60):
+        spoilt = bytearray(data)
+        for place in random.integers(8, len(data), random.integers(1, 6)):
+            spoilt[place] = random.integers(0, 256)
+        (tmp_path / "spoilt.mcap").write_bytes(spoilt)
+        try:
+            found = list(RecordingReader(tmp_path / "spoilt.mcap").messages())
+        except RecordingError:
+            continue
+        assert len(found) <= 26
+
+
 def test_zeros_behind_the_data_are_no_records(tmp_path: Path) -> None:
     path = write_noise(tmp_path / "r.mcap", 8)
     path.write_bytes(path.read_bytes()[:900_000] + bytes(100_000))
