@@ -58,7 +58,7 @@ def _assert_share_is_complete(prefix: Path) -> None:
     share = prefix / "share" / PACKAGE
     for folder, kinds in (("config", {".yaml", ".xml"}), ("launch", {".py"}), ("bags", {".yaml", ".mcap"})):
         expected = {path.name for path in (ROOT / folder).iterdir() if path.suffix in kinds}
-        assert {path.name for path in (share / folder).glob("*")} == expected
+        assert {path.name for path in (share / folder).glob("*") if path.is_file()} == expected
     assert (share / "package.xml").is_file()
     assert (prefix / "share/ament_index/resource_index/packages" / PACKAGE).is_file()
 
