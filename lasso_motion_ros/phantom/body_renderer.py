@@ -68,8 +68,8 @@ class BodyRenderer:
         if key != self._key or self._rays is None:
             rays = pixel_rays(coarse)
             depth = SOFT * self._thorax.trunk.chord(rays) + _added(self._thorax.fixed, rays)
-            self._fixed = depth.reshape(rays.shape) + optical_depth(coarse, self._thorax.airways)
-            self._ribs = optical_depth(coarse, self._thorax.ribs)
+            self._fixed = depth.reshape(rays.shape) + optical_depth(coarse, self._thorax.airways, 1)
+            self._ribs = optical_depth(coarse, self._thorax.ribs, 1)
             wide, high = -(-coarse.width // MOVING_BINNING), -(-coarse.height // MOVING_BINNING)
             self._rays = pixel_rays(coarse.read_out(0, 0, wide, high, MOVING_BINNING, MOVING_BINNING))
             self._key = key
@@ -109,7 +109,7 @@ class BodyRenderer:
         size = (rays.shape[1] * MOVING_BINNING, rays.shape[0] * MOVING_BINNING)
         image = cv2.resize(soft, size, interpolation=cv2.INTER_CUBIC)[: coarse.height, : coarse.width]
         start, end = (_lung_shift(points, state.breath) for points in (self._vessels.start, self._vessels.end))
-        return np.asarray(image + optical_depth(coarse, self._vessels.moved_by(start, end)))
+        return np.asarray(image + optical_depth(coarse, self._vessels.moved_by(start, end), 1))
 
 
 def _added(parts: list[Additive], rays: Rays) -> Array:

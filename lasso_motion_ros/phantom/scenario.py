@@ -75,6 +75,8 @@ def scenario_from_values(values: Any) -> Scenario:
     collimator = scenario.imaging.collimator
     if collimator[0] + collimator[2] > 0.8 or collimator[1] + collimator[3] > 0.8:
         raise ScenarioError("imaging.collimator: expected at least a fifth of the field to be open")
+    if scenario.clicks.most < scenario.clicks.fewest:
+        raise ScenarioError(f"clicks.most: expected at least clicks.fewest ({scenario.clicks.fewest})")
     for index, event in enumerate(scenario.events):
         if event.last and event.last < event.first:
             raise ScenarioError(f"events[{index}].last: expected at least first ({event.first}), found {event.last}")

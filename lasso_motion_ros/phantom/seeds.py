@@ -5,25 +5,26 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.phantom.settings import ClickSettings
+
 Array = npt.NDArray[np.float64]
 
-NOISE_PX = 1.5
 
-
-def clicks_along_loop(curve: Array, turns: float, random: np.random.Generator) -> Array:
-    """8 to 14 clicks in order along one turn of the loop, with 1.5 px of noise, start and direction at random.
+def clicks_along_loop(curve: Array, turns: float, settings: ClickSettings, random: np.random.Generator) -> Array:
+    """Clicks in order along one turn of the loop, their number, start and direction at random.
 
     A user clicks what is seen as a ring once round; of a loop that is clearly open, from one end to the other.
 
     Args:
         curve: (N, 2) the projected centreline, pixels, evenly spaced over `turns` turns.
         turns: how often the loop goes round.
+        settings: how many, and how noisy.
         random: draws number, start, direction and noise.
 
     Returns:
-        (8…14, 2) pixels.
+        (fewest…most, 2) pixels.
     """
-    count = int(random.integers(8, 15))
+    count = int(random.integers(settings.fewest, settings.most + 1))
     # Positions in turns along the curve.
     if turns < 0.93:
         at = np.linspace(0.02, 0.98, count) * turns
@@ -37,4 +38,4 @@ def clicks_along_loop(curve: Array, turns: float, random: np.random.Generator) -
     clicks = np.stack([np.interp(index, np.arange(len(curve)), curve[:, axis]) for axis in range(2)], axis=1)
     if random.integers(2):
         clicks = clicks[::-1]
-    return np.asarray(clicks + random.normal(0.0, NOISE_PX, clicks.shape))
+    return np.asarray(clicks + random.normal(0.0, settings.noise_px, clicks.shape))

@@ -130,6 +130,15 @@ class CalibrationSettings:
 
 
 @dataclass(frozen=True)
+class ClickSettings:
+    """The user's clicks in the first pair."""
+
+    noise_px: float = setting(1.5, "standard deviation of a click, each axis", unit="px", minimum=0, maximum=20)
+    fewest: int = setting(8, "clicks a plane, at least", minimum=6, maximum=100)
+    most: int = setting(14, "clicks a plane, at most", minimum=6, maximum=100)
+
+
+@dataclass(frozen=True)
 class DistractorSettings:
     """What else looks like a line or a ring."""
 
@@ -187,4 +196,5 @@ class Scenario:
     imaging: ImagingSettings = field(default_factory=ImagingSettings)
     calibration_error: CalibrationSettings = field(default_factory=CalibrationSettings)
     distractors: DistractorSettings = field(default_factory=DistractorSettings)
+    clicks: ClickSettings = field(default_factory=ClickSettings)
     events: tuple[Event, ...] = ()

@@ -110,9 +110,7 @@ def read_volume(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> Vol
     try:
         reader = importlib.import_module("SimpleITK")
     except ImportError as error:
-        raise ScenarioError(
-            f"{path}: reading a volume needs SimpleITK: pip install 'lasso_motion_ros[volume]'"
-        ) from error
+        raise ScenarioError(f"{path}: a volume needs SimpleITK: pip install 'lasso_motion_ros[volume]'") from error
     if not Path(path).is_file():
         raise ScenarioError(f"{path}: no such file")
     try:
@@ -120,9 +118,7 @@ def read_volume(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> Vol
     except RuntimeError as error:
         raise ScenarioError(f"{path}: cannot be read as NIfTI, NRRD or MHA") from error
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        raise ScenarioError(
-            f"{path}: expected one 3-D volume of Hounsfield units, found {image.GetDimension()} dimensions"
-        )
+        raise ScenarioError(f"{path}: expected one 3-D volume of Hounsfield units, found {image.GetDimension()}-D data")
     hounsfield = np.asarray(reader.GetArrayFromImage(image), dtype=np.float32)
     if min(hounsfield.shape) < 2 or not np.all(np.isfinite(hounsfield)):
         raise ScenarioError(f"{path}: expected at least 2 finite voxels a side, found shape {hounsfield.shape}")
