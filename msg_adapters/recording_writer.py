@@ -151,7 +151,10 @@ class RecordingWriter:
                 text = definition if definition is not None else _definition(type_name)
                 schema = self._writer.register_schema(type_name, "ros2msg", text.encode())
                 self._schemas[type_name] = schema
-            metadata = {"offered_qos_profiles": yaml.safe_dump([_qos(latched)], sort_keys=False)}
+            metadata = {
+                "offered_qos_profiles": yaml.safe_dump([_qos(latched)], sort_keys=False),
+                "topic_type_hash": _type_hash(type_name),
+            }
             channel = _Channel(self._writer.register_channel(topic, "cdr", schema, metadata), topic, type_name, latched)
             self._channels[topic] = channel
         if channel.type_name != type_name:
@@ -190,7 +193,7 @@ class RecordingWriter:
                 {
                     "path": self.path.name,
                     "starting_time": {"nanoseconds_since_epoch": start},
-                    "duration": span,
+                    "duration": dict(span),
                     "message_count": count,
                 }
             ],

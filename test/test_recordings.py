@@ -82,7 +82,12 @@ def test_mcap_and_its_ros2_decoder_read_it(tmp_path: Path) -> None:
         (record,) = reader.iter_metadata()
         messages = list(reader.iter_decoded_messages())
     assert record.name == "rosbag2"
-    metadata = yaml.safe_load(record.metadata["serialized_metadata"])
+    text = record.metadata["serialized_metadata"]
+    assert "&id" not in text, "an alias is YAML that a recorder never writes"
+    metadata = yaml.safe_load(text)
+    topics = [entry["topic_metadata"] for entry in metadata["topics_with_message_count"]]
+    assert all(topic["type_description_hash"].startswith("RIHS01_") for topic in topics)
+    assert all(yaml.safe_load(topic["offered_qos_profiles"])[0]["reliability"] == 1 for topic in topics)
     assert metadata["storage_identifier"] == "mcap"
     assert metadata["message_count"] == len(messages) == 26
     assert metadata["starting_time"]["nanoseconds_since_epoch"] == stamp(0)
