@@ -54,13 +54,15 @@ def normal_search_cost(
     """
     moved = model @ motions[:, :3, :3].transpose(0, 2, 1) + motions[:, None, :3, 3]
     pixels = view.projection.project(moved)
-    tangents = np.roll(pixels, -1, axis=1) - np.roll(pixels, 1, axis=1)
-    normals = np.stack([-tangents[..., 1], tangents[..., 0]], axis=-1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+    tangents = (np.roll(pixels, -1, axis=1) - np.roll(pixels, 1, axis=1)).reshape(-1, 2)
+    tangents /= np.maximum(np.hypot(tangents[:, 0], tangents[:, 1]), 1e-12)[:, None]
     reach = normal_search_px * view.projection.width / REFERENCE_WIDTH_PX
     offsets = np.linspace(-reach, reach, 2 * max(1, round(reach)) + 1) if reach > 0 else np.zeros(1)
-    samples = pixels[:, :, None, :] + offsets[:, None] * normals[:, :, None, :]
-    distances = view.distances.sample(samples.reshape(-1, len(offsets), 2))
+    flat = pixels.reshape(-1, 2)
+    samples = np.empty((len(flat), len(offsets), 2), dtype=np.float32)
+    samples[..., 0] = flat[:, :1] - np.outer(tangents[:, 1], offsets)  # the normal is (−t_y, t_x)
+    samples[..., 1] = flat[:, 1:] + np.outer(tangents[:, 0], offsets)
+    distances = view.distances.sample(samples)
     smallest = distances.min(axis=1) + tie_break * distances[:, len(offsets) // 2]
     return np.asarray(smallest.reshape(pixels.shape[:2]).mean(axis=1), dtype=np.float64)
 

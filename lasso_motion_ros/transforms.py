@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -10,13 +12,21 @@ Array = npt.NDArray[np.float64]
 
 def rotation_from_vector(vector: npt.ArrayLike) -> Array:
     """(3, 3) rotation about the axis `vector` (3,) by its length in radians (Rodrigues' formula)."""
-    x, y, z = np.asarray(vector, dtype=np.float64)
-    angle = float(np.sqrt(x * x + y * y + z * z))
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    # Series of sin(a)/a and (1 − cos a)/a² keep full precision near zero.
-    first = np.sinc(angle / np.pi)
-    second = 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    return np.asarray(np.eye(3) + first * cross + second * (cross @ cross))
+    x, y, z = (float(component) for component in np.asarray(vector, dtype=np.float64))
+    angle = math.sqrt(x * x + y * y + z * z)
+    # Below, the next term of each series is under the rounding of the first.
+    if angle < 1e-4:
+        first, second = 1.0 - angle * angle / 6.0, 0.5 - angle * angle / 24.0
+    else:
+        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
+    xx, yy, zz, xy, xz, yz = x * x, y * y, z * z, x * y, x * z, y * z
+    return np.array(
+        [
+            [1.0 - second * (yy + zz), second * xy - first * z, second * xz + first * y],
+            [second * xy + first * z, 1.0 - second * (xx + zz), second * yz - first * x],
+            [second * xz - first * y, second * yz + first * x, 1.0 - second * (xx + yy)],
+        ]
+    )
 
 
 def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike, centre: npt.ArrayLike = (0, 0, 0)) -> Array:
