@@ -15,6 +15,7 @@ pytest.importorskip("trimesh", reason="needs the overlay extra")
 
 from drawn_recording import SIDE, projections, shift, stamp
 from node_harness import Graph
+from rcl_interfaces.srv import ListParameters
 
 from lasso_motion_ros.rendering.overlay import draw_overlay
 from lasso_motion_ros.rendering.surface import TriangleMesh, read_surface, write_stl
@@ -68,6 +69,11 @@ class Bench:
         self.send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
         self.send(topics.image_topic(plane), encode_image(IMAGE, header))
 
+    def fence(self) -> None:
+        """Let the node go through what it has received."""
+        for _ in range(5):
+            self.graph.call(ListParameters, "/lasso_overlay/list_parameters", ListParameters.Request())
+
     def picture(self, plane: str, pair: int, later_ns: int = 0) -> np.ndarray:
         """The picture that answers an image, (H, W, 3)."""
         messages = self.graph.heard.messages[f"plane_{plane}/overlay"]
@@ -95,6 +101,7 @@ def test_an_image_is_drawn_with_its_own_motion(graph: Graph, tmp_path: Path) -> 
     for pair, z_mm in enumerate((0.0, 6.0)):
         bench.image("a", pair)
         bench.image("b", pair, later_ns=20_000_000)
+        bench.fence()  # the images are there before their motion
         bench.motion(pair, z_mm)
         bench.picture("a", pair)
     np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 6.0))

@@ -102,6 +102,7 @@ def test_every_pair_is_answered_as_offline(tmp_path: Path, recording: Path, offl
         assert counts(graph, "tracker")["pairs dropped"] == "0"
         assert counts(graph, "plane_b")["paired"] == str(len(MOTIONS_MM))
         assert counts(graph, "plane_b")["dropped"] == "0"
+        assert counts(graph, "plane_b")["subscribed"] == "reliable"
 
         graph.processes.send("tracker", signal.SIGINT)
         assert graph.wait_for_end("tracker") == 0
