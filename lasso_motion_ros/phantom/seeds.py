@@ -10,7 +10,9 @@ from lasso_motion_ros.phantom.settings import ClickSettings
 Array = npt.NDArray[np.float64]
 
 
-def clicks_along_loop(curve: Array, turns: float, settings: ClickSettings, random: np.random.Generator) -> Array:
+def clicks_along_loop(
+    curve: Array, turns: float, random: np.random.Generator, settings: ClickSettings | None = None
+) -> Array:
     """Clicks in order along one turn of the loop, their number, start and direction at random.
 
     A user clicks what is seen as a ring once round; of a loop that is clearly open, from one end to the other.
@@ -18,12 +20,13 @@ def clicks_along_loop(curve: Array, turns: float, settings: ClickSettings, rando
     Args:
         curve: (N, 2) the projected centreline, pixels, evenly spaced over `turns` turns.
         turns: how often the loop goes round.
-        settings: how many, and how noisy.
         random: draws number, start, direction and noise.
+        settings: how many, and how noisy; the defaults if not given.
 
     Returns:
         (fewest…most, 2) pixels.
     """
+    settings = settings or ClickSettings()
     count = int(random.integers(settings.fewest, settings.most + 1))
     # Positions in turns along the curve.
     if turns < 0.93:

@@ -146,7 +146,7 @@ class Simulator:
         for plane in PLANES:
             curve = true_projection(self.scenario, plane, 0).project(self._loop_at(self.time_s(0, plane), 0))
             random = self._random(_SEEDS, PLANES.index(plane))
-            clicks[plane] = clicks_along_loop(curve, self.scenario.lasso.turns, self.scenario.clicks, random)
+            clicks[plane] = clicks_along_loop(curve, self.scenario.lasso.turns, random, self.scenario.clicks)
         return clicks
 
     def pairs(self) -> Iterator[SimulatedPair]:
