@@ -30,7 +30,7 @@ SEGMENTS = 12
 SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
 LOOK_AGAIN = 2  # the iteration by which a loop that is there shows
-HOPELESS_CORRELATION = 0.3
+HOPELESS_CORRELATION = 0.4  # mean of the planes; one plane alone may carry a pose
 
 
 @dataclass(frozen=True)
@@ -122,7 +122,7 @@ def align(
             block, right = view.equations(moved, renew=iteration < 2)
             normal[np.ix_(place, place)] += block
             gradient[place] += right
-        if iteration == LOOK_AGAIN and all(view.correlation < HOPELESS_CORRELATION for view in views.values()):
+        if iteration == LOOK_AGAIN and np.mean([view.correlation for view in views.values()]) < HOPELESS_CORRELATION:
             break
         normal[range(shared, shared + 4), range(shared, shared + 4)] += precision
         gradient[shared:] -= precision * ring

@@ -80,6 +80,7 @@ class AppearanceTracker:
         self._displacement: Array | None = np.zeros(3)
         self._turn, self._stretch = np.zeros(3), 0.0
         self._displaced = ""
+        self._lost = False
         self._both_seen_s = 0.0
         return self._result(pair, TrackerState.TRACKING, "", model.points)
 
@@ -92,12 +93,15 @@ class AppearanceTracker:
         model = self._require_model()
         time_s = self._seconds(pair.stamp_ns)
         self._last_stamp_ns, self._displacement = pair.stamp_ns, None
-        finding = self._find(pair, near=True)
+        # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
+        finding = None if self._lost else self._find(pair, near=True)
+        self._lost = False
         if finding is None or finding.rank[0] < 2:
             anywhere = self._find(pair, near=False)
             if finding is None or (anywhere is not None and anywhere.rank > finding.rank):
                 finding = anywhere
         if finding is None or not finding.seen:
+            self._lost = True
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
         if finding.gap_mm > finding.gap_limit_mm:
             reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
@@ -194,7 +198,8 @@ class AppearanceTracker:
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + 0.004**2 * np.eye(3)
         best: _Finding | None = None
-        for candidate in join_peaks(peaks, expected, covariance, slack_m, self._config.search.candidates):
+        count = self._config.search.candidates // (2 if near else 1)
+        for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
             finding = self._judge(
                 align(
                     images,

@@ -17,7 +17,7 @@ Image = npt.NDArray[np.float32]
 # Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm long.
 PIXEL_MM = 0.25
 FINE_SIGMA_PX = 0.8
-COARSE_SIGMA_PX = 4.0
+COARSE_BOX_PX = (9, 9)  # twice: nearly a Gaussian of 3.7 pixels, at a fifth of its cost
 NOISE_WINDOW_PX = 61
 CLIP = 4.0
 
@@ -70,7 +70,7 @@ def working_image(
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
     grey = reduced.astype(np.float32)
     fine = cv2.GaussianBlur(grey, (0, 0), FINE_SIGMA_PX)
-    coarse = cv2.GaussianBlur(grey, (0, 0), COARSE_SIGMA_PX)
+    coarse = cv2.blur(cv2.blur(grey, COARSE_BOX_PX), COARSE_BOX_PX)
     band = cv2.subtract(fine, coarse) if bright else cv2.subtract(coarse, fine)
     power = cv2.sqrBoxFilter(band, cv2.CV_32F, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), borderType=cv2.BORDER_REFLECT)
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
