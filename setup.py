@@ -1,11 +1,17 @@
 """Build of the ament_python package: the same file serves pip and colcon."""
 
-from glob import glob
+from pathlib import Path
 from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = "lasso_motion_ros"
+
+
+def files(folder, *suffixes):
+    """Names of a folder's files with one of the suffixes."""
+    return sorted(str(path) for path in Path(folder).iterdir() if path.suffix in suffixes)
+
 
 setup(
     name=NAME,
@@ -20,9 +26,9 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "LICENSE"]),
-        (f"share/{NAME}/config", sorted(glob("config/*"))),
-        (f"share/{NAME}/launch", sorted(glob("launch/*"))),
-        (f"share/{NAME}/bags", sorted(glob("bags/*.yaml") + glob("bags/*.mcap"))),
+        (f"share/{NAME}/config", files("config", ".yaml", ".xml")),
+        (f"share/{NAME}/launch", files("launch", ".py")),
+        (f"share/{NAME}/bags", files("bags", ".yaml", ".mcap")),
     ],
     zip_safe=False,
     install_requires=[

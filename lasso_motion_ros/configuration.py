@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -83,7 +84,11 @@ class RegistrationConfig:
     """Best-neighbour registration of the published method."""
 
     normal_search_px: int = parameter(
-        5, "each model point takes the smallest distance within ± this along the normal", unit="px", minimum=0, maximum=40
+        5,
+        "each model point takes the smallest distance within ± this along the normal",
+        unit="px",
+        minimum=0,
+        maximum=40,
     )
     translation_step_mm: float = parameter(2.0, "first step of the translation", unit="mm", minimum=0.01)
     rotation_step_deg: float = parameter(2.0, "first step of the rotation", unit="deg", minimum=0.01)
@@ -150,9 +155,7 @@ class TrackerConfig:
     method: str = parameter(
         "appearance", "tracking method: ours, or the published one", choices=("appearance", "brost2009")
     )
-    polarity: str = parameter(
-        "auto", "the catheter against its background", choices=("auto", "dark", "bright")
-    )
+    polarity: str = parameter("auto", "the catheter against its background", choices=("auto", "dark", "bright"))
     path: PathConfig = field(default_factory=PathConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     features: FeatureConfig = field(default_factory=FeatureConfig)
@@ -174,7 +177,9 @@ class ProductConfig(TrackerConfig):
     seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds with an older stamp", minimum=1, maximum=1000)
     autostart: bool = parameter(True, "the node configures and activates itself")
     image_reliability: str = parameter(
-        "auto", "how the node subscribes to images; auto: as the publisher offers", choices=("auto", "reliable", "best_effort")
+        "auto",
+        "how the node subscribes to images; auto: as the publisher offers",
+        choices=("auto", "reliable", "best_effort"),
     )
     image_depth: int = parameter(10, "images a plane that may wait in the node's subscription", minimum=1, maximum=100)
     sync: SyncConfig = field(default_factory=SyncConfig)
@@ -256,15 +261,19 @@ class ParameterSpec:
             value = float(value)
         if type(value) is not kind:
             raise ConfigurationError(f"{self.name} must be a {kind.__name__}, found {value!r}")
-        if kind is float and value != value:
+        if isinstance(value, float) and math.isnan(value):
             raise ConfigurationError(f"{self.name} must be a number, found nan")
-        if self.minimum is not None and value < self.minimum:
-            raise ConfigurationError(f"{self.name} must be at least {self.minimum} {self.unit}".rstrip() + f", found {value}")
-        if self.maximum is not None and value > self.maximum:
-            raise ConfigurationError(f"{self.name} must be at most {self.maximum} {self.unit}".rstrip() + f", found {value}")
+        if isinstance(value, int | float):
+            for limit, words, broken in (
+                (self.minimum, "at least", self.minimum is not None and value < self.minimum),
+                (self.maximum, "at most", self.maximum is not None and value > self.maximum),
+            ):
+                if broken:
+                    allowed = f"{words} {limit} {self.unit}".rstrip()
+                    raise ConfigurationError(f"{self.name} must be {allowed}, found {value}")
         if self.choices and value not in self.choices:
             raise ConfigurationError(f"{self.name} must be one of {', '.join(self.choices)}, found {value!r}")
-        return value  # type: ignore[no-any-return]
+        return value
 
 
 def parameter_table(config_type: type = ProductConfig, prefix: str = "") -> Iterator[ParameterSpec]:

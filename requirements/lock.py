@@ -27,7 +27,9 @@ def resolved(python: Path, extras: str) -> dict[str, str]:
         subprocess.run([*command, f"{HERE.parent}[{extras}]", *BUILD], check=True)
         entries = [entry["metadata"] for entry in json.loads(report.read_text())["install"]]
     # The report names what is downloaded; `pip freeze` would add the packages that ROS wheels carry inside.
-    return {e["name"].lower(): e["version"] for e in entries if e["name"].lower().replace("_", "-") != "lasso-motion-ros"}
+    pins = {entry["name"].lower().replace("_", "-"): entry["version"] for entry in entries}
+    del pins["lasso-motion-ros"]
+    return pins
 
 
 def main() -> int:
