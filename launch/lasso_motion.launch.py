@@ -1,4 +1,4 @@
-"""Tracker and overlay on a biplane stream: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=la.stl units:=mm`."""
+"""Tracker and overlay: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=/path/la.stl units:=mm`."""
 
 from __future__ import annotations
 
@@ -6,9 +6,15 @@ from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "lasso_motion_ros"
+
+
+def text(argument: str) -> ParameterValue:
+    """A launch argument as a string parameter, even where it looks like a number."""
+    return ParameterValue(LaunchConfiguration(argument), value_type=str)
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -44,9 +50,9 @@ def generate_launch_description() -> LaunchDescription:
         namespace=LaunchConfiguration("namespace"),
         parameters=[
             {
-                "volume_file": LaunchConfiguration("volume_file"),
-                "units": LaunchConfiguration("units"),
-                "registration": LaunchConfiguration("registration"),
+                "volume_file": text("volume_file"),
+                "units": text("units"),
+                "registration": text("registration"),
             }
         ],
         output="screen",

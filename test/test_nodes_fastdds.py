@@ -64,7 +64,7 @@ def test_too_little_shared_memory_is_said_with_its_cure(monkeypatch: pytest.Monk
     monkeypatch.setattr(fastdds.shutil, "disk_usage", lambda path: Usage(0, 0, 5 * MIB))
     environment: dict[str, str] = {}
     assert fastdds.use_image_profile(environment) == (
-        "/dev/shm has 5 MiB free, images need 8 MiB a process: images may be lost; "
+        "/dev/shm has 5 MiB free, images need 8 MiB a process: images may be lost; "  # noqa: S108
         "give the container more (docker run --shm-size=256m)"
     )
     assert environment == {}

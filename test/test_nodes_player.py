@@ -106,6 +106,16 @@ def test_nobody_listens(tmp_path: Path, recording: Path) -> None:
     assert done.stderr == ("lasso-motion play: no subscriber on /plane_a/image_raw, /plane_b/image_raw within 0.1 s\n")
 
 
+def test_a_recording_cut_short_is_played_as_far_as_it_goes(tmp_path: Path, recording: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
+    done = run("play", str(cut), "--rate", "100")
+    assert done.returncode == 3
+    assert done.stdout.startswith("published ")
+    assert done.stderr.startswith(f"lasso-motion play: {cut}: ")
+    assert done.stderr.count("\n") == 1
+
+
 def test_no_such_recording(tmp_path: Path) -> None:
     done = run("play", str(tmp_path / "none.mcap"))
     assert done.returncode == 2

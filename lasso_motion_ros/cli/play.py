@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import signal
+import sys
 import threading
 
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
@@ -78,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     if interrupted.is_set():
         return EXIT_INTERRUPTED
     if summary.damage:
-        print(f"{args.recording}: {summary.damage}")
+        print(f"lasso-motion play: {summary.damage}", file=sys.stderr)
         return EXIT_PART
     return EXIT_DONE
 

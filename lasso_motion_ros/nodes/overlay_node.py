@@ -181,7 +181,7 @@ class OverlayNode(Node):  # type: ignore[misc]
                 self._waiting[plane] = _Waiting(frame, deadline)
             self._changed.notify()
         for complaint in self._frames[plane].take_complaints():
-            self.complaints.warn(f"plane_{plane}", complaint)
+            self.complaints.complain(f"plane_{plane}", complaint)
 
     def _draw_all(self) -> None:
         while True:

@@ -47,7 +47,7 @@ class ThrottledLog:
         self._last: dict[str, float] = {}
         self._held_back: Counter[str] = Counter()
 
-    def warn(self, subject: str, text: str) -> None:
+    def complain(self, subject: str, text: str) -> None:
         """Complain about a subject (a topic, a kind of error); the subjects must be few."""
         now = time.monotonic()
         if now - self._last.get(subject, -LOG_PERIOD_S) < LOG_PERIOD_S:
@@ -60,9 +60,9 @@ class ThrottledLog:
     def error(self, error: Exception) -> None:
         """Complain about an exception."""
         if isinstance(error, LassoMotionError):
-            self.warn("input", str(error))
+            self.complain("input", str(error))
         else:
-            self.warn(type(error).__name__, str(error))
+            self.complain(type(error).__name__, str(error))
 
 
 class RunnableNode(Protocol):

@@ -274,7 +274,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def _complain(self) -> None:
         if self._pipeline is not None:
             for problem in self._pipeline.take_problems():
-                self.complaints.warn(problem.topic or "stream", problem.text)
+                self.complaints.complain(problem.topic or "stream", problem.text)
 
     def _say_state(self, state: TrackerState) -> None:
         if state.value != self._state:

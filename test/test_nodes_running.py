@@ -1,0 +1,65 @@
+"""Without ROS everything says what to install; complaints are throttled."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from lasso_motion_ros.nodes import running
+from lasso_motion_ros.nodes.running import NO_ROS, ThrottledLog, guarded
+
+
+@pytest.mark.parametrize(
+    ("call", "prefix"),
+    [
+        ("from lasso_motion_ros.cli.main import main; sys.exit(main(['play', 'none.mcap']))", "lasso-motion play: "),
+        ("from lasso_motion_ros.cli.main import main; sys.exit(main(['demo']))", "lasso-motion demo: "),
+        ("from lasso_motion_ros.nodes.lasso_tracker import main; sys.exit(main([]))", ""),
+        ("from lasso_motion_ros.nodes.lasso_overlay import main; sys.exit(main([]))", ""),
+    ],
+)
+def test_without_ros_one_line_says_what_to_install(call: str, prefix: str) -> None:
+    code = f"import sys; sys.modules['rclpy'] = None; {call}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert done.stderr == f"{prefix}{NO_ROS}\n"
+
+
+class Logger:
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def warning(self, text: str) -> None:
+        self.said.append(text)
+
+
+def test_a_complaint_is_made_once_in_a_while_for_each_subject(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = 100.0
+    monkeypatch.setattr(running.time, "monotonic", lambda: now)
+    logger = Logger()
+    log = ThrottledLog(logger)
+    log.complain("plane_a", "first")
+    log.complain("plane_a", "second")
+    log.complain("plane_b", "other")
+    log.complain("plane_a", "third")
+    now = 105.0
+    log.complain("plane_a", "fourth")
+    assert logger.said == ["plane_a: first", "plane_b: other", "plane_a: fourth (and 2 more)"]
+
+
+def test_what_a_callback_raises_becomes_a_complaint() -> None:
+    class Node:
+        def __init__(self) -> None:
+            self.logger = Logger()
+            self.complaints = ThrottledLog(self.logger)
+
+        @guarded
+        def callback(self, value: int) -> int:
+            return 1 // value
+
+    node = Node()
+    assert node.callback(1) == 1
+    assert node.callback(0) is None
+    assert node.logger.said == ["ZeroDivisionError: integer division or modulo by zero"]
