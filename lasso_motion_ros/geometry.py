@@ -101,8 +101,8 @@ class Projection:
         """Unit directions (..., 3) from the source through pixels (..., 2), pointing in front of it."""
         pixels = np.asarray(pixels, dtype=np.float64)
         homogeneous = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)
+        # Of depth one, since the third row measures depth: in front of the source without further ado.
         directions = homogeneous @ np.linalg.inv(self.matrix[:, :3]).T
-        directions = directions * np.sign(directions @ self.matrix[2, :3])[..., None]
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
     def back_project_line(self, line: Array) -> Array:

@@ -72,6 +72,13 @@ def test_follows_the_ring_within_three_tenths_of_a_millimetre(tracker, bright):
     assert np.max(errors_mm) < 0.45
 
 
+def test_every_pair_starts_where_the_last_one_ended(seeded):
+    # Six steps of 4 mm: the last is 24 mm from the first, more than the ring's diameter.
+    for index in range(1, 7):
+        result = seeded.track(pair(index, (0.0, 0.0, -0.004 * index)))
+    assert centre_error_mm(result, np.array([0.0, 0.0, -0.024])) < 0.45
+
+
 def test_deep_images_are_tracked_alike(tracker):
     def deep(shallow):
         frames = (Frame(f.stamp_ns, f.pixels.astype(np.uint16) * 16, f.projection) for f in (shallow.a, shallow.b))
@@ -89,7 +96,7 @@ def test_the_same_pairs_give_the_same_poses():
 
 
 def test_set_reference_counts_from_the_present_phase(seeded):
-    seeded.track(pair(1, PATH[1]))
+    reference_loop = seeded.track(pair(1, PATH[1])).loop
     seeded.set_reference()
     here = seeded.track(pair(2, PATH[1]))
     assert here.reference_stamp_ns == PERIOD_NS
@@ -98,6 +105,8 @@ def test_set_reference_counts_from_the_present_phase(seeded):
     there = seeded.track(pair(3, PATH[2]))
     moved = apply(there.motion, LOOP.centre + PATH[1])
     assert 1e3 * np.linalg.norm(moved - (LOOP.centre + PATH[2])) < 0.4
+    # Point by point, turns included: the order of the two motions matters.
+    np.testing.assert_allclose(apply(there.motion, reference_loop), there.loop, atol=1e-12)
     # The loop is where it is, whatever the reference.
     assert 1e3 * np.linalg.norm(there.loop[:-1].mean(axis=0) - (LOOP.centre + PATH[2])) < 0.4
 

@@ -173,6 +173,7 @@ def test_carm_roll_and_iso_centre():
     # 10 mm to the left is 20 px to the right, after a quarter turn from +x towards +y 20 px down.
     rolled = carm_projection(0.0, 0.0, roll_rad=np.pi / 2, **options)
     np.testing.assert_allclose(rolled.project(np.array([0.01, 0.0, 0.0])), [50.0, 70.0], atol=1e-9)
+    np.testing.assert_allclose(rolled.project(np.array([0.0, 0.0, 0.01])), [70.0, 50.0], atol=1e-9)  # from up to right
     moved = carm_projection(0.3, 0.1, iso_centre=(0.01, 0.02, 0.03), **options)
     np.testing.assert_allclose(moved.project(np.array([0.01, 0.02, 0.03])), [50.0, 50.0], atol=1e-9)
 

@@ -160,10 +160,12 @@ def test_scale_and_sign_of_the_matrices_mean_nothing(factors):
 
 def test_the_planes_can_be_swapped():
     seen = outlines(ring(NORMAL, CENTRE))
-    seen = {name: points + np.random.default_rng(5).normal(size=points.shape) for name, points in seen.items()}
+    seen = {
+        name: points + np.random.default_rng(5).normal(scale=5.0, size=points.shape) for name, points in seen.items()
+    }
     swapped = reconstruct_ellipse({"a": VIEWS["b"], "b": VIEWS["a"]}, {"a": seen["b"], "b": seen["a"]})
-    # η is the inverse then, and its refinement ends elsewhere within its tolerance.
-    assert_same(swapped.chosen.ellipse, reconstruct_ellipse(VIEWS, seen).chosen.ellipse, 2e-4)
+    # η is the inverse then, also where it minimises the rank; the midpoint of the split double root is not.
+    assert_same(swapped.chosen.ellipse, reconstruct_ellipse(VIEWS, seen).chosen.ellipse, 1e-9)
 
 
 @pytest.mark.parametrize("mirrored", [("a",), ("b",), ("a", "b")])
@@ -178,11 +180,13 @@ def test_mirrored_displays_give_the_same(mirrored):
 def test_the_world_frame_can_be_anywhere():
     # Half a metre off and turned: whatever depends on the origin or forgets to normalise d with n shows here.
     move = rigid([0.4, -1.0, 0.7], [0.2, -0.1, 0.3])
-    loop = ring(NORMAL, CENTRE)
     views = {name: Projection(view.matrix @ inverse(move), 1024, 1024) for name, view in VIEWS.items()}
-    found = reconstruct_ellipse(views, outlines(loop)).chosen.ellipse
-    np.testing.assert_allclose(found.centre, apply(move, CENTRE), atol=1e-8)
-    assert angle_deg(found.normal, move[:3, :3] @ loop.normal) < 1e-4
+    random = np.random.default_rng(5)
+    seen = {name: points + random.normal(size=points.shape) for name, points in outlines(ring(NORMAL, CENTRE)).items()}
+    here = reconstruct_ellipse(VIEWS, seen).chosen.ellipse
+    there = reconstruct_ellipse(views, seen).chosen.ellipse
+    np.testing.assert_allclose(there.centre, apply(move, here.centre), atol=1e-7)
+    assert angle_deg(there.normal, move[:3, :3] @ here.normal) < 1e-3
 
 
 def test_order_and_direction_of_the_points_mean_nothing():

@@ -45,6 +45,7 @@ def test_polarity_of_a_click_outside_is_not_asked():
     # The click is refused later, by its plane and place.
     clicks = Seed(np.full((6, 2), -100.0), np.full((6, 2), 5000.0))
     assert not is_bright(pair(0), clicks, CONFIG)
+    assert not is_bright(pair(0, bright=True), clicks, CONFIG)
 
 
 def test_outlines_follow_the_ring_in_each_plane():
