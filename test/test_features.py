@@ -131,7 +131,7 @@ def test_sizes_scale_with_the_image():
     assert half.origin == (155, 100)
     far_full = full.sample(np.array([[580.0, 400.0]]))[0]
     far_half = half.sample(np.array([[290.0, 200.0]]))[0]
-    assert far_half == pytest.approx(far_full / 2.0, abs=1.5)
+    assert far_half == pytest.approx(far_full / 2.0, abs=0.6)
 
 
 def test_deep_images_give_the_same_map():
