@@ -134,7 +134,9 @@ def align(
             break
     covariance = np.linalg.inv(normal + _ridge(normal))
     return Alignment(
-        planes={p: view.fit(covariance[np.ix_(q[:2], q[:2])]) for (p, view), q in zip(views.items(), places, strict=True)},
+        planes={
+            p: view.fit(covariance[np.ix_(q[:2], q[:2])]) for (p, view), q in zip(views.items(), places, strict=True)
+        },
         turn=ring[:3],
         turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),

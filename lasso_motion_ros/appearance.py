@@ -41,9 +41,7 @@ class Strip:
     def coordinates(self) -> npt.NDArray[np.float32]:
         """(L, 2·HALF_WIDTH + 1, 2) sample positions, pixels."""
         offsets = self.step * np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
-        return np.asarray(
-            self.pixels[:, None, :] + offsets[None, :, None] * self.normals[:, None, :], dtype=np.float32
-        )
+        return np.asarray(self.pixels[:, None, :] + offsets[None, :, None] * self.normals[:, None, :], dtype=np.float32)
 
     def sample(self, image: WorkingImage) -> Image:
         """(L, 2·HALF_WIDTH + 1) bilinear values of the working image; zero outside it."""

@@ -27,6 +27,8 @@ IMAGE_COVARIANCE_FACTOR = 2.0
 SYSTEMATIC_M = 3e-5
 # An unforeseen part of the motion between the two planes' exposures, per second.
 UNFORESEEN_SPEED_M_S = 0.03
+# What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
+HEARTBEAT_SPEED_M_S = 0.006
 BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 FIXED_ROTATION_RAD = np.radians(1.0)  # standard deviation of the atrium's rotation, which is not estimated
 
@@ -37,13 +39,14 @@ class _Finding:
 
     alignment: Alignment
     seen: tuple[Plane, ...]
-    gap_mm: float
-    gap_limit_mm: float
+    gap_mm: float = 0.0  # by which the planes disagree,
+    degraded_gap_mm: float = np.inf  # and what is made of it
+    lost_gap_mm: float = np.inf
 
     @property
     def rank(self) -> tuple[int, float]:
         """More planes that agree is better, then higher correlation."""
-        agreed = len(self.seen) if self.gap_mm <= self.gap_limit_mm else 0
+        agreed = len(self.seen) if self.gap_mm <= self.lost_gap_mm else 0
         return agreed, sum(self.alignment.planes[p].correlation for p in self.seen)
 
 
@@ -103,7 +106,7 @@ class AppearanceTracker:
         if finding is None or not finding.seen:
             self._lost = True
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
-        if finding.gap_mm > finding.gap_limit_mm:
+        if finding.gap_mm > finding.lost_gap_mm:
             reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
             return self._result(pair, TrackerState.LOST, reason, None)
         state, reason = self._degradation(pair, finding, time_s)
@@ -149,7 +152,9 @@ class AppearanceTracker:
         self._reference, self._reference_stamp_ns = self._displacement, self._last_stamp_ns
         if self._displaced:
             self._displaced = ""
-            self._envelope = BreathingEnvelope(self._config.judgement, self._displacement, self._seconds(self._last_stamp_ns))
+            self._envelope = BreathingEnvelope(
+                self._config.judgement, self._displacement, self._seconds(self._last_stamp_ns)
+            )
 
     def _require_model(self) -> LoopModel:
         if self._model is None:
@@ -224,7 +229,7 @@ class AppearanceTracker:
         seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
         if len(seen) < 2:
             # What only one plane shows must be clear there.
-            return _Finding(alignment, tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config)), 0.0, 1.0)
+            return _Finding(alignment, tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config)))
         a, b = alignment.planes["a"], alignment.planes["b"]
         model = self._require_model()
         trial = self._respiration.copy()
@@ -232,9 +237,15 @@ class AppearanceTracker:
         between = trial.expected_between(times["b"])
         rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
         gap, across = epipolar_gap(rays["a"], rays["b"], model.centre + between.displacement, b.centre)
-        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across))
-        limit = max(config.lost_gap_mm, 4.0 * slack_mm) if times["b"] > times["a"] + 1e-3 else config.lost_gap_mm
-        return _Finding(alignment, seen, 1e3 * abs(gap), limit)
+        heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
+        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across + heartbeat**2))
+        return _Finding(
+            alignment,
+            seen,
+            1e3 * abs(gap),
+            max(config.degraded_gap_mm, 2.5 * slack_mm),
+            max(config.lost_gap_mm, 4.0 * slack_mm),
+        )
 
     def _degradation(self, pair: FramePair, finding: _Finding, time_s: float) -> tuple[TrackerState, str]:
         """TRACKING, or why not."""
@@ -249,7 +260,7 @@ class AppearanceTracker:
         share = min(finding.alignment.planes[p].visible for p in finding.seen)
         if share < config.full_visible:
             return TrackerState.DEGRADED, f"only {100 * share:.0f} % of the lasso is seen"
-        if finding.gap_mm > config.degraded_gap_mm * finding.gap_limit_mm / config.lost_gap_mm:
+        if finding.gap_mm > finding.degraded_gap_mm:
             return TrackerState.DEGRADED, f"the planes disagree by {finding.gap_mm:.1f} mm"
         return TrackerState.TRACKING, ""
 

@@ -142,6 +142,12 @@ class JudgementConfig:
     jump_allowance_mm: float = parameter(2.0, "moved at once without being a jump", unit="mm", minimum=0.0)
     longest_jump_interval_s: float = parameter(1.5, "pause after which speed tells nothing", unit="s", minimum=0.0)
     displaced_mm: float = parameter(8.0, "off the breathing curve: DISPLACED", unit="mm", minimum=1.0)
+    repeatable_mm: float = parameter(
+        4.0,
+        "off the curve and across its axis: DISPLACED, once breaths have repeated within a quarter of it",
+        unit="mm",
+        minimum=1.0,
+    )
     deeper_breath_mm: float = parameter(
         20.0, "a breath may go this far beyond the ones before, if foreseeable", unit="mm", minimum=0.0
     )

@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 LONGEST_TRAJECTORY = 600  # accepted pairs kept
 FIRST_AXIS_SPREAD_M = 0.003  # motion seen before its axis is believed
 FIRST_BREATH_REACH_M = 0.040  # along that axis, before a whole breath has been seen
+CURVE_WIDTH_SHARE = 0.6
 REVERSAL_SHARE = 0.3  # of the range so far: a turn of the breathing, not a jitter
 
 
@@ -62,6 +63,8 @@ class BreathingEnvelope:
         self._points = np.zeros((1, 3)) if first is None else first[None]
         self._last_time_s = self._first_time_s = time_s
         self._complete = False
+        self._last = self._points[-1]
+        self._widest_mm = 0.0  # the curve's scatter across its axis, once complete
 
     def departure(self, time_s: float, displacement: Array, predicted: Array) -> str:
         """Why a displacement (3,) m at a time cannot be breathing, in plain words; empty if it can.
@@ -74,36 +77,56 @@ class BreathingEnvelope:
         config = self._config
         interval = max(time_s - self._last_time_s, 1e-3)
         if interval <= config.longest_jump_interval_s:
-            moved = 1e3 * float(np.linalg.norm(displacement - self._points[-1]))
+            moved = 1e3 * float(np.linalg.norm(displacement - self._last))
             if moved > config.largest_speed_mm_s * interval + config.jump_allowance_mm:
                 return f"jumped {moved:.0f} mm in {interval:.2f} s, faster than breathing"
         mean = self._points.mean(axis=0)
-        axis, spread = _principal_axis(self._points)
-        if not self._complete and spread < FIRST_AXIS_SPREAD_M:
+        if not self._complete and _principal_axis(self._points)[1] < FIRST_AXIS_SPREAD_M:
             distance = 1e3 * float(np.linalg.norm(displacement - mean))
             return f"{distance:.0f} mm from where it was" if distance > 1e3 * FIRST_BREATH_REACH_M else ""
-        curve = self._points
-        if not self._complete:
-            curve = np.vstack([mean - FIRST_BREATH_REACH_M * axis, mean + FIRST_BREATH_REACH_M * axis])
-        distance = 1e3 * float(distance_to_curve(displacement[None], curve)[0])
-        if distance <= config.displaced_mm:
+        distance, sideways = self._off_curve(displacement)
+        if distance <= min(self._sideways_limit_mm, config.displaced_mm):
             return ""
-        along = (curve - mean) @ axis
-        beyond = float((displacement - mean) @ axis)
-        beyond -= float(np.clip(beyond, along.min(), along.max()))
-        sideways = 1e3 * float(np.sqrt(max((distance * 1e-3) ** 2 - beyond**2, 0.0)))
         leap = 1e3 * float(np.linalg.norm(displacement - predicted))
-        if sideways <= config.displaced_mm and leap <= config.displaced_mm and distance <= config.deeper_breath_mm:
+        if sideways <= self._sideways_limit_mm and (
+            distance <= config.displaced_mm or (leap <= config.displaced_mm and distance <= config.deeper_breath_mm)
+        ):
             return ""
         return f"{distance:.0f} mm off the breathing curve"
 
+    @property
+    def _sideways_limit_mm(self) -> float:
+        """How far off the curve, across its axis, is still breathing: less where breaths have repeated well."""
+        if not self._complete:
+            return self._config.displaced_mm
+        return min(self._config.displaced_mm, self._config.repeatable_mm + 2.0 * self._widest_mm)
+
+    def _off_curve(self, displacement: Array) -> tuple[float, float]:
+        """Distance to the curve, and its part across the axis, mm."""
+        axis, _ = _principal_axis(self._points)
+        mean = self._points.mean(axis=0)
+        curve = self._points
+        if not self._complete:
+            curve = np.vstack([mean - FIRST_BREATH_REACH_M * axis, mean + FIRST_BREATH_REACH_M * axis])
+        distance = float(distance_to_curve(displacement[None], curve)[0])
+        along = (curve - mean) @ axis
+        beyond = float((displacement - mean) @ axis)
+        beyond -= float(np.clip(beyond, along.min(), along.max()))
+        return 1e3 * distance, 1e3 * float(np.sqrt(max(distance**2 - beyond**2, 0.0)))
+
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m at a time as breathing."""
+        self._last_time_s, self._last = time_s, np.array(displacement)
+        if self._complete:
+            # What only just passes must not widen the curve: else a slow departure would carry it along.
+            sideways = self._off_curve(displacement)[1]
+            if sideways > CURVE_WIDTH_SHARE * self._sideways_limit_mm:
+                return
+            self._widest_mm = max(self._widest_mm, sideways)
         self._points = np.vstack([self._points, displacement])[-LONGEST_TRAJECTORY:]
-        self._last_time_s = time_s
         if not self._complete:
             long_enough = time_s - self._first_time_s > self._config.longest_breath_s
-            self._complete = long_enough or _count_turns(self._points) >= 3
+            self._complete = long_enough or _count_turns(self._points) >= 2
 
 
 def _principal_axis(points: Array) -> tuple[Array, float]:

@@ -60,7 +60,9 @@ def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Arra
     """
     kernel, first_cell = render(appearance, strip_along(centre + arms, image.projection), CELL_PX)
     height, width = (size // CELL_PX for size in image.values.shape)
-    cells = cv2.resize(image.values[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA)
+    cells = cv2.resize(
+        image.values[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA
+    )
     # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
     pad_y, pad_x = kernel.shape
     cells = cv2.copyMakeBorder(cells, pad_y // 2, pad_y // 2, pad_x // 2, pad_x // 2, cv2.BORDER_CONSTANT)
