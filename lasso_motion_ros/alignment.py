@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import Image, Strip, strip_along
+from lasso_motion_ros.appearance import Strip, strip_along
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.transforms import rotation_from_vector
-from lasso_motion_ros.working_image import WorkingImage
+from lasso_motion_ros.working_image import Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
@@ -132,7 +132,7 @@ def align(
         ring = ring + step[shared:]
         if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3):
             break
-    covariance = np.linalg.inv(normal + _ridge(normal))
+    covariance: Array = np.linalg.inv(normal + _ridge(normal)).astype(np.float64)
     return Alignment(
         planes={
             p: view.fit(covariance[np.ix_(q[:2], q[:2])]) for (p, view), q in zip(views.items(), places, strict=True)

@@ -66,13 +66,13 @@ class Appearance:
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
 
     def __init__(self, first: Image) -> None:
-        self.values = smooth(first)
+        self.values: Image = smooth(first)
         self._count = 1
 
     def update(self, strip: Image) -> None:
         """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair in which the loop was surely found."""
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
-        self.values = self.values + (smooth(strip) - self.values) / self._count
+        self.values = self.values + (smooth(strip) - self.values) * np.float32(1.0 / self._count)
 
 
 def smooth(strip: Image) -> Image:
@@ -89,7 +89,8 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
         cell_px: size of a search cell, working pixels.
 
     Returns:
-        (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its first element.
+        (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its
+        first element.
     """
     at = strip.coordinates().reshape(-1, 2).astype(np.float64) / cell_px + (0.5 / cell_px - 0.5)
     low = np.floor(at.min(axis=0)).astype(np.int64) - 1

@@ -93,7 +93,7 @@ class AppearanceTracker:
         Raises:
             TrackingError: no model yet.
         """
-        model = self._require_model()
+        self._require_model()
         time_s = self._seconds(pair.stamp_ns)
         self._last_stamp_ns, self._displacement = pair.stamp_ns, None
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.

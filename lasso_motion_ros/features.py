@@ -29,7 +29,7 @@ class DistanceMap:
     values: npt.NDArray[np.float32]
     origin: tuple[int, int]
 
-    def sample(self, points: Array) -> npt.NDArray[np.float32]:
+    def sample(self, points: Array | npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Bilinear values at full-image pixels (..., 2); outside the region, those at its edge."""
         local = np.asarray(points, dtype=np.float32) - np.asarray(self.origin, dtype=np.float32)
         flat = local.reshape(-1, 1, 2) if local.ndim == 2 else local.reshape(-1, local.shape[-2], 2)

@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import Image, render, strip_along
+from lasso_motion_ros.appearance import render, strip_along
 from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.working_image import WorkingImage
+from lasso_motion_ros.working_image import Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
