@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.geometry import carm_projection
+from lasso_motion_ros.phantom.anatomy import Additive
 from lasso_motion_ros.phantom.bodies import Rays, cylinder, ellipsoid, pixel_rays, union_length
+from lasso_motion_ros.phantom.body_renderer import _added
 from lasso_motion_ros.transforms import rigid, rotation_from_vector
 
 
@@ -39,6 +41,21 @@ def test_bodies_move_scale_and_shift() -> None:
     assert ball.scaled(1.5).chord(ray(0))[0] == pytest.approx(0.030)
     assert ball.shifted(np.array([0.008, 0, 0])).chord(ray(0))[0] == pytest.approx(0.012)
     assert ball.moved(rigid((0, 0, 0.3), (0.006, 0, 0))).chord(ray(0))[0] == pytest.approx(0.016)
+
+
+def test_rays_left_out_miss_the_body() -> None:
+    projection = carm_projection(
+        0.3, 0.1, source_detector_m=1.2, source_object_m=0.8, pixel_size_m=4e-3, width=48, height=48
+    )
+    rays = pixel_rays(projection)
+    turn = rotation_from_vector((0.4, -0.7, 0.2))
+    parts = [
+        Additive(ellipsoid((10, 5, 20), (5, 30, 12), turn), 3.0),
+        Additive(cylinder((-30, 0, 0), (9, 4, 22), turn), 5.0),
+    ]
+    every_ray = sum(part.attenuation * part.body.chord(rays) for part in parts)
+    assert np.count_nonzero(every_ray) > 50
+    assert _added(parts, rays) == pytest.approx(every_ray, abs=1e-15)
 
 
 def test_a_union_counts_overlaps_once_and_stays_inside_its_container() -> None:

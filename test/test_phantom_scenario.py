@@ -55,6 +55,7 @@ def test_defaults_and_nesting() -> None:
         ({"pairs": True}, "pairs", "a whole number"),
         ({"pairs": 0}, "pairs", "at least 1"),
         ({"rate_hz": "fast"}, "rate_hz", "a number"),
+        ({"rate_hz": True}, "rate_hz", "a number"),
         ({"rate_hz": float("nan")}, "rate_hz", "finite"),
         ({"plane_b_offset": 0.6}, "plane_b_offset", "at most 0.5"),
         ({"geometry": {"size_px": 500}}, "geometry.size_px", "one of 128, 256, 512, 1024"),

@@ -50,6 +50,11 @@ class Body:
     axes: Array
     cylinder: bool = False
 
+    @property
+    def bounding_radius(self) -> float:
+        """Radius of a sphere about the centre that holds the body, metres."""
+        return float(np.linalg.norm(self.axes))
+
     def interval(self, rays: Rays) -> tuple[Array, Array]:
         """Where each ray enters and leaves: two (N,) arrays in metres from the source; leave ≤ enter where it misses.
 

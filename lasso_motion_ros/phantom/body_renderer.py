@@ -116,7 +116,14 @@ def _added(parts: list[Additive], rays: Rays) -> Array:
     """Optical depth (N,) of bodies that add to their surroundings."""
     depth = np.zeros(rays.directions.shape[1])
     for part in parts:
-        depth += part.attenuation * part.body.chord(rays)
+        # Only the rays in the cone round the body's bounding sphere can meet it.
+        towards = part.body.centre - rays.source
+        distance = float(np.linalg.norm(towards))
+        sine = min(1.0, part.body.bounding_radius / distance)
+        near = np.flatnonzero(towards @ rays.directions >= distance * np.sqrt(1.0 - sine * sine))
+        if near.size:
+            chosen = Rays(rays.source, rays.directions[:, near], (1, near.size))
+            depth[near] += part.attenuation * part.body.chord(chosen)
     return depth
 
 
