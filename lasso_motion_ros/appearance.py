@@ -17,6 +17,9 @@ from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
+MARGIN_COLUMNS = 2
+MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
+NOISE_SHARE = 0.25  # margins hold background too, which a clear loop must not be shrunk by
 HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
 
 
@@ -61,23 +64,33 @@ def strip_along(curve: Array, projection: Projection) -> Strip:
 
 
 class Appearance:
-    """The running mean of a plane's strips, each sampled where the loop was found."""
+    """The running mean of a plane's strips, each sampled where the loop was found, less its noise."""
 
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
 
     def __init__(self, first: Image) -> None:
-        self.values: Image = smooth(first)
+        self._mean: Image = np.array(first)
         self._count = 1
+        self.values: Image = _without_noise(first)
 
     def update(self, strip: Image) -> None:
         """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair in which the loop was surely found."""
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
-        self.values = self.values + (smooth(strip) - self.values) * np.float32(1.0 / self._count)
+        self._mean = self._mean + (strip - self._mean) * np.float32(1.0 / self._count)
+        self.values = _without_noise(self._mean)
 
 
-def smooth(strip: Image) -> Image:
-    """Remove what is finer than the working image's own blur: only noise is."""
-    return np.asarray(cv2.GaussianBlur(strip, (0, 0), 0.6), dtype=np.float32)
+def _without_noise(mean: Image) -> Image:
+    """Shrink a strip towards zero where it holds no more than its margins do (Wiener's filter).
+
+    The columns farthest from the curve show background and noise. A strip that keeps them would be matched
+    by any other background less well than it should be, and a faint loop be taken for none.
+    """
+    smooth = cv2.GaussianBlur(mean, (0, 0), 0.6)
+    margins = np.concatenate([smooth[:, :MARGIN_COLUMNS], smooth[:, -MARGIN_COLUMNS:]], axis=1)
+    noise = float(np.median(np.square(margins))) / MEDIAN_OF_SQUARED_NORMAL
+    energy = cv2.blur(np.square(smooth), (3, 5), borderType=cv2.BORDER_REFLECT)
+    return np.asarray(smooth * np.maximum(0.0, 1.0 - NOISE_SHARE * noise / np.maximum(energy, 1e-9)), dtype=np.float32)
 
 
 def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDArray[np.int64]]:

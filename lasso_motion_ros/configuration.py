@@ -129,9 +129,9 @@ class SearchConfig:
 class JudgementConfig:
     """When a fit is believed."""
 
-    smallest_gain: float = parameter(0.45, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
+    smallest_gain: float = parameter(0.5, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
     largest_gain: float = parameter(2.2, "likewise, above which it is something else", minimum=1.0)
-    smallest_correlation: float = parameter(0.45, "of image and expected appearance", minimum=0.0, maximum=1.0)
+    smallest_correlation: float = parameter(0.4, "of image and expected appearance", minimum=0.0, maximum=1.0)
     smallest_visible: float = parameter(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
     full_visible: float = parameter(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
     clear_correlation: float = parameter(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
