@@ -117,12 +117,12 @@ class AppearanceTracker:
         self._observe(trial, pair, finding, time_s)
         displacement = trial.at_a.displacement
         departure = self._displaced or self._envelope.departure(time_s, displacement, predicted)
-        loop = self._loop(finding.alignment, displacement)
         if departure:
             if len(finding.seen) == 2:
                 # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
                 self._displaced = departure
                 self._displacement = displacement
+                loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop)
             return self._result(pair, TrackerState.LOST, departure, None)
         self._respiration, self._displacement = trial, displacement
@@ -130,11 +130,18 @@ class AppearanceTracker:
             self._both_seen_s = time_s
             self._envelope.accept(time_s, displacement)
             self._respiration.learn(displacement)
+            self._revise(self._respiration.at_a.displacement)
             self._turn, self._stretch = 0.5 * finding.alignment.turn, 0.5 * finding.alignment.stretch
             if state is TrackerState.TRACKING:
                 for plane in finding.seen:
                     self._appearances[plane].update(finding.alignment.planes[plane].strip)
-        return self._result(pair, state, reason, loop)
+        return self._result(pair, state, reason, self._loop(finding.alignment, self._displacement))
+
+    def _revise(self, displacement: Array) -> None:
+        """Take what was learned since for the displacement (3,) m; between two late phases nothing changes by it."""
+        if self._reference_stamp_ns != self._start_ns and self._displacement is not None:
+            self._reference = self._reference + displacement - self._displacement
+        self._displacement = displacement
 
     def reset(self) -> None:
         """Forget model and motion."""

@@ -24,9 +24,14 @@ SIZE = 21
 
 FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
-FIRST_SPREAD_WEIGHT = 1.0  # pairs
+SEEN_SPREAD_M = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
+SIDEWAYS_SHARE = 0.2  # of the motion's size, expected across its direction: breathing nearly follows a line
+# After these many sure displacements the past is gone through again with the spread learned since. What it changes
+# is what the loop did between the first two exposures, and with it every displacement's depth.
+REBUILD_AT = frozenset({*range(1, 9), 12, 16, 24})
+LONGEST_HISTORY = 24  # sure displacements after which the past is no longer kept
 TIME_SCALE_S = 1.5  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
-HEARTBEAT_SPREAD_M = 0.0003
+HEARTBEAT_SPREAD_M = 0.00015
 HEARTBEAT_TIME_SCALE_S = 0.12
 
 
@@ -58,6 +63,16 @@ class Observation:
     covariance: Array
 
 
+@dataclass(frozen=True, eq=False)
+class _Exposure:
+    """Something that was taken in: measurements, or (`is_mark`) the time of plane A's exposure."""
+
+    time_s: float
+    a: Observation | None
+    b: Observation | None
+    is_mark: bool
+
+
 class RespiratoryMotion:
     """Filter for the displacement of the loop's centre; at the reference's exposure in plane A it is zero.
 
@@ -67,10 +82,16 @@ class RespiratoryMotion:
 
     def __init__(self, time_a_s: float, time_b_s: float) -> None:
         """Start at the reference pair's two times of exposure, seconds."""
-        self._time_s = time_a_s
-        self._scatter = FIRST_SPREAD_WEIGHT * FIRST_SPREAD_M**2 * np.eye(3)
-        self._scatter_weight = FIRST_SPREAD_WEIGHT
+        self._start_s = time_a_s, time_b_s
+        self._scatter = np.zeros((3, 3))
+        self._learned = 0
         self._scatter_mean = np.zeros(3)
+        self._history: tuple[_Exposure, ...] = ()
+        self._begin()
+
+    def _begin(self) -> None:
+        """The state at plane B's first exposure, with the spread known by now."""
+        self._time_s, time_b_s = self._start_s
         self._state = np.zeros(SIZE)
         self._covariance = np.zeros((SIZE, SIZE))
         spread = self.spread
@@ -90,7 +111,11 @@ class RespiratoryMotion:
     @property
     def spread(self) -> Array:
         """(3, 3) covariance of the motion about its mean, learned so far, m²."""
-        return np.asarray(self._scatter / self._scatter_weight + SMALLEST_SPREAD_M**2 * np.eye(3))
+        seen = float(np.trace(self._scatter))
+        sideways = SIDEWAYS_SHARE**2 * seen / max(self._learned, 1)
+        unknown = FIRST_SPREAD_M**2 / (1.0 + seen / SEEN_SPREAD_M**2)
+        first = (sideways + unknown) * np.eye(3)  # which counts as one displacement
+        return np.asarray((self._scatter + first) / (self._learned + 1) + SMALLEST_SPREAD_M**2 * np.eye(3))
 
     @property
     def mean(self) -> Array:
@@ -115,6 +140,7 @@ class RespiratoryMotion:
 
         After plane A's, `at_a` refers to this time; later exposures of plane B still sharpen it.
         """
+        self._remember(_Exposure(time_s, a, b, is_mark=False))
         self._advance(time_s)
         if a is not None:
             h = a.across @ _displacement()
@@ -126,6 +152,7 @@ class RespiratoryMotion:
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
+        self._remember(_Exposure(time_s, None, None, is_mark=True))
         self._advance(time_s)
         self._clone(AT_A)
 
@@ -140,11 +167,29 @@ class RespiratoryMotion:
         return Estimate(self._state[AT_A].copy(), self._covariance[AT_A, AT_A].copy())
 
     def learn(self, displacement: Array) -> None:
-        """Learn the directions of the motion from one sure displacement (3,) m."""
-        self._scatter_weight += 1.0
+        """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
+        self._learned += 1
         delta = displacement - self._scatter_mean
-        self._scatter_mean = self._scatter_mean + delta / (self._scatter_weight - FIRST_SPREAD_WEIGHT + 1.0)
+        self._scatter_mean = self._scatter_mean + delta / (self._learned + 1)  # the reference's zero counts, too
         self._scatter = self._scatter + np.outer(delta, displacement - self._scatter_mean)
+        if self._learned in REBUILD_AT:
+            self._rebuild()
+        if self._learned >= LONGEST_HISTORY:
+            self._history = ()
+
+    def _remember(self, exposure: _Exposure) -> None:
+        if self._learned < LONGEST_HISTORY:
+            self._history = (*self._history, exposure)
+
+    def _rebuild(self) -> None:
+        """Filter the past again, with the spread learned since."""
+        history, self._history = self._history, ()
+        self._begin()
+        for exposure in history:
+            if exposure.is_mark:
+                self.mark_a(exposure.time_s)
+            else:
+                self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
         interval = max(0.0, time_s - self._time_s)
