@@ -40,6 +40,7 @@ COMMANDS = (
     Command("track", "follow the lasso through a recording, offline", "track"),
     Command("play", "publish a recording on its topics in real time", "play"),
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
+    Command("suite", "many random phantom sequences: render, track, score", "suite"),
     Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),
 )
 
