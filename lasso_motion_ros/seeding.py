@@ -15,6 +15,7 @@ from lasso_motion_ros.minimal_path import path_through_clicks
 Array = npt.NDArray[np.float64]
 
 FEWEST_CLICKS = 6
+CLICK_REACH_PX = 4
 
 
 def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
@@ -43,15 +44,21 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
         frame = pair.frame(plane)
         if frame is None:
             continue
-        grey = frame.pixels.astype(np.float32)
         sigma = line_sigma_px(frame.projection, config.path.line_sigma_mm)
-        dark, bright = sato(grey, (sigma,)), sato(-grey, (sigma,))
+        height, width = frame.pixels.shape
         for x, y in np.rint(seed.points(plane)).astype(int):
+            if not (0 <= x < width and 0 <= y < height):
+                continue
             # Clicks are a few pixels off: the strongest line nearby speaks for each.
-            window = (slice(max(y - 4, 0), max(y + 5, 0)), slice(max(x - 4, 0), max(x + 5, 0)))
-            if dark[window].size:
-                peaks = float(dark[window].max()), float(bright[window].max())
-                evidence += (peaks[1] - peaks[0]) / max(sum(peaks), 1e-6)
+            reach = CLICK_REACH_PX + int(np.ceil(4.0 * sigma))
+            left, top = max(x - reach, 0), max(y - reach, 0)
+            grey = frame.pixels[top : y + reach + 1, left : x + reach + 1].astype(np.float32)
+            near = np.s_[
+                max(y - CLICK_REACH_PX, 0) - top : y + CLICK_REACH_PX + 1 - top,
+                max(x - CLICK_REACH_PX, 0) - left : x + CLICK_REACH_PX + 1 - left,
+            ]
+            dark, bright = float(sato(grey, (sigma,))[near].max()), float(sato(-grey, (sigma,))[near].max())
+            evidence += (bright - dark) / max(dark + bright, 1e-6)
     return evidence > 0.0
 
 
