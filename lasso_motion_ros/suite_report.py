@@ -206,8 +206,8 @@ def format_report(results: Sequence[SequenceResult]) -> str:
         lines.append(
             [name, *counts, *lengths, _percent(one.inside_68), _percent(one.inside_95), _cell(one.sigma_mm), text]
         )
-    counts = sequence_counts(results)
-    parts = [_table(lines), "sequences with: " + ", ".join(f"{name} {count}" for name, count in counts.items())]
+    wrong = ", ".join(f"{name} {count}" for name, count in sequence_counts(results).items())
+    parts = [_table(lines), f"sequences with: {wrong}"]
     parts.append(_confusion_table(confusion(results)))
     timings = event_timings(results)
     if timings:
