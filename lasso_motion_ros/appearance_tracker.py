@@ -12,7 +12,7 @@ from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
-from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_seen
+from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.respiration import Observation, RespiratoryMotion
 from lasso_motion_ros.search import find_peaks, join_peaks
@@ -29,6 +29,14 @@ SYSTEMATIC_M = 3e-5
 UNFORESEEN_SPEED_M_S = 0.03
 # What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
 HEARTBEAT_SPEED_M_S = 0.006
+# A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
+LARGEST_ONE_PLANE_SIGMA_MM = 2.0
+RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
+# A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
+FAINT_SPREAD_M = 0.003
+FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
+EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
+EDGE_ON_M = 1e-3  # in both planes, the electrodes' spacing is mistaken along the line
 BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 FIXED_ROTATION_RAD = np.radians(1.0)  # standard deviation of the atrium's rotation, which is not estimated
 
@@ -39,6 +47,8 @@ class _Finding:
 
     alignment: Alignment
     seen: tuple[Plane, ...]
+    faint: Plane | None = None  # seen only because it lies where the other plane and the motion so far say
+    edge_on: bool = False  # in both planes, so that the place along the line is uncertain
     gap_mm: float = 0.0  # by which the planes disagree,
     degraded_gap_mm: float = np.inf  # and what is made of it
     lost_gap_mm: float = np.inf
@@ -125,6 +135,11 @@ class AppearanceTracker:
                 loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop)
             return self._result(pair, TrackerState.LOST, departure, None)
+        sigma_mm = 1e3 * float(np.sqrt(np.trace(trial.at_a.covariance)))
+        if len(finding.seen) == 1 and sigma_mm > LARGEST_ONE_PLANE_SIGMA_MM:
+            self._respiration = trial
+            text = f"one plane alone tells the depth to {sigma_mm:.1f} mm only"
+            return self._result(pair, TrackerState.LOST, text, None)
         self._respiration, self._displacement = trial, displacement
         if len(finding.seen) == 2:
             self._both_seen_s = time_s
@@ -211,7 +226,10 @@ class AppearanceTracker:
         covariance = foreseen.covariance + 0.004**2 * np.eye(3)
         best: _Finding | None = None
         count = self._config.search.candidates // (2 if near else 1)
+        best_score = 0.0
         for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
+            if best is not None and best.rank[0] == len(times) and candidate.score < RIVAL_SCORE * best_score:
+                break  # found, and no rival comes near it
             finding = self._judge(
                 align(
                     images,
@@ -226,17 +244,18 @@ class AppearanceTracker:
                 times,
             )
             if best is None or finding.rank > best.rank:
-                best = finding
-            if best.rank[0] == len(times):
-                break
+                best, best_score = finding, candidate.score
         return best
 
     def _judge(self, alignment: Alignment, images: dict[Plane, WorkingImage], times: dict[Plane, float]) -> _Finding:
         config = self._config.judgement
         seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
+        edge_on = all(self._is_edge_on(image) for image in images.values())
         if len(seen) < 2:
             # What only one plane shows must be clear there.
-            return _Finding(alignment, tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config)))
+            clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
+            faint = self._faint_plane(alignment, clear, times)
+            return _Finding(alignment, clear if faint is None else PLANES, faint, edge_on)
         a, b = alignment.planes["a"], alignment.planes["b"]
         model = self._require_model()
         trial = self._respiration.copy()
@@ -249,10 +268,42 @@ class AppearanceTracker:
         return _Finding(
             alignment,
             seen,
+            None,
+            edge_on,
             1e3 * abs(gap),
             max(config.degraded_gap_mm, 2.5 * slack_mm),
             max(config.lost_gap_mm, 4.0 * slack_mm),
         )
+
+    def _faint_plane(self, alignment: Alignment, clear: tuple[Plane, ...], times: dict[Plane, float]) -> Plane | None:
+        """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
+        if len(clear) != 1 or len(times) < 2:
+            return None
+        model, trial = self._require_model(), self._respiration.copy()
+        observation = self._observation(alignment.planes[clear[0]])
+        if clear == ("a",):
+            faint: Plane = "b"
+            trial.observe(times["a"], a=observation)
+            expected = trial.expected_between(times["b"])
+        else:
+            faint = "a"
+            trial.mark_a(times["a"])
+            trial.observe(times["b"], b=observation)
+            expected = trial.at_a
+        fit = alignment.planes[faint]
+        if not is_faintly_seen(fit, self._config.judgement):
+            return None
+        residual = fit.across @ (fit.centre - model.centre - expected.displacement)
+        spread = fit.across @ expected.covariance @ fit.across.T + self._observation(fit).covariance
+        surprise = float(residual @ np.linalg.solve(spread, residual))
+        foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
+        return faint if foreseen and surprise <= FAINT_SURPRISE else None
+
+    def _is_edge_on(self, image: WorkingImage) -> bool:
+        model = self._require_model()
+        pixels = image.projection.project(model.points)
+        singular = np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)
+        return bool(singular[1] < EDGE_ON_RATIO * singular[0])
 
     def _degradation(self, pair: FramePair, finding: _Finding, time_s: float) -> tuple[TrackerState, str]:
         """TRACKING, or why not."""
@@ -264,6 +315,10 @@ class AppearanceTracker:
             if alone_s > config.one_plane_s:
                 return TrackerState.LOST, f"plane {other} {missing} for {alone_s:.1f} s"
             return TrackerState.DEGRADED, f"plane {other} {missing}: depth from the breathing so far"
+        if finding.faint is not None:
+            return TrackerState.DEGRADED, f"plane {finding.faint.upper()} shows the lasso only faintly"
+        if finding.edge_on:
+            return TrackerState.DEGRADED, "the lasso is seen edge-on in both planes"
         share = min(finding.alignment.planes[p].visible for p in finding.seen)
         if share < config.full_visible:
             return TrackerState.DEGRADED, f"only {100 * share:.0f} % of the lasso is seen"
@@ -271,18 +326,19 @@ class AppearanceTracker:
             return TrackerState.DEGRADED, f"the planes disagree by {finding.gap_mm:.1f} mm"
         return TrackerState.TRACKING, ""
 
-    def _observation(self, fit: PlaneFit) -> Observation:
+    def _observation(self, fit: PlaneFit, *, edge_on: bool = False) -> Observation:
         model = self._require_model()
-        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + SYSTEMATIC_M**2 * np.eye(2)
+        systematic = EDGE_ON_M if edge_on else SYSTEMATIC_M
+        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + systematic**2 * np.eye(2)
         return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
 
     def _observe(self, respiration: RespiratoryMotion, pair: FramePair, finding: _Finding, time_s: float) -> None:
         times, planes = self._exposures(pair), finding.alignment.planes
         if "a" in finding.seen:
-            respiration.observe(time_s, a=self._observation(planes["a"]))
+            respiration.observe(time_s, a=self._observation(planes["a"], edge_on=finding.edge_on))
         respiration.mark_a(time_s)
         if "b" in finding.seen:
-            respiration.observe(times["b"], b=self._observation(planes["b"]))
+            respiration.observe(times["b"], b=self._observation(planes["b"], edge_on=finding.edge_on))
 
     def _loop(self, alignment: Alignment, displacement: Array) -> Array:
         """(L, 3) the loop's curve at a displacement, world metres."""
@@ -312,8 +368,9 @@ class AppearanceTracker:
     def _pose_covariance(self) -> Array:
         """(6, 6) of the motion at the world origin; the rotation is held fixed and has its prior's variance."""
         model = self._require_model()
-        x, y, z = model.centre + self._reference
-        # A rotation θ about the ring's centre c displaces the world origin by −θ × c = [c]ₓ θ.
+        moved = np.zeros(3) if self._displacement is None else self._displacement
+        x, y, z = model.centre + moved
+        # A rotation θ about where the ring's centre is now, c, displaces the world origin by −θ × c = [c]ₓ θ.
         lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
         at_ring = np.zeros((6, 6))

@@ -134,6 +134,8 @@ class JudgementConfig:
     smallest_correlation: float = parameter(0.4, "of image and expected appearance", minimum=0.0, maximum=1.0)
     smallest_visible: float = parameter(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
     full_visible: float = parameter(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
+    faint_gain: float = parameter(0.3, "enough where the other plane and the motion agree", minimum=0.0, maximum=1.0)
+    faint_correlation: float = parameter(0.25, "likewise", minimum=0.0, maximum=1.0)
     clear_correlation: float = parameter(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
     one_plane_s: float = parameter(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
     degraded_gap_mm: float = parameter(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)

@@ -32,6 +32,11 @@ def is_clearly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     return is_seen(fit, config) and fit.visible >= config.full_visible and fit.correlation >= config.clear_correlation
 
 
+def is_faintly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
+    """Whether a plane shows so much of the loop that it counts where all else agrees."""
+    return config.faint_gain <= fit.gain <= config.largest_gain and fit.correlation >= config.faint_correlation
+
+
 def epipolar_gap(ray_a: Array, ray_b: Array, centre_a: Array, centre_b: Array) -> tuple[float, Array]:
     """How far two planes' rays through the loop's centre pass each other.
 
