@@ -24,6 +24,7 @@ from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
 from lasso_motion_ros.share import bundled_recording, share_file
 from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
@@ -34,6 +35,8 @@ HELP = """Measure the tracker stage by stage on one thread, from the undecoded m
 answers: all that the node does for a pair. Reading the file and building the model from the clicks are not in it."""
 
 DEFAULT_PAIRS = 60
+LIVE_RATE_LIMIT = 200.0
+LIVE_SIDES = range(128, 4097)
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
@@ -163,6 +166,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--pairs", type=int, default=DEFAULT_PAIRS, metavar="N", help="pairs to track (default %(default)s)"
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+    parser.add_argument(
+        "--live", action="store_true", help="latency over DDS between processes, on a drawn ring, beside bare transport"
+    )
+    parser.add_argument(
+        "--rate", type=float, nargs="+", default=[15.0, 30.0], metavar="HZ", help="--live: pairs/s (default 15 30)"
+    )
+    parser.add_argument("--side", type=int, default=1024, metavar="PX", help="--live: side of the images")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -170,6 +180,8 @@ def run(args: argparse.Namespace) -> int:
     if args.pairs < 1:
         raise LassoMotionError(f"--pairs must be at least 1, found {args.pairs}")
     configuration = args.config or share_file("config/tracker.yaml")
+    if args.live:
+        return _run_live(args, configuration)
     recording = args.bag or bundled_recording()
     config = load_configuration(configuration, ProductConfig)
     messages = read_undecoded(recording)
@@ -177,12 +189,33 @@ def run(args: argparse.Namespace) -> int:
         clock, codec = measure(config, messages, args.pairs, quiet=args.quiet)
     benchmark = summarise(clock, codec, recording.stem, configuration.name)
     print(format_benchmark(benchmark))
-    if args.json is not None:
-        try:
-            args.json.write_text(json.dumps(asdict(benchmark), indent=1) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise RecordingError(f"{args.json}: cannot be written: {error.strerror}") from error
+    _write_json(args.json, asdict(benchmark))
     return EXIT_DONE
+
+
+def _run_live(args: argparse.Namespace, configuration: Path) -> int:
+    """Each rate in a graph of its own, since a tracker's counts and caches outlive a stream."""
+    require_ros()
+    from lasso_motion_ros.nodes.live_bench import format_live, measure_live
+
+    runs = []
+    for rate in args.rate:
+        if not 0.0 < rate <= LIVE_RATE_LIMIT or args.side not in LIVE_SIDES:
+            raise LassoMotionError(f"--rate: up to {LIVE_RATE_LIMIT:g}; --side: {LIVE_SIDES[0]} to {LIVE_SIDES[-1]}")
+        figures = measure_live(rate, args.pairs, args.side, configuration)
+        print(format_live(figures))
+        runs.append(asdict(figures))
+    _write_json(args.json, runs)
+    return EXIT_DONE
+
+
+def _write_json(path: Path | None, figures: Any) -> None:
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps(figures, indent=1) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def read_undecoded(recording: Path) -> list[RawMessage]:

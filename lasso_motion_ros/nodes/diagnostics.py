@@ -11,7 +11,7 @@ from lasso_motion_ros.pipeline import PipelineStatistics
 from lasso_motion_ros.tracker import TrackerState
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
-PAIRS, HALF_PAIRS = "pairs answered", "of these with a plane missing"
+PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"
 _LEVELS = {
     TrackerState.TRACKING: OK,
     TrackerState.INACTIVE: OK,
@@ -44,7 +44,7 @@ def tracker_status(
             PAIRS: statistics.pairs,
             HALF_PAIRS: statistics.half_pairs,
             "poses": statistics.poses,
-            "pairs dropped": dropped_pairs,
+            DROPPED_PAIRS: dropped_pairs,
         }
         if statistics.last_pair_ns is not None and statistics.last_pose_ns is not None:
             # Freshness compares stamps with stamps: the images' clock need not be this machine's.
