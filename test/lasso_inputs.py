@@ -88,4 +88,15 @@ def lasso_seed(count: int = 10, noise_px: float = 0.7, curve: np.ndarray = CURVE
     return Seed(*(VIEWS[p].project(curve[at]) + random.normal(scale=noise_px, size=(count, 2)) for p in "ab"))
 
 
-__all__ = ["CURVE", "LOOP", "PERIOD_NS", "SIDE", "VIEWS", "lasso_curve", "lasso_image", "lasso_pair", "lasso_seed", "noisy"]
+__all__ = [
+    "CURVE",
+    "LOOP",
+    "PERIOD_NS",
+    "SIDE",
+    "VIEWS",
+    "lasso_curve",
+    "lasso_image",
+    "lasso_pair",
+    "lasso_seed",
+    "noisy",
+]

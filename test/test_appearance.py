@@ -62,12 +62,12 @@ def test_a_curve_seen_end_on_gives_finite_numbers():
 def test_sampling_is_bilinear_and_zero_outside():
     view = plane(0.0, side=512)
     y, x = np.mgrid[:512, :512].astype(np.float32)
-    strip = strip_along(STRAIGHT + [0.0, 0.0, 0.003], view)
+    strip = strip_along(STRAIGHT + np.array([0.0, 0.0, 0.003]), view)
     sampled = strip.sample(WorkingImage(3.0 * x - 2.0 * y, view))
     at = strip.coordinates()
     # OpenCV interpolates at a 32nd of a pixel.
     np.testing.assert_allclose(sampled, 3.0 * at[..., 0] - 2.0 * at[..., 1], atol=5.0 / 64.0)
-    outside = strip_along(STRAIGHT + [0.2, 0.0, 0.0], view).sample(WorkingImage(np.ones((512, 512), np.float32), view))
+    outside = strip_along(STRAIGHT + 0.2, view).sample(WorkingImage(np.ones((512, 512), np.float32), view))
     np.testing.assert_array_equal(outside, 0.0)
 
 

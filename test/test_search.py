@@ -134,9 +134,9 @@ def peaks_at(points, scores, off_mm=0.0):
     }
 
 
-def joined(peaks, *, expected=np.zeros(3), later=None, covariance=WIDE, slack_m=0.0, count=10):
+def joined(peaks, *, expected=(0.0, 0.0, 0.0), later=None, covariance=WIDE, slack_m=0.0, count=10):
     """Candidates where the loop is expected at one place, or in plane B `later`, elsewhere."""
-    places = {"a": expected, "b": expected if later is None else later}
+    places = {"a": np.array(expected), "b": np.array(expected if later is None else later)}
     return join_peaks(peaks, places, covariance, slack_m, count)
 
 
@@ -186,16 +186,12 @@ def test_the_expectation_decides_among_equals_and_is_never_a_gate():
     covariance = 0.002**2 * np.eye(3)
     equal = peaks_at([FIRST, SECOND], {"a": [8.0, 8.0], "b": [8.0, 8.0]})
     for near in (FIRST, SECOND):
-        np.testing.assert_allclose(
-            joined(equal, expected=near, covariance=covariance)[0].centres["a"], near, atol=1e-9
-        )
+        np.testing.assert_allclose(joined(equal, expected=near, covariance=covariance)[0].centres["a"], near, atol=1e-9)
     # At most two: what is better by more wins from wherever it is.
     better = peaks_at([FIRST, SECOND], {"a": [9.1, 8.0], "b": [9.1, 8.0]})
-    np.testing.assert_allclose(
-        joined(better, expected=SECOND, covariance=covariance)[0].centres["a"], FIRST, atol=1e-9
-    )
+    np.testing.assert_allclose(joined(better, expected=SECOND, covariance=covariance)[0].centres["a"], FIRST, atol=1e-9)
     # By hand: two standard deviations away in one direction, 0.1 · 2² off the sum.
-    aside = joined(equal, expected=FIRST + [0.004, 0.0, 0.0], covariance=covariance)[0]
+    aside = joined(equal, expected=FIRST + np.array([0.004, 0.0, 0.0]), covariance=covariance)[0]
     assert aside.score == pytest.approx(16.0 - 0.4, abs=1e-6)
 
 

@@ -55,9 +55,7 @@ def test_grey_levels_mean_nothing():
     frame = lasso_frame()
     values = working_image(frame, LOOP.centre, bright=False, shift=NO_SHIFT).values
     deep = Frame(0, frame.pixels.astype(np.uint16) * 16 + 100, frame.projection)
-    np.testing.assert_allclose(
-        working_image(deep, LOOP.centre, bright=False, shift=NO_SHIFT).values, values, atol=2e-3
-    )
+    np.testing.assert_allclose(working_image(deep, LOOP.centre, bright=False, shift=NO_SHIFT).values, values, atol=2e-3)
     assert values.dtype == np.float32
 
 
