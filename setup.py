@@ -38,7 +38,7 @@ setup(
         "scikit-fmm>=2023.4",
         "PyYAML>=6",
         "lz4>=4",
-        "mcap>=1.1",
+        "mcap>=1.6",
         "rosbags>=0.10",
         "matplotlib>=3.6",
         "threadpoolctl>=3",

@@ -90,12 +90,12 @@ class RecordingReader:
     @property
     def latched_topics(self) -> frozenset[str]:
         """Topics (after remapping) that were offered with transient-local durability."""
-        return frozenset(
-            self._name(channel.topic)
-            for file in self._files
-            for channel, _ in file.known.values()
-            if _offered_latched(channel.metadata.get("offered_qos_profiles", ""))
-        )
+        return self._offered("durability", (1, "transient_local"))
+
+    @property
+    def best_effort_topics(self) -> frozenset[str]:
+        """Topics (after remapping) that were offered with best-effort reliability."""
+        return self._offered("reliability", (2, "best_effort"))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -147,6 +147,14 @@ class RecordingReader:
             if self._name(recorded) == topic:
                 return schema.text.decode("utf-8", "replace")
         raise RecordingError(f"{self.path} has no topic {topic}")
+
+    def _offered(self, policy: str, values: tuple[int, str]) -> frozenset[str]:
+        return frozenset(
+            self._name(channel.topic)
+            for file in self._files
+            for channel, _ in file.known.values()
+            if _offers(channel.metadata.get("offered_qos_profiles", ""), policy, values)
+        )
 
     def _recorded_topics(self) -> dict[str, Schema]:
         found: dict[str, Schema] = {}
@@ -325,10 +333,10 @@ def _found(topics: Collection[str]) -> str:
     return f"; it has {shown}" if names else "; it has no topics"
 
 
-def _offered_latched(profiles: str) -> bool:
-    """Whether the recorded QoS says transient local, as a number (rosbag2 before Jazzy) or by name."""
+def _offers(profiles: str, policy: str, values: tuple[int, str]) -> bool:
+    """Whether the recorded QoS has a policy's value, as a number (rosbag2 before Jazzy) or by name."""
     try:
-        return any(profile["durability"] in (1, "transient_local") for profile in yaml.safe_load(profiles) or ())
+        return any(profile[policy] in values for profile in yaml.safe_load(profiles) or ())
     except (yaml.YAMLError, KeyError, TypeError):
         return False
 

@@ -24,11 +24,11 @@ _METADATA_VERSION = 8
 class _Channel:
     """One topic of the file being written."""
 
-    def __init__(self, channel_id: int, topic: str, type_name: str, latched: bool) -> None:
+    def __init__(self, channel_id: int, topic: str, type_name: str, qos: str) -> None:
         self.id = channel_id
         self.topic = topic
         self.type_name = type_name
-        self.latched = latched
+        self.qos = qos
         self.count = 0
 
 
@@ -112,12 +112,29 @@ class RecordingWriter:
         *,
         publish_time_ns: int | None = None,
         latched: bool = False,
+        reliable: bool = True,
         definition: str | None = None,
     ) -> None:
-        """Append one message that is already CDR; `definition` is its ros2msg text where the type is not Jazzy's."""
+        """Append one message that is already CDR.
+
+        Args:
+            topic: absolute topic name.
+            type_name: `package/msg/Name`.
+            data: the message.
+            log_time_ns: log time, nanoseconds.
+            publish_time_ns: publish time; the log time if None.
+            latched: the topic's durability is transient local (taken from its first message).
+            reliable: the topic is offered reliably (taken from its first message).
+            definition: ros2msg text of the type, where it is not one of Jazzy's.
+
+        Raises:
+            RecordingError: an unknown type without its definition, one topic with two types, or the disk is full.
+        """
         if log_time_ns < 0:
             raise RecordingError(f"{topic}: a log time before 1970 cannot be recorded: {log_time_ns} ns")
-        channel = self._channel(topic, type_name, latched, definition)
+        channel = self._channels.get(topic) or self._add_channel(topic, type_name, latched, reliable, definition)
+        if channel.type_name != type_name:
+            raise RecordingError(f"{topic} is {channel.type_name} in {self.path}, a {type_name} does not fit")
         published = log_time_ns if publish_time_ns is None else publish_time_ns
         try:
             self._writer.add_message(channel.id, log_time_ns, data, published, channel.count)
@@ -126,6 +143,25 @@ class RecordingWriter:
         channel.count += 1
         self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
         self._last_ns = max(self._last_ns, log_time_ns)
+
+    def flush(self) -> None:
+        """End the chunk in progress and hand everything to the operating system.
+
+        What was appended before is then read back even if this process is killed; a machine that loses power may
+        still lose what the system has not yet put on the disk.
+
+        Raises:
+            RecordingError: the disk is full.
+        """
+        try:
+            self._writer.flush()
+        except OSError as error:
+            raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Messages appended so far, by topic."""
+        return {channel.topic: channel.count for channel in self._channels.values()}
 
     def close(self) -> None:
         """Finish the file: last chunk, metadata, indexes, footer.
@@ -143,22 +179,18 @@ class RecordingWriter:
         except OSError as error:
             raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
 
-    def _channel(self, topic: str, type_name: str, latched: bool, definition: str | None) -> _Channel:
-        channel = self._channels.get(topic)
-        if channel is None:
-            schema = self._schemas.get(type_name)
-            if schema is None:
-                text = definition if definition is not None else _definition(type_name)
-                schema = self._writer.register_schema(type_name, "ros2msg", text.encode())
-                self._schemas[type_name] = schema
-            metadata = {
-                "offered_qos_profiles": yaml.safe_dump([_qos(latched)], sort_keys=False),
-                "topic_type_hash": _type_hash(type_name),
-            }
-            channel = _Channel(self._writer.register_channel(topic, "cdr", schema, metadata), topic, type_name, latched)
-            self._channels[topic] = channel
-        if channel.type_name != type_name:
-            raise RecordingError(f"{topic} is {channel.type_name} in {self.path}, a {type_name} does not fit")
+    def _add_channel(
+        self, topic: str, type_name: str, latched: bool, reliable: bool, definition: str | None
+    ) -> _Channel:
+        schema = self._schemas.get(type_name)
+        if schema is None:
+            text = definition if definition is not None else _definition(type_name)
+            schema = self._writer.register_schema(type_name, "ros2msg", text.encode())
+            self._schemas[type_name] = schema
+        qos = _qos(latched, reliable)
+        metadata = {"offered_qos_profiles": qos, "topic_type_hash": _type_hash(type_name)}
+        channel = _Channel(self._writer.register_channel(topic, "cdr", schema, metadata), topic, type_name, qos)
+        self._channels[topic] = channel
         return channel
 
     def _bag_metadata(self) -> str:
@@ -172,7 +204,7 @@ class RecordingWriter:
                     "name": channel.topic,
                     "type": channel.type_name,
                     "serialization_format": "cdr",
-                    "offered_qos_profiles": yaml.safe_dump([_qos(channel.latched)], sort_keys=False),
+                    "offered_qos_profiles": channel.qos,
                     "type_description_hash": _type_hash(channel.type_name),
                 },
                 "message_count": channel.count,
@@ -215,12 +247,12 @@ def _type_hash(type_name: str) -> str:
     return types.hash_rihs01(type_name) if type_name in types.fielddefs else ""
 
 
-def _qos(latched: bool) -> dict[str, Any]:
-    """Reliable, keep last; rmw's numbers."""
-    return {
+def _qos(latched: bool, reliable: bool) -> str:
+    """`offered_qos_profiles` of a topic: keep last; rmw's numbers."""
+    profile = {
         "history": 1,
         "depth": 1 if latched else 10,
-        "reliability": 1,
+        "reliability": 1 if reliable else 2,
         "durability": 1 if latched else 2,
         "deadline": _INFINITE.copy(),
         "lifespan": _INFINITE.copy(),
@@ -228,3 +260,4 @@ def _qos(latched: bool) -> dict[str, Any]:
         "liveliness_lease_duration": _INFINITE.copy(),
         "avoid_ros_namespace_conventions": False,
     }
+    return yaml.safe_dump([profile], sort_keys=False)

@@ -13,8 +13,9 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
-from node_harness import Graph
+from node_harness import Graph, Heard
 
+from lasso_motion_ros.nodes.listener import Listener
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from msg_adapters.images import encode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
@@ -98,6 +99,26 @@ def test_loop_plays_again_until_interrupted(monkeypatch: pytest.MonkeyPatch, tmp
         started.processes.send("player", signal.SIGINT)
         assert started.wait_for_end("player") == 130
         assert stamps(started, IMAGES[0])[: FRAMES + 1] == [*range(FRAMES), 0]
+
+
+def test_who_joins_late_gets_what_is_latched_though_it_lay_before_the_start(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, recording: Path
+) -> None:
+    late = Heard()
+    with graph(monkeypatch, tmp_path, *IMAGES) as started:
+        play(started, recording, "--wait", "20", "--loop", "--rate", "4", "--start", "0.4")
+        started.heard.wait_for(lambda: len(stamps(started, IMAGES[0])) > 4)
+        assert set(stamps(started, IMAGES[0])) == {8, 9, 10, 11}
+        with Listener([NOTE], late, domain=started.domain):
+            late.wait_for(lambda: late.messages["note"] != [])
+        assert late.messages["note"][0].data == "first"
+
+
+@pytest.mark.parametrize("more", [(), ("--loop",)])
+def test_a_start_behind_the_end_is_refused(recording: Path, more: tuple[str, ...]) -> None:
+    done = run("play", str(recording), "--start", "60", *more)
+    assert done.returncode == 2
+    assert done.stderr == (f"lasso-motion play: {recording}: nothing is left to play 60 s after its first message\n")
 
 
 def test_nobody_listens(tmp_path: Path, recording: Path) -> None:

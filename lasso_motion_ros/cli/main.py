@@ -39,6 +39,7 @@ COMMANDS = (
     Command("synth", "render a biplane recording with exact truth", "synth"),
     Command("track", "follow the lasso through a recording, offline", "track"),
     Command("play", "publish a recording on its topics in real time", "play"),
+    Command("record", "capture a live graph's inputs and outputs, safe against a crash; repair a cut file", "record"),
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
     Command("suite", "many random phantom sequences: render, track, score", "suite"),
     Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
     parser.add_argument("--rate", type=_positive, default=1.0, help="times the recorded speed (default 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
-    parser.add_argument("--start", type=_not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
+    parser.add_argument("--start", type=not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
     parser.add_argument(
@@ -37,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="publish the recorded topic FROM as TO",
     )
     parser.add_argument(
-        "--wait", type=_not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
+        "--wait", type=not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
     )
     parser.add_argument(
         "--subscribers", type=int, default=1, metavar="N", help="with --wait: so many on each image topic (default 1)"
@@ -91,7 +91,8 @@ def _positive(text: str) -> float:
     return value
 
 
-def _not_negative(text: str) -> float:
+def not_negative(text: str) -> float:
+    """An argument that is zero or more."""
     value = float(text)
     if not value >= 0.0:
         raise argparse.ArgumentTypeError(f"must not be negative, found {text}")

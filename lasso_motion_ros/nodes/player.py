@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import queue
 import threading
 import time
@@ -20,6 +19,7 @@ from rosgraph_msgs.msg import Clock
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.raw_topics import message_class_of
 from msg_adapters.messages import NANOSECONDS, ns_to_stamp
 from msg_adapters.recording_reader import RawMessage, RecordingReader
 from msg_adapters.topics import (
@@ -111,7 +111,7 @@ class Player:
         for topic, type_name in reader.topics.items():
             if topic in OUTPUT_NAMES and not options.everything:
                 continue
-            message_class = _message_class(type_name)
+            message_class = message_class_of(type_name)
             if message_class is None:
                 self._summary.unknown.append(topic)
                 continue
@@ -162,25 +162,31 @@ class Player:
 
     def _play_once(self) -> None:
         began: float | None = None
-        first_ns = start_ns = 0
+        start_ns: int | None = None
         with ReadAhead(self._reader.raw_messages(list(self._publishers)), READ_AHEAD) as messages:
             for message in messages:
-                if began is None:
-                    began = time.monotonic()
-                    first_ns = message.log_time_ns
-                    start_ns = first_ns + round(self._options.start_s * NANOSECONDS)
+                if self._interrupted.is_set():
+                    return
+                if start_ns is None:
+                    start_ns = message.log_time_ns + round(self._options.start_s * NANOSECONDS)
                 if message.log_time_ns < start_ns:
                     if message.topic in self._latched:
                         self._publish(message)
                     continue
+                # Time begins here: what lies before has been skipped as fast as it could be read.
+                began = time.monotonic() if began is None else began
                 due = began + (message.log_time_ns - start_ns) / NANOSECONDS / self._options.rate
                 self._wait_until(due, message.log_time_ns)
                 if self._interrupted.is_set():
                     return
                 self._publish(message)
                 self._summary.latest_s = max(self._summary.latest_s, time.monotonic() - due)
-        if began is None:
+        if start_ns is None:
             raise RecordingError(f"{self._reader.path}: no message to play")
+        if began is None:
+            raise RecordingError(
+                f"{self._reader.path}: nothing is left to play {self._options.start_s:g} s after its first message"
+            )
 
     def _wait_until(self, due: float, recorded_ns: int) -> None:
         while not self._interrupted.is_set():
@@ -264,14 +270,6 @@ def play(reader: RecordingReader, options: PlayOptions, interrupted: threading.E
             player.close()
     finally:
         rclpy.try_shutdown()
-
-
-def _message_class(type_name: str) -> Any:
-    package, _, name = type_name.partition("/msg/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError, ValueError):
-        return None
 
 
 def _clock_message(now_ns: int) -> Clock:

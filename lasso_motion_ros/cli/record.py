@@ -1,0 +1,112 @@
+"""`lasso-motion record`: capture a live graph into a recording that a crash cannot spoil; make a cut one whole."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+import threading
+from pathlib import Path
+
+from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
+from lasso_motion_ros.cli.play import not_negative
+from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.nodes.running import require_ros
+from msg_adapters.recording_repair import repair_recording
+from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.topics import DIAGNOSTICS, GROUND_TRUTH, INPUTS, OUTPUTS, PLANE_NAMES, camera_info_topic, image_topic
+
+HELP = """Record the tracker's inputs and outputs (images, calibrations, clicks, motion, state, diagnostics, truth where
+it is published) as they come over the wire, until Ctrl-C. Every half second all of it is handed to the operating
+system: killed at any moment, the file is read by our commands up to there, and --repair makes it whole for other
+readers. Exit status: 0 done; 2 nothing came, or the file cannot be written; 3 recorded, but messages were lost."""
+
+RECORDED = (*INPUTS, *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
+NEEDED = tuple(make(plane) for plane in PLANE_NAMES for make in (image_topic, camera_info_topic))
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument("output", nargs="?", type=Path, metavar="OUT.mcap", help="the recording to write")
+    what.add_argument(
+        "--repair", type=Path, metavar="FILE", help="write index, summary and footer of a recording that was cut short"
+    )
+    parser.add_argument("--topics", nargs="+", action="extend", default=[], metavar="NAME", help="record these too")
+    parser.add_argument(
+        "--namespace", default="", metavar="NS", help="of the nodes (/lab); it is left out of the recorded names"
+    )
+    parser.add_argument("--duration", type=not_negative, metavar="S", help="end after S seconds")
+    parser.add_argument(
+        "--compression", choices=("none", "zstd"), default="none", help="zstd halves the file and costs a core"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Record, or repair, and say what is in the file."""
+    if args.repair is not None:
+        return _repair(args.repair, args.quiet)
+    require_ros()
+    from lasso_motion_ros.nodes.recorder import record
+
+    interrupted = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: interrupted.set())
+    with RecordingWriter(args.output, compression=args.compression, overwrite=args.overwrite) as writer:
+        if not args.quiet:
+            print(f"recording into {args.output}; Ctrl-C ends it", flush=True)
+        summary = record(writer, live_topics(args.namespace, args.topics), interrupted, args.duration)
+    if not args.quiet:
+        _print_counts(args.output, summary.counts, summary.seconds)
+    for topic, type_name in summary.left_out.items():
+        print(f"lasso-motion record: left out {topic}: {type_name} is not installed", file=sys.stderr)
+    if not summary.counts:
+        raise RecordingError(
+            f"no message came in {summary.seconds:.0f} s; lasso-motion check looks at who publishes what"
+        )
+    missing = [topic.recorded_name for topic in NEEDED if not summary.counts.get(topic.recorded_name)]
+    if missing:
+        print(f"lasso-motion record: nothing came on {', '.join(missing)}", file=sys.stderr)
+    for topic, count in summary.lost.items():
+        print(
+            f"lasso-motion record: {topic}: {count} messages were published and did not come; publish reliably, or"
+            " with the profile config/fastdds.xml",
+            file=sys.stderr,
+        )
+    for topic, count in summary.dropped.items():
+        print(f"lasso-motion record: {topic}: {count} messages dropped, the disk is too slow", file=sys.stderr)
+    return EXIT_PART if summary.lost or summary.dropped else EXIT_DONE
+
+
+def live_topics(namespace: str, more: list[str]) -> dict[str, str]:
+    """Full name of each live topic → the name it is recorded under (without the namespace).
+
+    Raises:
+        LassoMotionError: two topics would get one name.
+    """
+    prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
+    names = {topic.recorded_name if topic.name.startswith("/") else prefix + topic.recorded_name for topic in RECORDED}
+    names |= {name if name.startswith("/") else f"{prefix}/{name}" for name in more}
+    topics = {name: name.removeprefix(prefix) if name.startswith(f"{prefix}/") else name for name in sorted(names)}
+    if len(set(topics.values())) != len(topics):
+        raise LassoMotionError("--topics: two topics would be recorded under one name")
+    return topics
+
+
+def _repair(path: Path, quiet: bool) -> int:
+    repaired = repair_recording(path)
+    if repaired.damage is None:
+        print(f"{path} is whole; nothing was changed")
+        return EXIT_DONE
+    if not quiet:
+        print(repaired.damage)
+        _print_counts(path, repaired.counts, repaired.seconds)
+    return EXIT_DONE if repaired.counts else EXIT_BAD_INPUT
+
+
+def _print_counts(path: Path, counts: dict[str, int], seconds: float) -> None:
+    size = path.stat().st_size / 1e6
+    print(f"{path}: {sum(counts.values())} messages on {len(counts)} topics in {seconds:.1f} s, {size:.1f} MB")
+    for topic in sorted(counts):
+        print(f"  {counts[topic]:7d}  {topic}")

@@ -1,0 +1,79 @@
+"""Makes a recording that was cut short whole again: index, summary and footer, so that every reader takes it."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lasso_motion_ros.errors import RecordingError
+from msg_adapters.mcap_segments import walk_file
+from msg_adapters.messages import NANOSECONDS
+from msg_adapters.recording_reader import RecordingReader
+from msg_adapters.recording_writer import RecordingWriter
+
+_WORKING_SUFFIX = ".repairing"
+
+
+@dataclass(frozen=True)
+class Repaired:
+    """What became of a recording.
+
+    Attributes:
+        damage: what was wrong with it; None where it was whole and was left as it is.
+        counts: messages in it now, by topic.
+        seconds: from the first message to the last.
+    """
+
+    damage: str | None
+    counts: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def repair_recording(path: Path) -> Repaired:
+    """Rewrite a damaged MCAP file in place; it is replaced only once all that is readable has been written anew.
+
+    Args:
+        path: the file.
+
+    Raises:
+        RecordingError: it is no MCAP file, nothing in it is readable, or there is no room for the new one.
+    """
+    if path.is_dir():
+        raise RecordingError(f"{path} is a directory; name the .mcap file in it that is damaged")
+    layout = walk_file(path)
+    reader = RecordingReader(path)
+    if layout.damage is None:
+        for _ in reader.raw_messages():
+            pass  # only reading shows whether a chunk is corrupt
+        if reader.damage is None:
+            return Repaired(None)
+    working = path.with_name(path.name + _WORKING_SUFFIX)
+    compression = "zstd" if any(segment.compression for segment in layout.segments) else "none"
+    definitions = {topic: reader.definition(topic) for topic in reader.topics}
+    latched, best_effort = reader.latched_topics, reader.best_effort_topics
+    times: list[int] = []
+    try:
+        with RecordingWriter(working, compression, overwrite=True) as writer:
+            for message in reader.raw_messages():
+                writer.write_raw(
+                    message.topic,
+                    message.type_name,
+                    message.data,
+                    message.log_time_ns,
+                    publish_time_ns=message.publish_time_ns,
+                    latched=message.topic in latched,
+                    reliable=message.topic not in best_effort,
+                    definition=definitions.get(message.topic),
+                )
+                times = [*times[:1], message.log_time_ns]
+        if not times:
+            raise RecordingError(f"{path}: no message in it can be read; it was left as it is")
+        with working.open("rb") as file:
+            os.fsync(file.fileno())
+        working.replace(path)
+    except OSError as error:
+        raise RecordingError(f"{path} cannot be replaced: {error.strerror}") from error
+    finally:
+        working.unlink(missing_ok=True)
+    return Repaired(reader.damage, writer.counts, (times[-1] - times[0]) / NANOSECONDS)
