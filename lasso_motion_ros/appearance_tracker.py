@@ -162,6 +162,12 @@ class AppearanceTracker:
         """Forget model and motion."""
         self._model = None
 
+    def reconfigure(self, config: TrackerConfig) -> None:
+        """Go on with other tuning parameters; the model is kept."""
+        self._config = config
+        if self._model is not None:
+            self._envelope.reconfigure(config.judgement)
+
     def set_reference(self) -> None:
         """Make the present phase the reference; a lasso that was moved is taken to be where it belongs.
 

@@ -90,6 +90,10 @@ class Brost2009Tracker:
         """Forget model and motion."""
         self._model = None
 
+    def reconfigure(self, config: TrackerConfig) -> None:
+        """Go on with other tuning parameters; the model is kept."""
+        self._config = config
+
     def set_reference(self) -> None:
         """Make the present phase the reference.
 

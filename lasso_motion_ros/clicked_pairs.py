@@ -56,6 +56,7 @@ class ClickedPairs:
 
     def __init__(self, capacity: int) -> None:
         self._pairs: deque[FramePair] = deque(maxlen=capacity)
+        self._held: FramePair | None = None
         self._clicks: dict[Plane, _Clicks] = {}
         self._complaints: list[tuple[Plane, str]] = []
         self.number = 0
@@ -66,9 +67,39 @@ class ClickedPairs:
         return complaints
 
     def clear(self) -> None:
-        """Forget pairs and clicks."""
+        """Forget pairs and clicks; what is held stays, since somebody looks at it."""
         self._pairs.clear()
         self._clicks.clear()
+
+    def hold(self) -> FramePair | None:
+        """Keep the last pair with both planes for clicks, however many come after it; None where there is none."""
+        whole = [pair for pair in self._pairs if pair.a is not None and pair.b is not None]
+        if whole:
+            self._held = whole[-1]
+        return self._held
+
+    def release(self) -> None:
+        """Hold no pair any more."""
+        self._held = None
+
+    @property
+    def held(self) -> FramePair | None:
+        """The pair that is held."""
+        return self._held
+
+    def seed_held(self, seed: Seed) -> ReadyPair | None:
+        """The held pair with clicks on it, and those that came after it, to be gone through again."""
+        if self._held is None:
+            return None
+        _, *later = (pair for pair in self._known() if pair.stamp_ns >= self._held.stamp_ns)
+        return self._numbered(ReadyPair(self._held, seed, answered=True, later=tuple(later)))
+
+    def _known(self) -> list[FramePair]:
+        """The pairs that may be clicked, oldest first."""
+        pairs = list(self._pairs)
+        if self._held is None or any(pair is self._held for pair in pairs):
+            return pairs
+        return [self._held, *pairs]
 
     def add_clicks(
         self, plane: Plane, stamp_ns: int, points: npt.NDArray[np.float64], hold: bool = False
@@ -89,17 +120,18 @@ class ClickedPairs:
         index = None if hold else self._clicked_index()
         if index is None:
             return None
-        first, *later = list(self._pairs)[index:]
+        first, *later = self._known()[index:]
         return self._numbered(ReadyPair(first, self._take_seed(), answered=True, later=tuple(later)))
 
     def add_pair(self, pair: FramePair, new_run: bool) -> ReadyPair:
         """Remember the next pair; it carries the seed if it is the one that was clicked."""
         if new_run:
             self._pairs.clear()
+            self._held = None  # its stamp is of the old run
             self._clicks = {plane: clicks for plane, clicks in self._clicks.items() if clicks.held}
         self._pairs.append(pair)
         seed = None
-        if self._is_next_clicked(pair) or self._clicked_index() == len(self._pairs) - 1:
+        if self._is_next_clicked(pair) or self._clicked_index() == len(self._known()) - 1:
             seed = self._take_seed()
         return self._numbered(ReadyPair(pair, seed, new_run))
 
@@ -122,7 +154,7 @@ class ClickedPairs:
             return True
         plane = stamped[0]
         place = self._place(plane)
-        if place == len(self._pairs) - 1:
+        if place == len(self._known()) - 1:
             return True
         if place != "future":
             self._refuse(
@@ -161,16 +193,17 @@ class ClickedPairs:
     def _place(self, plane: Plane) -> int | str:
         """Index of the pair with the clicked image; `future` or `past` where it is not there (yet, or any more)."""
         wanted = self._clicks[plane].stamp_ns
+        pairs = self._known()
         newest = None
-        for index in range(len(self._pairs) - 1, -1, -1):
-            frame = self._pairs[index].frame(plane)
+        for index in range(len(pairs) - 1, -1, -1):
+            frame = pairs[index].frame(plane)
             if frame is None:
                 continue
             newest = frame.stamp_ns if newest is None else newest
             if abs(frame.stamp_ns - wanted) <= _SAME_STAMP_NS:
                 return index
         if newest is None:
-            newest = self._pairs[-1].stamp_ns if self._pairs else None
+            newest = pairs[-1].stamp_ns if pairs else None
         return "future" if newest is None or wanted > newest else "past"
 
     def _refuse(self, plane: Plane, reason: str) -> None:

@@ -46,6 +46,11 @@ def parameter(
     )
 
 
+def tuning(default: Value, description: str, **limits: Any) -> Any:
+    """A `parameter` that can be changed while the node runs."""
+    return parameter(default, description, read_only=False, **limits)
+
+
 @dataclass(frozen=True)
 class PathConfig:
     """Minimal path between the clicks."""
@@ -119,41 +124,41 @@ class RingConfig:
 class SearchConfig:
     """Where the loop is looked for."""
 
-    near_mm: float = parameter(
+    near_mm: float = tuning(
         12.0, "about the prediction, beyond its own uncertainty; where this fails, everywhere", unit="mm", minimum=2.0
     )
-    candidates: int = parameter(4, "places aligned and judged before giving up", minimum=1, maximum=20)
+    candidates: int = tuning(4, "places aligned and judged before giving up", minimum=1, maximum=20)
 
 
 @dataclass(frozen=True)
 class JudgementConfig:
     """When a fit is believed."""
 
-    smallest_gain: float = parameter(0.5, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
-    largest_gain: float = parameter(2.2, "likewise, above which it is something else", minimum=1.0)
-    smallest_correlation: float = parameter(0.4, "of image and expected appearance", minimum=0.0, maximum=1.0)
-    smallest_visible: float = parameter(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
-    full_visible: float = parameter(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
-    faint_gain: float = parameter(0.3, "enough where the other plane and the motion agree", minimum=0.0, maximum=1.0)
-    faint_correlation: float = parameter(0.25, "likewise", minimum=0.0, maximum=1.0)
-    clear_correlation: float = parameter(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
-    one_plane_s: float = parameter(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
-    degraded_gap_mm: float = parameter(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)
-    lost_gap_mm: float = parameter(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)
-    largest_speed_mm_s: float = parameter(65.0, "faster is a jump, not a breath", unit="mm/s", minimum=1.0)
-    jump_allowance_mm: float = parameter(2.0, "moved at once without being a jump", unit="mm", minimum=0.0)
-    longest_jump_interval_s: float = parameter(1.5, "pause after which speed tells nothing", unit="s", minimum=0.0)
-    displaced_mm: float = parameter(8.0, "off the breathing curve: DISPLACED", unit="mm", minimum=1.0)
-    repeatable_mm: float = parameter(
+    smallest_gain: float = tuning(0.5, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
+    largest_gain: float = tuning(2.2, "likewise, above which it is something else", minimum=1.0)
+    smallest_correlation: float = tuning(0.4, "of image and expected appearance", minimum=0.0, maximum=1.0)
+    smallest_visible: float = tuning(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
+    full_visible: float = tuning(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
+    faint_gain: float = tuning(0.3, "enough where the other plane and the motion agree", minimum=0.0, maximum=1.0)
+    faint_correlation: float = tuning(0.25, "likewise", minimum=0.0, maximum=1.0)
+    clear_correlation: float = tuning(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
+    one_plane_s: float = tuning(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
+    degraded_gap_mm: float = tuning(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)
+    lost_gap_mm: float = tuning(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)
+    largest_speed_mm_s: float = tuning(65.0, "faster is a jump, not a breath", unit="mm/s", minimum=1.0)
+    jump_allowance_mm: float = tuning(2.0, "moved at once without being a jump", unit="mm", minimum=0.0)
+    longest_jump_interval_s: float = tuning(1.5, "pause after which speed tells nothing", unit="s", minimum=0.0)
+    displaced_mm: float = tuning(8.0, "off the breathing curve: DISPLACED", unit="mm", minimum=1.0)
+    repeatable_mm: float = tuning(
         4.0,
         "off the curve and across its axis: DISPLACED, once breaths have repeated within a quarter of it",
         unit="mm",
         minimum=1.0,
     )
-    deeper_breath_mm: float = parameter(
+    deeper_breath_mm: float = tuning(
         20.0, "a breath may go this far beyond the ones before, if foreseeable", unit="mm", minimum=0.0
     )
-    longest_breath_s: float = parameter(9.0, "by then a whole breath has been seen", unit="s", minimum=1.0)
+    longest_breath_s: float = tuning(9.0, "by then a whole breath has been seen", unit="s", minimum=1.0)
 
 
 @dataclass(frozen=True)
@@ -188,6 +193,15 @@ class ProductConfig(TrackerConfig):
         "auto",
         "how the node subscribes to images; auto: as the publisher offers",
         choices=("auto", "reliable", "best_effort"),
+    )
+    stamp_source: str = parameter(
+        "header",
+        "what the node takes for an image's time of exposure; arrival: its receipt, for sources whose stamps are zero"
+        " or whose clocks disagree (CameraInfo then holds until the next)",
+        choices=("header", "arrival"),
+    )
+    seeds_file: str = parameter(
+        "", "YAML file with the clicks of both planes, for unattended runs (see lasso-motion track --help)"
     )
     image_depth: int = parameter(10, "images a plane that may wait in the node's subscription", minimum=1, maximum=100)
     sync: SyncConfig = field(default_factory=SyncConfig)

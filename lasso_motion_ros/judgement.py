@@ -71,6 +71,10 @@ class BreathingEnvelope:
         self._last = self._points[-1]
         self._widest_mm = 0.0  # the curve's scatter across its axis, once complete
 
+    def reconfigure(self, config: JudgementConfig) -> None:
+        """Judge by other limits; what was learnt of the breathing is kept."""
+        self._config = config
+
     def departure(self, time_s: float, displacement: Array, predicted: Array) -> str:
         """Why a displacement (3,) m at a time cannot be breathing, in plain words; empty if it can.
 

@@ -88,6 +88,8 @@ class PipelineStatistics:
         last_pair_ns: stamp of the last pair answered, or None.
         last_pose_ns: stamp of the last pose, or None.
         residual_px: per plane, the last result's residual.
+        offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
+        calibrated: the planes whose last calibration is valid.
     """
 
     state: TrackerState
@@ -102,6 +104,8 @@ class PipelineStatistics:
     last_pair_ns: int | None
     last_pose_ns: int | None
     residual_px: dict[Plane, float] = field(default_factory=dict)
+    offset_ns: int = 0
+    calibrated: tuple[Plane, ...] = ()
 
 
 class TrackingPipeline:
@@ -148,6 +152,7 @@ class TrackingPipeline:
         self._answers: dict[int, TrackerState] = {}
         self._half_pairs = 0
         self._last_pose_ns: int | None = None
+        self.last_refusal = ""
         self.last_pair: FramePair | None = None
         self.last_result: TrackResult | None = None
 
@@ -176,6 +181,35 @@ class TrackingPipeline:
             )
             self._report_clicks()
             return [] if ready is None else self._registered([ready])
+
+    def freeze(self) -> FramePair:
+        """Hold the last pair with both planes for clicks, however many pairs come after it.
+
+        Raises:
+            TrackingError: there has been none.
+        """
+        with self._intake:
+            pair = self._clicked.hold()
+        if pair is None:
+            raise TrackingError("there is no pair with calibrated images of both planes to hold")
+        return pair
+
+    def release(self) -> None:
+        """Hold no pair any more."""
+        with self._intake:
+            self._clicked.release()
+
+    def seed_frozen(self, seed: Seed) -> list[ReadyPair]:
+        """Take clicks on the pair that is held; give back what is to be gone through.
+
+        Raises:
+            TrackingError: none is held.
+        """
+        with self._intake:
+            ready = self._clicked.seed_held(seed)
+            if ready is None:
+                raise TrackingError("no pair is held: call ~/freeze, and click on the picture")
+            return self._registered([ready])
 
     def add_r_peak(self, message: Any) -> list[ReadyPair]:
         """Take the stamp of an R peak. Nothing is gated by it yet."""
@@ -269,6 +303,12 @@ class TrackingPipeline:
                 raise TrackingError(f"the reference can be set in TRACKING only, the state is {self._state.value}")
             self._tracker.set_reference()
 
+    def reconfigure(self, config: ProductConfig) -> None:
+        """Go on with other tuning parameters; what is read-only must be as it was."""
+        with self._tracking:
+            self._config = config
+            self._tracker.reconfigure(config)
+
     def take_problems(self) -> list[Problem]:
         """Problems since the last call (the last few, if there were many)."""
         with self._reporting:
@@ -293,6 +333,8 @@ class TrackingPipeline:
                 last_pair_ns=None if pair is None else pair.stamp_ns,
                 last_pose_ns=self._last_pose_ns,
                 residual_px={} if result is None else dict(result.residual_px),
+                offset_ns=self._pairing.offset_ns,
+                calibrated=tuple(plane for plane in PLANES if self._frames[plane].calibrated),
             )
 
     def _answer(self, ready: ReadyPair) -> list[Output]:
@@ -321,8 +363,10 @@ class TrackingPipeline:
         try:
             result = self._tracker.initialise(pair, seed)
         except LassoMotionError as error:
+            self.last_refusal = str(error)
             self._report("seed", str(error))
             return None
+        self.last_refusal = ""
         self._has_model = True
         return result
 

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.frames import FramePair, Plane, Seed
 
 Array = npt.NDArray[np.float64]
@@ -71,3 +72,6 @@ class Tracker(Protocol):
 
     def set_reference(self) -> None:
         """Make the present phase the reference."""
+
+    def reconfigure(self, config: TrackerConfig) -> None:
+        """Go on with other tuning parameters (those that are not read-only); the model is kept."""

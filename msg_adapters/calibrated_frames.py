@@ -83,6 +83,8 @@ class CalibratedFrames:
         self.counts.images += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
+            if stamp == 0:
+                raise MessageError("header.stamp: expected the time of exposure, found zero")
             pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
         except MessageError as error:
             self.counts.refused_images += 1

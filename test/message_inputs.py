@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import SeedError
 from lasso_motion_ros.frames import FramePair, Plane, Seed
 from lasso_motion_ros.geometry import Projection, carm_projection
@@ -97,6 +98,9 @@ class FakeTracker:
 
     def reset(self) -> None:
         self.calls.append(("reset", 0))
+
+    def reconfigure(self, config: TrackerConfig) -> None:
+        self.calls.append(("reconfigure", config.search.candidates))
 
     def set_reference(self) -> None:
         self.calls.append(("set_reference", 0))
