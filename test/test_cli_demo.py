@@ -82,9 +82,8 @@ def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
     ) as demo:
         assert demo.stdout is not None
         assert demo.stderr is not None
-        for line in demo.stdout:
-            if line.startswith("playing"):
-                break
+        if not any(line.startswith("playing") for line in demo.stdout):
+            pytest.fail(f"it ended before it played: {demo.stderr.read()}")
         children = children_of(demo.pid)
         assert len(children) >= 2
         demo.send_signal(signal.SIGINT)
