@@ -72,9 +72,9 @@ class Projection:
     @cached_property
     def focal_length_px(self) -> float:
         """Source–detector distance in pixels, the geometric mean of both image axes."""
-        m1, m2, m3 = self.matrix[:, :3]
         # |m1 × m3| and |m2 × m3| are the two axes' focal lengths when |m3| = 1 (H&Z 6.2.3).
-        return float(np.sqrt(np.linalg.norm(np.cross(m1, m3)) * np.linalg.norm(np.cross(m2, m3))))
+        gram = self.matrix[:, :3] @ self.matrix[:, :3].T
+        return float(((gram[0, 0] - gram[0, 2] ** 2) * (gram[1, 1] - gram[1, 2] ** 2)) ** 0.25)
 
     def depth(self, points: Array) -> Array:
         """Depth of world points (..., 3) in metres along the central ray; shape (...)."""
