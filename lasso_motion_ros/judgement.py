@@ -66,7 +66,8 @@ class BreathingEnvelope:
         """Start at a displacement (3,) m, zero unless given, and a time."""
         self._config = config
         self._points = np.zeros((1, 3)) if first is None else first[None]
-        self._last_time_s = self._first_time_s = time_s
+        self._times_s = np.array([time_s])
+        self._last_time_s = self._first_time_s = self._complete_time_s = time_s
         self._complete = False
         self._last = self._points[-1]
         self._widest_mm = 0.0  # the curve's scatter across its axis, once complete
@@ -110,11 +111,19 @@ class BreathingEnvelope:
             return self._config.displaced_mm
         return min(self._config.displaced_mm, self._config.repeatable_mm + 2.0 * self._widest_mm)
 
+    @property
+    def _curve(self) -> Array:
+        """(N, 3) what judges: the first whole breath, then all but the last one, which must not vouch for itself."""
+        if not self._complete:
+            return self._points
+        until_s = max(self._complete_time_s, self._last_time_s - self._config.longest_breath_s, self._times_s[0])
+        return np.asarray(self._points[self._times_s <= until_s])
+
     def _off_curve(self, displacement: Array) -> tuple[float, float]:
         """Distance to the curve, and its part across the axis, mm."""
-        axis, _ = _principal_axis(self._points)
-        mean = self._points.mean(axis=0)
-        curve = self._points
+        curve = self._curve
+        axis, _ = _principal_axis(curve)
+        mean = curve.mean(axis=0)
         if not self._complete:
             curve = np.vstack([mean - FIRST_BREATH_REACH_M * axis, mean + FIRST_BREATH_REACH_M * axis])
         distance = float(distance_to_curve(displacement[None], curve)[0])
@@ -133,9 +142,11 @@ class BreathingEnvelope:
                 return
             self._widest_mm = max(self._widest_mm, sideways)
         self._points = np.vstack([self._points, displacement])[-LONGEST_TRAJECTORY:]
+        self._times_s = np.append(self._times_s, time_s)[-LONGEST_TRAJECTORY:]
         if not self._complete:
             long_enough = time_s - self._first_time_s > self._config.longest_breath_s
             self._complete = long_enough or _count_turns(self._points) >= 2
+            self._complete_time_s = time_s
 
 
 def _principal_axis(points: Array) -> tuple[Array, float]:
