@@ -130,7 +130,8 @@ def align(
         for view, place in zip(views.values(), places, strict=True):
             view.centre = view.centre + step[place[:2]] @ view.across
         ring = ring + step[shared:]
-        if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3):
+        # A turn or stretch that was cut to its limit is not done, though the shifts may be.
+        if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3) and np.all(np.abs(step) < limits):
             break
     covariance: Array = np.linalg.inv(normal + _ridge(normal)).astype(np.float64)
     return Alignment(
