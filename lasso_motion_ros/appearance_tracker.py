@@ -31,6 +31,9 @@ UNFORESEEN_SPEED_M_S = 0.03
 HEARTBEAT_SPEED_M_S = 0.006
 # A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
+# What one plane shows while the other shows nothing is the lasso only if it correlates nearly as well as it used to.
+USUAL_SHARE = 0.85
+USUAL_MEMORY = 0.2
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 FAINT_SPREAD_M = 0.003
@@ -93,7 +96,11 @@ class AppearanceTracker:
         self._displacement: Array | None = np.zeros(3)
         self._turn, self._stretch = np.zeros(3), 0.0
         self._displaced = ""
+        self._displaced_place = 0.0, np.zeros(3), 0.0  # time, displacement and correlation when last seen there
         self._lost = False
+        self._followed = True  # a pose was published for the pair before
+        self._usual: dict[Plane, float] = {}  # correlation of a plane that shows the loop
+        self._doubt = 1.0
         self._both_seen_s = 0.0
         return self._result(pair, TrackerState.TRACKING, "", model.points)
 
@@ -106,6 +113,7 @@ class AppearanceTracker:
         self._require_model()
         time_s = self._seconds(pair.stamp_ns)
         self._last_stamp_ns, self._displacement = pair.stamp_ns, None
+        followed, self._followed, self._doubt = self._followed, False, 1.0
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
         finding = None if self._lost else self._find(pair, near=True)
         self._lost = False
@@ -119,6 +127,11 @@ class AppearanceTracker:
         if finding.gap_mm > finding.lost_gap_mm:
             reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
             return self._result(pair, TrackerState.LOST, reason, None)
+        if finding.faint is not None and not followed:
+            reason = f"plane {finding.faint.upper()} shows the lasso only faintly: after a loss both have to show it"
+            return self._result(pair, TrackerState.LOST, reason, None)
+        if len(finding.seen) == 1 and (reason := self._one_plane_refusal(pair, finding, followed=followed)):
+            return self._result(pair, TrackerState.LOST, reason, None)
         state, reason = self._degradation(pair, finding, time_s)
         if state is TrackerState.LOST:
             return self._result(pair, state, reason, None)
@@ -126,21 +139,27 @@ class AppearanceTracker:
         trial = self._respiration.copy()
         self._observe(trial, pair, finding, time_s)
         displacement = trial.at_a.displacement
-        departure = self._displaced or self._envelope.departure(time_s, displacement, predicted)
+        departure = self._envelope.departure(time_s, displacement, predicted)
+        if not departure and not self._is_back(finding, displacement, time_s):
+            departure = self._displaced
         if departure:
             if len(finding.seen) == 2:
+                self._displaced_place = time_s, displacement, finding.rank[1]
                 # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
                 self._displaced = departure
                 self._displacement = displacement
                 loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop)
             return self._result(pair, TrackerState.LOST, departure, None)
-        sigma_mm = 1e3 * float(np.sqrt(np.trace(trial.at_a.covariance)))
+        self._displaced = ""
+        if len(finding.seen) == 1:
+            self._doubt = trial.doubt(displacement)
+        sigma_mm = 1e3 * float(np.sqrt(self._doubt * np.trace(trial.at_a.covariance)))
         if len(finding.seen) == 1 and sigma_mm > LARGEST_ONE_PLANE_SIGMA_MM:
             self._respiration = trial
             text = f"one plane alone tells the depth to {sigma_mm:.1f} mm only"
             return self._result(pair, TrackerState.LOST, text, None)
-        self._respiration, self._displacement = trial, displacement
+        self._respiration, self._displacement, self._followed = trial, displacement, True
         if len(finding.seen) == 2:
             self._both_seen_s = time_s
             self._envelope.accept(time_s, displacement)
@@ -149,8 +168,35 @@ class AppearanceTracker:
             self._turn, self._stretch = 0.5 * finding.alignment.turn, 0.5 * finding.alignment.stretch
             if state is TrackerState.TRACKING:
                 for plane in finding.seen:
-                    self._appearances[plane].update(finding.alignment.planes[plane].strip)
+                    fit = finding.alignment.planes[plane]
+                    self._appearances[plane].update(fit.strip)
+                    usual = self._usual.get(plane, fit.correlation)
+                    self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
         return self._result(pair, state, reason, self._loop(finding.alignment, self._displacement))
+
+    def _one_plane_refusal(self, pair: FramePair, finding: _Finding, *, followed: bool) -> str:
+        """Why what one plane alone shows carries no pose; empty if it does."""
+        (plane,) = finding.seen
+        other = "B" if plane == "a" else "A"
+        if not followed:
+            return f"plane {other} does not show the lasso: after a loss both have to"
+        share = finding.alignment.planes[plane].correlation / self._usual.get(plane, 1.0)
+        if plane in self._usual and pair.frame("b" if plane == "a" else "a") is not None and share < USUAL_SHARE:
+            return f"plane {plane.upper()} shows the lasso less clearly than it used to, plane {other} not at all"
+        return ""
+
+    def _is_back(self, finding: _Finding, displacement: Array, time_s: float) -> bool:
+        """Whether what was taken for a moved lasso was something else, now that it shows better and far from there.
+
+        True as well where nothing was taken for a moved lasso.
+        """
+        if not self._displaced:
+            return True
+        config = self._config.judgement
+        since_s, place, correlation = self._displaced_place
+        possible_mm = config.largest_speed_mm_s * (time_s - since_s) + config.jump_allowance_mm
+        moved_mm = 1e3 * float(np.linalg.norm(displacement - place))
+        return len(finding.seen) == 2 and moved_mm > possible_mm and finding.rank[1] > correlation
 
     def _revise(self, displacement: Array) -> None:
         """Take what was learned since for the displacement (3,) m; between two late phases nothing changes by it."""
@@ -380,6 +426,6 @@ class AppearanceTracker:
         lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
         jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
         at_ring = np.zeros((6, 6))
-        at_ring[:3, :3] = self._respiration.at_a.covariance
+        at_ring[:3, :3] = self._doubt * self._respiration.at_a.covariance
         at_ring[3:, 3:] = FIXED_ROTATION_RAD**2 * np.eye(3)
         return np.asarray(jacobian @ at_ring @ jacobian.T)

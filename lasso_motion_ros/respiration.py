@@ -177,6 +177,15 @@ class RespiratoryMotion:
         if self._learned >= LONGEST_HISTORY:
             self._history = ()
 
+    def doubt(self, displacement: Array) -> float:
+        """By what factor the covariance (3, 3) understates a depth that rests on the direction learned so far.
+
+        That direction is known from few displacements; further out than they reach it may be off by more
+        (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
+        """
+        delta = displacement - self._scatter_mean
+        return 1.0 + float(delta @ np.linalg.solve(self.spread, delta)) / (self._learned + 1)
+
     def _remember(self, exposure: _Exposure) -> None:
         if self._learned < LONGEST_HISTORY:
             self._history = (*self._history, exposure)
