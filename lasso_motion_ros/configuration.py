@@ -113,6 +113,37 @@ class SyncConfig:
 
 
 @dataclass(frozen=True)
+class HeartbeatConfig:
+    """How the heartbeat is kept out of `motion`; `motion_raw` keeps it."""
+
+    mode: str = parameter(
+        "none",
+        "none: motion is motion_raw; gate: motion is updated in a window of the beat only, by R peaks;"
+        " filter: the heartbeat is estimated and taken away, by R peaks or, at enough pairs a second, without",
+        choices=("none", "gate", "filter"),
+    )
+    window_start: float = parameter(
+        0.45, "gate: the window opens at this part of the beat, counted from its R peak", minimum=0.0, maximum=1.0
+    )
+    window_end: float = parameter(
+        0.8, "gate: it closes; below window_start it reaches over the R peak", minimum=0.0, maximum=1.0
+    )
+    slowest_bpm: float = parameter(
+        45.0, "filter without R peaks: slowest heart looked for", unit="1/min", minimum=20.0, maximum=240.0
+    )
+    fastest_bpm: float = parameter(
+        110.0,
+        "filter without R peaks: fastest heart looked for; more than twice as many pairs a minute are needed",
+        unit="1/min",
+        minimum=20.0,
+        maximum=240.0,
+    )
+    excursion_mm: float = parameter(
+        0.8, "filter: size of the heartbeat's motion, roughly", unit="mm", minimum=0.05, maximum=10.0
+    )
+
+
+@dataclass(frozen=True)
 class RingConfig:
     """How far the ring may move by itself, beside its translation (standard deviations)."""
 
@@ -205,6 +236,7 @@ class ProductConfig(TrackerConfig):
     )
     image_depth: int = parameter(10, "images a plane that may wait in the node's subscription", minimum=1, maximum=100)
     sync: SyncConfig = field(default_factory=SyncConfig)
+    heartbeat: HeartbeatConfig = field(default_factory=HeartbeatConfig)
 
 
 @dataclass(frozen=True)

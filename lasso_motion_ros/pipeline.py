@@ -16,6 +16,7 @@ from lasso_motion_ros.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
+from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, HeartbeatStatus
 from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
 from msg_adapters.calibrations import Extrinsics
@@ -90,6 +91,7 @@ class PipelineStatistics:
         residual_px: per plane, the last result's residual.
         offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
         calibrated: the planes whose last calibration is valid.
+        heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
     """
 
     state: TrackerState
@@ -106,6 +108,7 @@ class PipelineStatistics:
     residual_px: dict[Plane, float] = field(default_factory=dict)
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
+    heartbeat: HeartbeatStatus | None = None
 
 
 class TrackingPipeline:
@@ -137,6 +140,8 @@ class TrackingPipeline:
         self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames(extrinsics) for plane in PLANES}
         self._pairing: PairSynchroniser[Frame] = PairSynchroniser(config.sync.jitter_s, config.sync.plane_b_offset_s)
         self._clicked = ClickedPairs(config.seed_buffer_pairs)
+        # A pair may wait for the tracker beside those that wait for clicks.
+        self._heartbeat = HeartbeatSeparation(config.heartbeat, remembered=2 * config.seed_buffer_pairs + 64)
         self._intake, self._tracking, self._reporting = threading.Lock(), threading.Lock(), threading.Lock()
         self._state, self._reason = TrackerState.WAITING_FOR_CALIBRATION, "no calibration yet"
         self._has_model = False
@@ -212,7 +217,9 @@ class TrackingPipeline:
             return self._registered([ready])
 
     def add_r_peak(self, message: Any) -> list[ReadyPair]:
-        """Take the stamp of an R peak. Nothing is gated by it yet."""
+        """Take the stamp of an R peak; it brings no pair."""
+        with self._intake:
+            self._heartbeat.add_r_peak(stamp_to_ns(message.stamp))
         return []
 
     def flush(self) -> list[ReadyPair]:
@@ -232,6 +239,8 @@ class TrackingPipeline:
         return ready
 
     def _issued(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
+        for pair in pairs:
+            self._heartbeat.add_pair(pair.stamp_ns, new_run=pair.new_run)
         ready = [self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run) for pair in pairs]
         self._report_clicks()
         return self._registered(ready)
@@ -333,6 +342,7 @@ class TrackingPipeline:
                 last_pair_ns=None if pair is None else pair.stamp_ns,
                 last_pose_ns=self._last_pose_ns,
                 residual_px={} if result is None else dict(result.residual_px),
+                heartbeat=self._heartbeat.status,
                 offset_ns=self._pairing.offset_ns,
                 calibrated=tuple(plane for plane in PLANES if self._frames[plane].calibrated),
             )
@@ -404,10 +414,12 @@ class TrackingPipeline:
             outputs.append(self._output(REFERENCE, reference, stamp))
         outputs.append(self._state_output(stamp))
         if result.state.has_pose and result.motion is not None:
-            pose = encode_pose_stamped(result.motion, header)
-            outputs += [self._output(MOTION, pose, stamp), self._output(MOTION_RAW, pose, stamp)]
-            if result.covariance is not None:
-                fields = encode_pose_with_covariance_stamped(result.motion, result.covariance, header)
+            published = self._heartbeat.publish(result, is_new=is_new)
+            if published is not None:
+                outputs.append(self._output(MOTION, encode_pose_stamped(published.motion, header), stamp))
+            outputs.append(self._output(MOTION_RAW, encode_pose_stamped(result.motion, header), stamp))
+            if published is not None and published.covariance is not None:
+                fields = encode_pose_with_covariance_stamped(published.motion, published.covariance, header)
                 outputs.append(self._output(MOTION_WITH_COVARIANCE, fields, stamp))
             self._last_pose_ns = stamp
         if result.loop is not None:
@@ -431,6 +443,7 @@ class TrackingPipeline:
 
     def _forget(self, stamp_ns: int) -> list[Output]:
         self._tracker.reset()
+        self._heartbeat.reset()
         self._has_model = False
         self._reference_ns = None
         self._answers.clear()

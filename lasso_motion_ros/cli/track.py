@@ -93,10 +93,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def describe(statistics: PipelineStatistics) -> str:
-    """One line: pairs, poses, states."""
+    """One line: pairs, poses, states, what became of the heartbeat."""
     states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
     half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
-    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}"
+    heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
+    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}"
 
 
 def parse_remap(rules: Sequence[str]) -> dict[str, str]:

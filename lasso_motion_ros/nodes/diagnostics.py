@@ -74,6 +74,14 @@ def plane_status(node_name: str, plane: Plane, statistics: PipelineStatistics, r
     return _status(name, OK, "images", {**values, "subscribed": "reliable" if reliable else "best effort"})
 
 
+def heartbeat_status(node_name: str, statistics: PipelineStatistics) -> list[dict[str, Any]]:
+    """Fields of the status `<node>: heartbeat`: how it is kept out of `motion`; nothing where it is not to be."""
+    heartbeat = statistics.heartbeat
+    if heartbeat is None:
+        return []
+    return [_status(f"{node_name}: heartbeat", OK if heartbeat.works else WARN, heartbeat.text, heartbeat.values)]
+
+
 def _status(name: str, level: bytes, message: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "name": name,

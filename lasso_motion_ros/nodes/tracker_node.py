@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.nodes.diagnostics import plane_status, tracker_status
+from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
@@ -296,6 +296,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
                 for plane in PLANES
                 if plane in self._images
             ]
+            statuses += heartbeat_status(name, statistics)
         fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}
         self._outlets[DIAGNOSTICS.name].publish(self._messages.make(DIAGNOSTICS.type_name, fields))
 
