@@ -33,6 +33,8 @@ HEARTBEAT_SPEED_M_S = 0.006
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
 # What one plane shows while the other shows nothing is the lasso only if it correlates nearly as well as it used to.
 USUAL_SHARE = 0.85
+# What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
+FOUND_AGAIN_SHARE = 0.75
 USUAL_MEMORY = 0.2
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
@@ -151,6 +153,9 @@ class AppearanceTracker:
                 loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop)
             return self._result(pair, TrackerState.LOST, departure, None)
+        if not followed and (share := self._share_of_usual(finding)) < FOUND_AGAIN_SHARE:
+            reason = f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
+            return self._result(pair, TrackerState.LOST, reason, None)
         self._displaced = ""
         if len(finding.seen) == 1:
             self._doubt = trial.doubt(displacement)
@@ -180,10 +185,16 @@ class AppearanceTracker:
         other = "B" if plane == "a" else "A"
         if not followed:
             return f"plane {other} does not show the lasso: after a loss both have to"
-        share = finding.alignment.planes[plane].correlation / self._usual.get(plane, 1.0)
-        if plane in self._usual and pair.frame("b" if plane == "a" else "a") is not None and share < USUAL_SHARE:
+        if pair.frame("b" if plane == "a" else "a") is not None and self._share_of_usual(finding) < USUAL_SHARE:
             return f"plane {plane.upper()} shows the lasso less clearly than it used to, plane {other} not at all"
         return ""
+
+    def _share_of_usual(self, finding: _Finding) -> float:
+        """Correlation in the planes that show the loop, relative to what it was while tracking; 1 if not known yet."""
+        known = [plane for plane in finding.seen if plane in self._usual]
+        usual = sum(self._usual[plane] for plane in known)
+        found = sum(finding.alignment.planes[plane].correlation for plane in known)
+        return found / usual if usual > 0.0 else 1.0
 
     def _is_back(self, finding: _Finding, displacement: Array, time_s: float) -> bool:
         """Whether what was taken for a moved lasso was something else, now that it shows better and far from there.
