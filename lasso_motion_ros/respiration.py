@@ -11,16 +11,21 @@ nearly follows a line, so depth follows from height.
 from __future__ import annotations
 
 import copy
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from lasso_motion_ros import matern
 
 Array = npt.NDArray[np.float64]
 
 # Blocks of three (x, y, z) in the state.
 POSITION, VELOCITY, ACCELERATION, HEARTBEAT, MEAN, ORIGIN_B, AT_A = (slice(3 * i, 3 * i + 3) for i in range(7))
 SIZE = 21
+DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, heartbeat and mean together
+DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
 
 FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
@@ -172,7 +177,7 @@ class RespiratoryMotion:
         delta = displacement - self._scatter_mean
         self._scatter_mean = self._scatter_mean + delta / (self._learned + 1)  # the reference's zero counts, too
         self._scatter = self._scatter + np.outer(delta, displacement - self._scatter_mean)
-        if self._learned in REBUILD_AT:
+        if self._learned in REBUILD_AT and self._start_s[0] != self._start_s[1]:
             self._rebuild()
         if self._learned >= LONGEST_HISTORY:
             self._history = ()
@@ -202,16 +207,17 @@ class RespiratoryMotion:
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
         interval = max(0.0, time_s - self._time_s)
-        phi = np.eye(SIZE)
-        matern = _matern_transition(interval)
-        phi[:9, :9] = np.kron(matern, np.eye(3))
-        decay = np.exp(-interval / HEARTBEAT_TIME_SCALE_S)
-        phi[HEARTBEAT, HEARTBEAT] = decay * np.eye(3)
-        noise = np.zeros((SIZE, SIZE))
-        stationary = _stationary(self.spread)
-        noise[:9, :9] = stationary - phi[:9, :9] @ stationary @ phi[:9, :9].T
-        noise[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * np.eye(3)
-        covariance = phi @ self._covariance @ phi.T + noise
+        # Every block of three moves alike in x, y and z: transition = (7, 7) ⊗ 1.
+        blocks = np.eye(SIZE // 3)
+        blocks[:3, :3] = transition = matern.transition(interval, TIME_SCALE_S)
+        blocks[3, 3] = decay = math.exp(-interval / HEARTBEAT_TIME_SCALE_S)
+        stationary = matern.stationary(TIME_SCALE_S)
+        added = np.zeros((SIZE // 3, 3, SIZE // 3, 3))
+        growth = stationary - transition @ stationary @ transition.T
+        added[:3, :, :3, :] = growth[:, None, :, None] * self.spread[None, :, None, :]
+        added[3, :, 3, :] = HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * np.eye(3)
+        phi = _in_each_axis(blocks)
+        covariance = phi @ self._covariance @ phi.T + added.reshape(SIZE, SIZE)
         return phi @ self._state, 0.5 * (covariance + covariance.T)
 
     def _advance(self, time_s: float) -> None:
@@ -236,30 +242,18 @@ class RespiratoryMotion:
 
 def _displacement() -> Array:
     """(3, SIZE) the displacement as a function of the state."""
-    h = np.zeros((3, SIZE))
-    h[:, POSITION] = h[:, HEARTBEAT] = h[:, MEAN] = np.eye(3)
-    return h
+    return DISPLACEMENT.copy()
 
 
-def _matern_transition(interval_s: float) -> Array:
-    """(3, 3) transition of value, slope and curvature of a Matérn-5/2 process over an interval."""
-    lam = np.sqrt(5.0) / TIME_SCALE_S
-    t = interval_s
-    lt = lam * t
-    return np.asarray(
-        np.exp(-lt)
-        * np.array(
-            [
-                [1 + lt + lt**2 / 2, t * (1 + lt), t**2 / 2],
-                [-(lam**3) * t**2 / 2, 1 + lt - lt**2, t * (1 - lt / 2)],
-                [lam**3 * t * (lt / 2 - 1), lam**2 * t * (lt - 3), 1 - 2 * lt + lt**2 / 2],
-            ]
-        )
-    )
+def _in_each_axis(blocks: Array) -> Array:
+    """(3 N, 3 N) matrix that acts on x, y and z alike as `blocks` (N, N) does on the state's blocks."""
+    count = len(blocks)
+    full = np.zeros((count, 3, count, 3))
+    for axis in range(3):
+        full[:, axis, :, axis] = blocks
+    return full.reshape(3 * count, 3 * count)
 
 
 def _stationary(spread: Array) -> Array:
     """(9, 9) stationary covariance of value, slope and curvature for a directional covariance (3, 3)."""
-    lam = np.sqrt(5.0) / TIME_SCALE_S
-    kappa = lam**2 / 3.0
-    return np.kron(np.array([[1.0, 0.0, -kappa], [0.0, kappa, 0.0], [-kappa, 0.0, lam**4]]), spread)
+    return np.kron(matern.stationary(TIME_SCALE_S), spread)
