@@ -23,7 +23,7 @@ ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
-    parser.add_argument("--rate", type=_positive, default=1.0, help="times the recorded speed (default 1)")
+    parser.add_argument("--rate", type=positive, default=1.0, help="times the recorded speed (default 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
     parser.add_argument("--start", type=not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
@@ -84,7 +84,8 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
-def _positive(text: str) -> float:
+def positive(text: str) -> float:
+    """An argument above zero."""
     value = float(text)
     if not value > 0.0:
         raise argparse.ArgumentTypeError(f"must be above zero, found {text}")

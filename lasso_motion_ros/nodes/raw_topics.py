@@ -94,7 +94,7 @@ class RawTopic:
 
     def discover(self) -> None:
         """Look at who publishes, and subscribe to what is offered anew."""
-        self.offers = tuple(_offer(information) for information in self._node.get_publishers_info_by_topic(self.name))
+        self.offers = tuple(offer_of(information) for information in self._node.get_publishers_info_by_topic(self.name))
         for offer in self.offers:
             kind = (offer.reliable, offer.latched)
             self.type_name = self.type_name or offer.type_name
@@ -145,7 +145,8 @@ def message_class_of(type_name: str) -> Any:
         return None
 
 
-def _offer(information: Any) -> Offer:
+def offer_of(information: Any) -> Offer:
+    """What an endpoint, publisher or subscription, offers or asks for."""
     profile = information.qos_profile
     return Offer(
         node=f"{information.node_namespace.rstrip('/')}/{information.node_name}",

@@ -1,0 +1,122 @@
+"""`lasso-motion check`: look at a live graph or a recording, say what is wrong and how to mend it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import threading
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE
+from lasso_motion_ros.cli.play import positive
+from lasso_motion_ros.cli.progress import progress
+from lasso_motion_ros.cli.track import parse_remap
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.nodes.running import require_ros
+from msg_adapters.checks.examination import Examination
+from msg_adapters.checks.finding import Finding
+from msg_adapters.checks.graph import Endpoint, TopicFacts
+from msg_adapters.recording_reader import RecordingReader
+
+HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
+service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
+from working, `warning` costs frames or accuracy, `note` is for information; behind -> stands how to mend it. Exit
+status: 0 nothing keeps the tracker from working; 2 at least one error, or nothing to look at."""
+
+DEFAULT_SECONDS = 5.0
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument(
+        "recording", nargs="?", metavar="IN.mcap", help="a recording (MCAP file or bag directory); none: the live graph"
+    )
+    parser.add_argument(
+        "--seconds", type=positive, default=DEFAULT_SECONDS, metavar="N", help="live: how long to look (default 5)"
+    )
+    parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
+    parser.add_argument(
+        "--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help="read the recorded topic FROM as TO"
+    )
+    parser.add_argument("--json", action="store_true", help="print facts and findings as JSON")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Look, and say what was found."""
+    if args.recording is None:
+        if args.remap:
+            raise LassoMotionError("--remap is for recordings; live, the nodes are remapped (--ros-args -r from:=to)")
+        examination, topics, more = _look_live(args)
+    else:
+        examination, topics, more = _look_at_recording(args)
+    findings = [*more, *examination.findings(topics)]
+    works = all(finding.severity != "error" for finding in findings)
+    facts = examination.facts()
+    if args.json:
+        print(json.dumps({"works": works, "facts": facts, "findings": [asdict(one) for one in findings]}, indent=1))
+    else:
+        if not args.quiet:
+            print("\n".join(_describe(facts)))
+        for finding in findings:
+            if finding.severity != "note" or not args.quiet:
+                print(finding)
+        if not args.quiet:
+            print("nothing keeps the tracker from working" if works else "the tracker cannot work with this")
+    return EXIT_DONE if works else EXIT_BAD_INPUT
+
+
+def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:
+    require_ros()
+    from lasso_motion_ros.nodes.examiner import examine
+    from lasso_motion_ros.nodes.processes import held_signals
+
+    namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
+    with held_signals() as interrupted:
+        examination, topics = examine(args.seconds, namespace, interrupted)
+        _stop_if(interrupted)
+    return examination, topics, []
+
+
+def _stop_if(interrupted: threading.Event) -> None:
+    if interrupted.is_set():
+        raise KeyboardInterrupt
+
+
+def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:
+    reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
+    examination = Examination(live=False)
+    for message in progress(reader.raw_messages(), None, "looking", args.quiet):
+        examination.add(message.topic, message.type_name, message.data, message.log_time_ns)
+    latched, best_effort = reader.latched_topics, reader.best_effort_topics
+    topics = {
+        name: TopicFacts(
+            type_name,
+            publishers=(Endpoint("recorded", name not in best_effort, name in latched),),
+            messages=examination.counts[name],
+        )
+        for name, type_name in reader.topics.items()
+    }
+    more = []
+    if reader.damage is not None:
+        more.append(Finding("warning", "recording", reader.damage, "lasso-motion record --repair FILE"))
+    return examination, topics, more
+
+
+def _describe(facts: Mapping[str, Any]) -> list[str]:
+    """What was seen, a line a plane and one for the pairs."""
+    lines = []
+    for plane in PLANES:
+        seen = facts[f"plane_{plane}"]
+        rate = "" if seen["rate_hz"] is None else f" at {seen['rate_hz']:.3g}/s"
+        kinds = ", ".join([*seen["sizes"], *seen["encodings"]]) or "none"
+        lines.append(
+            f"plane {plane}: {seen['images']} images{rate} ({kinds}),"
+            f" {seen['calibrations']} calibrations, {seen['seeds']} sets of clicks"
+        )
+    offset = "" if facts["plane_b_offset_s"] is None else f", b {facts['plane_b_offset_s'] * 1e3:.1f} ms behind a"
+    state = "" if facts["state"] is None else f"; the tracker's state: {facts['state']}"
+    lines.append(f"pairs: {facts['pairs']}{offset}{state}")
+    return lines

@@ -1,0 +1,156 @@
+"""Takes a stream's messages one by one, live or recorded, and says at the end what is wrong with it."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry import Projection
+from msg_adapters.checks.calibration import CalibrationSamples, check_calibration, check_planes
+from msg_adapters.checks.finding import SEVERITIES, Finding
+from msg_adapters.checks.graph import TopicFacts, check_graph
+from msg_adapters.checks.images import ImageSamples, check_images
+from msg_adapters.checks.seeds import check_seeds
+from msg_adapters.checks.stamps import PlaneStamps, check_stamps, pairs_of
+from msg_adapters.messages import NANOSECONDS, jazzy_types
+from msg_adapters.topics import (
+    STATE,
+    camera_info_topic,
+    compressed_image_topic,
+    image_topic,
+    seed_topic,
+)
+
+# An image's content is looked at this often (by arrival): the rest is for the stamps only, which costs nothing.
+_SAMPLE_PERIOD_NS = NANOSECONDS
+_MOST_SEEDS = 100
+
+
+class Examination:
+    """The messages of one stream.
+
+    Args:
+        live: a running graph, not a recording.
+    """
+
+    def __init__(self, *, live: bool) -> None:
+        self._live = live
+        self.counts: Counter[str] = Counter()
+        self._stamps: dict[Plane, PlaneStamps] = {plane: PlaneStamps() for plane in PLANES}
+        self._images: dict[Plane, ImageSamples] = {plane: ImageSamples() for plane in PLANES}
+        self._calibrations: dict[Plane, CalibrationSamples] = {plane: CalibrationSamples() for plane in PLANES}
+        self._seeds: dict[Plane, list[Any]] = {plane: [] for plane in PLANES}
+        self._state: str | None = None
+        self._undecodable: Counter[str] = Counter()
+        self._sampled_ns: dict[str, int] = {}
+        self._roles: dict[tuple[str, str], tuple[str, Plane]] = {
+            (topic.recorded_name, topic.type_name): (role, plane)
+            for plane in PLANES
+            for role, topic in (
+                ("image", image_topic(plane)),
+                ("image", compressed_image_topic(plane)),
+                ("calibration", camera_info_topic(plane)),
+                ("seed", seed_topic(plane)),
+                ("state", STATE),
+            )
+        }
+
+    def add(self, topic: str, type_name: str, data: bytes, arrival_ns: int) -> None:
+        """Take one message.
+
+        Args:
+            topic: its name in the contract, absolute.
+            type_name: `package/msg/Name`.
+            data: CDR bytes.
+            arrival_ns: when it came, or its log time.
+        """
+        self.counts[topic] += 1
+        if (topic, type_name) not in self._roles:
+            return
+        role, plane = self._roles[topic, type_name]
+        if role == "image":
+            stamps = self._stamps[plane]
+            stamps.stamps.append(_stamp_ns(data))
+            stamps.arrivals.append(arrival_ns)
+            if arrival_ns - self._sampled_ns.get(topic, -_SAMPLE_PERIOD_NS) < _SAMPLE_PERIOD_NS:
+                return
+            self._sampled_ns[topic] = arrival_ns
+        elif role == "seed" and len(self._seeds[plane]) >= _MOST_SEEDS:
+            return
+        try:
+            message: Any = jazzy_types().deserialize_cdr(data, type_name)
+        except Exception:  # whatever the deserialiser stumbles over, the bytes are not such a message
+            self._undecodable[topic] += 1
+            return
+        if role == "image":
+            self._images[plane].add(message)
+        elif role == "calibration":
+            self._calibrations[plane].add(message)
+        elif role == "seed":
+            self._seeds[plane].append(message)
+        else:
+            self._state = message.data
+
+    def findings(self, topics: Mapping[str, TopicFacts]) -> list[Finding]:
+        """What is wrong, the worst first.
+
+        Args:
+            topics: contract name → facts, of all topics there are.
+        """
+        found = list(check_graph(topics, live=self._live))
+        found += [
+            Finding(
+                "error", topic, f"{count} messages cannot be decoded", "see that publisher and type are ROS 2 Jazzy's"
+            )
+            for topic, count in self._undecodable.items()
+        ]
+        found += check_stamps(self._stamps, live=self._live)
+        projections: dict[Plane, Projection | None] = {plane: self._calibrations[plane].projection for plane in PLANES}
+        for plane in PLANES:
+            info = topics.get(camera_info_topic(plane).recorded_name)
+            found += check_images(image_topic(plane).recorded_name, self._images[plane])
+            if self._calibrations[plane].stamps:
+                found += check_calibration(
+                    plane,
+                    self._calibrations[plane],
+                    self._stamps[plane].stamps,
+                    self._images[plane].sizes,
+                    latched=info is not None and any(publisher.latched for publisher in info.publishers),
+                )
+        found += check_planes(projections)
+        pairs, _ = pairs_of(self._stamps)
+        found += check_seeds(self._seeds, pairs, projections, live=self._live)
+        return sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))
+
+    def facts(self) -> dict[str, Any]:
+        """What was seen, for a summary: per plane images, rate, size, encoding, calibrations; the pairs; the state."""
+        pairs, _ = pairs_of(self._stamps)
+        whole = [pair for pair in pairs if pair.a is not None and pair.b is not None]
+        offsets = sorted(pair.b - pair.a for pair in whole if pair.a is not None and pair.b is not None)
+        facts: dict[str, Any] = {
+            "pairs": len(whole),
+            "plane_b_offset_s": offsets[len(offsets) // 2] / NANOSECONDS if offsets else None,
+            "state": self._state,
+        }
+        for plane in PLANES:
+            images, stamps = self._images[plane], self._stamps[plane]
+            facts[f"plane_{plane}"] = {
+                "images": len(stamps.stamps),
+                "rate_hz": stamps.rate_hz,
+                "sizes": [f"{width}x{height}" for height, width in images.sizes],
+                "encodings": list(images.encodings),
+                "calibrations": len(self._calibrations[plane].stamps),
+                "seeds": len(self._seeds[plane]),
+            }
+        return facts
+
+
+def _stamp_ns(data: bytes) -> int:
+    """The stamp of a message that begins with a header, straight from its CDR bytes; 0 where they are too few."""
+    if len(data) < 12:
+        return 0
+    seconds, nanoseconds = struct.unpack_from("<iI" if data[1] & 1 else ">iI", data, 4)
+    return int(seconds) * NANOSECONDS + int(nanoseconds)

@@ -1,0 +1,31 @@
+"""One thing that is wrong, and its cure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+Severity = Literal["error", "warning", "note"]
+SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing found.
+
+    Attributes:
+        severity: `error` keeps the tracker from working, `warning` costs frames or accuracy, `note` is for
+            information.
+        subject: a topic's full name, or `plane a`, `planes`, `graph`, `recording`.
+        problem: what was found, and what was expected.
+        cure: how to mend it; empty where there is nothing to do.
+    """
+
+    severity: Severity
+    subject: str
+    problem: str
+    cure: str = ""
+
+    def __str__(self) -> str:
+        cure = f" -> {self.cure}" if self.cure else ""
+        return f"{self.severity:7}  {self.subject}: {self.problem}{cure}"

@@ -1,0 +1,103 @@
+"""Images: encoding, size, byte order, empty pictures; a few samples tell."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from lasso_motion_ros.errors import MessageError
+from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.images import Pixels, decode_compressed_image, decode_image
+
+SMALLEST_SIDE_PX = 256
+_SATURATED = 0.5
+_SWAPPED = 0.5
+_CURES = {
+    "encoding": "publish mono8 or mono16, linear, before any colour map",
+    "step": "set step to the bytes of a row, padding included",
+    "data": "send step × height bytes",
+    "width, height": "publish the image as the detector read it out",
+}
+
+
+@dataclass
+class ImageSamples:
+    """What some images of one plane showed.
+
+    Attributes:
+        sizes: (height, width) → how often.
+        encodings: encoding → how often.
+        refusals: why an image was refused → how often.
+        samples: images looked at.
+        flat: of those, all of one value.
+        saturated: of those, more than half at the highest value that occurs in the picture's range.
+        swapped: of those, smoother when their bytes are swapped.
+    """
+
+    sizes: dict[tuple[int, int], int] = field(default_factory=dict)
+    encodings: dict[str, int] = field(default_factory=dict)
+    refusals: dict[str, int] = field(default_factory=dict)
+    samples: int = 0
+    flat: int = 0
+    saturated: int = 0
+    swapped: int = 0
+
+    def add(self, message: Any) -> None:
+        """Look at one image (Image or CompressedImage)."""
+        self.samples += 1
+        encoding = message.encoding if hasattr(message, "encoding") else message.format
+        self.encodings[encoding] = self.encodings.get(encoding, 0) + 1
+        try:
+            pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
+        except MessageError as error:
+            self.refusals[str(error)] = self.refusals.get(str(error), 0) + 1
+            return
+        shape = (pixels.shape[0], pixels.shape[1])
+        self.sizes[shape] = self.sizes.get(shape, 0) + 1
+        lowest, highest = int(pixels.min()), int(pixels.max())
+        if lowest == highest:
+            self.flat += 1
+            return
+        self.saturated += int(np.count_nonzero(pixels == highest)) > _SATURATED * pixels.size
+        self.swapped += _looks_swapped(pixels)
+
+
+def _looks_swapped(pixels: Pixels) -> bool:
+    """Whether neighbours are much more alike after a swap of bytes (X-ray film is smooth; a low byte is not)."""
+    if pixels.dtype != np.uint16:
+        return False
+    swapped = pixels.byteswap()
+
+    def roughness(image: Pixels) -> float:
+        rows = image[::4].astype(np.float64)
+        return float(np.abs(np.diff(rows, axis=1)).mean() / max(rows.std(), 1e-9))
+
+    # An 8-bit picture in 16 is its own swap but for a factor.
+    return bool(np.any(swapped < pixels)) and roughness(swapped) < _SWAPPED * roughness(pixels)
+
+
+def check_images(name: str, seen: ImageSamples) -> Iterator[Finding]:
+    """What the samples of one topic say."""
+    for refusal, count in seen.refusals.items():
+        cure = next((cure for field_name, cure in _CURES.items() if refusal.startswith(field_name)), "")
+        yield Finding("error", name, f"{refusal} ({count} of {seen.samples} images looked at)", cure)
+    if len(seen.sizes) > 1:
+        sizes = ", ".join(f"{width}×{height}" for height, width in seen.sizes)
+        yield Finding("note", name, f"the size changes: {sizes}", "let the calibration come with each image")
+    for height, width in seen.sizes:
+        if min(height, width) < SMALLEST_SIDE_PX:
+            yield Finding(
+                "warning", name, f"{width}×{height} pixels are few for a lasso's wire", "publish the full read-out"
+            )
+    mostly_swapped: Severity = "error" if seen.swapped > seen.samples / 2 else "warning"
+    suspicions: tuple[tuple[int, Severity, str, str], ...] = (
+        (seen.flat, "warning", "are all of one value", "see that the beam is on, and that the pixels are copied"),
+        (seen.saturated, "warning", "are half saturated", "publish the linear detector values, before windowing"),
+        (seen.swapped, mostly_swapped, "look byte-swapped", "set is_bigendian to the data's true order"),
+    )
+    for count, severity, what, cure in suspicions:
+        if count:
+            yield Finding(severity, name, f"{count} of {seen.samples} images looked at {what}", cure)

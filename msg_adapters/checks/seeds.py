@@ -1,0 +1,161 @@
+"""Clicks: number, place, stamp; and what they say about the calibration: do the two planes' rays meet?"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.errors import GeometryError, MessageError
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry import Projection, triangulate
+from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.messages import stamp_to_ns
+from msg_adapters.pairing import Pair
+from msg_adapters.seeds import decode_seed
+from msg_adapters.topics import seed_topic
+
+Array = npt.NDArray[np.float64]
+
+MEET_MM = 6.0
+"""How far rays through the middles of the clicks may pass each other; uneven clicks cost two or three."""
+_LOOP_MM = (6.0, 60.0)
+_FAR_M = 0.3
+_MIRRORS = {
+    "with plane a mirrored left to right": ((-1, 1), (1, 1)),
+    "with plane b mirrored left to right": ((1, 1), (-1, 1)),
+    "with both mirrored left to right": ((-1, 1), (-1, 1)),
+    "with plane a upside down": ((1, -1), (1, 1)),
+    "with plane b upside down": ((1, 1), (1, -1)),
+    "with both upside down": ((1, -1), (1, -1)),
+}
+
+
+def check_seeds(
+    messages: Mapping[Plane, Sequence[Any]],
+    pairs: Sequence[Pair[int]],
+    projections: Mapping[Plane, Projection | None],
+    *,
+    live: bool,
+) -> Iterator[Finding]:
+    """Everything about the clicks.
+
+    Args:
+        messages: per plane, the seeds in order.
+        pairs: the stream's pairs, of stamps.
+        projections: per plane, its calibration or None.
+        live: a running graph: clicks may still come.
+    """
+    counts = {plane: len(messages.get(plane, ())) for plane in PLANES}
+    if not any(counts.values()):
+        severity: Severity = "note" if live else "warning"
+        yield Finding(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
+        return
+    pair_of = {
+        plane: {pair.a if plane == "a" else pair.b: number for number, pair in enumerate(pairs)} for plane in PLANES
+    }
+    clicks: dict[Plane, tuple[Array, int | None]] = {}
+    for plane in PLANES:
+        name = seed_topic(plane).recorded_name
+        if not counts[plane]:
+            yield Finding("error", name, "clicks in the other plane only", "click both planes of one pair")
+            continue
+        message = messages[plane][0]
+        try:
+            points = decode_seed(message)
+        except MessageError as error:
+            yield Finding("error", name, str(error), "click 6 points or more along the loop, in order")
+            continue
+        stamp = stamp_to_ns(message.header.stamp)
+        number = pair_of[plane].get(stamp)
+        if stamp and number is None and not live:
+            yield Finding("error", name, "its stamp is no image's", "copy the clicked image's stamp, or send 0")
+        projection = projections.get(plane)
+        if projection is not None and _outside(points, projection):
+            yield Finding(
+                "error",
+                name,
+                f"clicks outside the image of {projection.width}×{projection.height}",
+                "give pixels of the published image: x right, y down, from 0",
+            )
+        clicks[plane] = (points, number if stamp else None)
+    if len(clicks) == 2:
+        numbers = {number for _, number in clicks.values() if number is not None}
+        if len(numbers) > 1:
+            yield Finding("error", "seeds", "the planes' clicks belong to two pairs", "click both images of one pair")
+        a, b = projections.get("a"), projections.get("b")
+        if a is not None and b is not None:
+            yield from _check_geometry(clicks["a"][0], clicks["b"][0], a, b)
+
+
+def _no_seed_cure(*, live: bool) -> str:
+    return "click along the loop in both planes of one pair" if live else "give track a --seeds file"
+
+
+def _outside(points: Array, projection: Projection) -> bool:
+    return bool(np.any(points < -0.5) or np.any(points > np.array([projection.width, projection.height]) - 0.5))
+
+
+def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projection) -> Iterator[Finding]:
+    middles = points_a.mean(axis=0), points_b.mean(axis=0)
+    found = _meeting(middles[0], middles[1], a, b)
+    if found is None:
+        return
+    point, gap_mm = found
+    if gap_mm > MEET_MM:
+        better = _mirror_that_fits(middles[0], middles[1], a, b)
+        hint = f"; {better} they would meet: see the signs in p" if better else ""
+        yield Finding(
+            "error",
+            "seeds",
+            f"the rays through the clicks of the two planes pass {gap_mm:.0f} mm apart{hint}",
+            "see signs and angles in p, that no plane is swapped or mirrored, and that the table's motion is in it",
+        )
+        return
+    if np.linalg.norm(point) > _FAR_M:
+        yield Finding(
+            "warning",
+            "seeds",
+            f"the loop lies {np.linalg.norm(point):.2f} m from the world origin",
+            "see the units and the origin of p",
+        )
+    for plane, points, projection in (("a", points_a, a), ("b", points_b, b)):
+        size = float(np.ptp(points, axis=0).max()) * projection.millimetres_per_pixel(point)
+        if not _LOOP_MM[0] <= size <= _LOOP_MM[1]:
+            yield Finding(
+                "warning",
+                seed_topic(plane).recorded_name,
+                f"the clicked loop would be {size:.0f} mm wide, a lasso has 10 to 30",
+                "see the pixel size in K, and binning",
+            )
+
+
+def _meeting(pixel_a: Array, pixel_b: Array, a: Projection, b: Projection) -> tuple[Array, float] | None:
+    """The point nearest to both rays (3,) metres, and how far they pass each other, millimetres."""
+    try:
+        point = triangulate((a, b), (pixel_a, pixel_b))
+    except GeometryError:
+        return None
+    gap = 0.0
+    for projection, pixel in ((a, pixel_a), (b, pixel_b)):
+        off = point - projection.source
+        ray = projection.rays(pixel)
+        gap += float(np.linalg.norm(off - (off @ ray) * ray))
+    return point, 1e3 * gap
+
+
+def _mirror_that_fits(pixel_a: Array, pixel_b: Array, a: Projection, b: Projection) -> str | None:
+    """In words, the reflection of a plane with which the rays meet; None where none or more than one does."""
+
+    def flipped(pixel: Array, projection: Projection, signs: tuple[int, int]) -> Array:
+        last = np.array([projection.width, projection.height]) - 1.0
+        return np.where(np.array(signs) > 0, pixel, last - pixel)
+
+    fitting = []
+    for words, (signs_a, signs_b) in _MIRRORS.items():
+        found = _meeting(flipped(pixel_a, a, signs_a), flipped(pixel_b, b, signs_b), a, b)
+        if found is not None and found[1] < MEET_MM / 2:
+            fitting.append(words)
+    return fitting[0] if len(fitting) == 1 else None

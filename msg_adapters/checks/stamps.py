@@ -1,0 +1,159 @@
+"""Stamps: zero, repeated, going back, irregular; planes that do not pair; clocks that disagree."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from lasso_motion_ros.frames import Plane
+from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.pairing import Pair, PairSynchroniser
+from msg_adapters.topics import image_topic
+
+NANOSECONDS = 1e9
+JITTER_S = 0.005
+SLOWEST_HZ = 1.0
+_IRREGULAR = 0.25
+_PAIRED_ENOUGH, _PAIRED_AT_ALL = 0.95, 0.5
+_RATES_APART = 1.2
+_CLOCKS_APART_S = 0.1
+_OLD_S = 1.0
+
+
+@dataclass
+class PlaneStamps:
+    """Stamps of one plane's images in the order in which they came, and when they came (nanoseconds)."""
+
+    stamps: list[int] = field(default_factory=list)
+    arrivals: list[int] = field(default_factory=list)
+
+    @property
+    def intervals_s(self) -> list[float]:
+        """Seconds between one stamp and the next, where they go forward."""
+        steps = zip(self.stamps[:-1], self.stamps[1:], strict=True)
+        return [(after - before) / NANOSECONDS for before, after in steps if after > before]
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Images a second by the stamps, or None where they do not tell."""
+        intervals = self.intervals_s
+        return 1.0 / statistics.median(intervals) if intervals else None
+
+    @property
+    def age_s(self) -> float:
+        """How long after its stamp an image came, median."""
+        ages = (arrival - stamp for arrival, stamp in zip(self.arrivals, self.stamps, strict=True))
+        return statistics.median(ages) / NANOSECONDS
+
+
+def pairs_of(planes: Mapping[Plane, PlaneStamps]) -> tuple[list[Pair[int]], dict[str, int]]:
+    """The pairs that the tracker would make of these stamps, and how many images of each plane got a partner."""
+    synchroniser: PairSynchroniser[int] = PairSynchroniser(JITTER_S, -1.0)
+    entries = sorted(
+        (arrival, plane, stamp)
+        for plane, stream in planes.items()
+        for arrival, stamp in zip(stream.arrivals, stream.stamps, strict=True)
+    )
+    pairs: list[Pair[int]] = []
+    for _, plane, stamp in entries:
+        pairs += synchroniser.add(plane, stamp, stamp)
+    pairs += synchroniser.flush()
+    return pairs, {"a": synchroniser.counts["a"].paired, "b": synchroniser.counts["b"].paired}
+
+
+def check_stamps(planes: Mapping[Plane, PlaneStamps], *, live: bool) -> Iterator[Finding]:
+    """Everything about the stamps of both planes' images.
+
+    Args:
+        planes: `a` and `b`.
+        live: arrival times are this machine's clock, now.
+    """
+    for plane, stream in planes.items():
+        if stream.stamps:
+            yield from _check_plane(image_topic(plane).recorded_name, stream, live=live)
+    if all(stream.stamps and any(stream.stamps) for stream in planes.values()):
+        yield from _check_together(planes)
+
+
+def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Finding]:
+    count = len(stream.stamps)
+    zeros = stream.stamps.count(0)
+    if zeros:
+        yield Finding(
+            "error",
+            name,
+            f"{zeros} of {count} stamps are zero",
+            "stamp each image with its exposure (a node may use stamp_source: arrival)",
+        )
+    steps = list(zip(stream.stamps[:-1], stream.stamps[1:], strict=True))
+    repeated = sum(after == before for before, after in steps if before)
+    if repeated:
+        yield Finding(
+            "error", name, f"{repeated} stamps repeat the one before", "give each image its own exposure time"
+        )
+    back = sum(after < before for before, after in steps if after)
+    if back:
+        severity: Severity = "error" if back > count / 10 else "warning"
+        yield Finding(severity, name, f"{back} stamps go back in time", "publish in order of exposure, from one clock")
+    intervals = stream.intervals_s
+    if len(intervals) < 3:
+        return
+    period = statistics.median(intervals)
+    if 1.0 / period < SLOWEST_HZ * 0.99:
+        yield Finding("warning", name, f"{1.0 / period:.2g} images/s are too few to follow breathing", "1/s or more")
+    gaps = sum(interval > 1.5 * period for interval in intervals)
+    if gaps:
+        yield Finding("warning", name, f"{gaps} gaps of more than 1.5 periods ({period:.3g} s)", "see what is lost")
+    near = sorted(abs(interval - period) for interval in intervals if interval <= 1.5 * period)
+    jitter = near[int(0.95 * (len(near) - 1))]
+    if jitter > _IRREGULAR * period:
+        yield Finding(
+            "warning",
+            name,
+            f"the stamps jitter by {jitter * 1e3:.0f} ms (period {period * 1e3:.0f} ms)",
+            "stamp the exposure, not the arrival",
+        )
+    if live and stream.age_s < -JITTER_S:
+        yield Finding(
+            "warning",
+            name,
+            f"the stamps are {-stream.age_s:.3f} s in the future of this machine's clock",
+            "synchronise the clocks (chrony, PTP)",
+        )
+    elif live and stream.age_s > _OLD_S:
+        yield Finding("note", name, f"the stamps are {_duration(stream.age_s)} old: a recording, or another clock")
+
+
+def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Finding]:
+    a, b = planes["a"], planes["b"]
+    apart = a.age_s - b.age_s
+    clocks_apart = abs(apart) > _CLOCKS_APART_S
+    if clocks_apart:
+        yield Finding(
+            "error",
+            "planes",
+            f"clocks that disagree: images that come together are stamped {_duration(abs(apart))} apart"
+            f" (plane {'b' if apart > 0 else 'a'} ahead)",
+            "stamp both planes by one clock",
+        )
+    rates = a.rate_hz, b.rate_hz
+    if rates[0] and rates[1] and not 1 / _RATES_APART < rates[0] / rates[1] < _RATES_APART:
+        yield Finding("warning", "planes", f"plane a has {rates[0]:.3g} images/s, plane b {rates[1]:.3g}", "")
+    _, paired = pairs_of(planes)
+    share = min(paired["a"] / len(a.stamps), paired["b"] / len(b.stamps))
+    if share < _PAIRED_ENOUGH and not clocks_apart:
+        yield Finding(
+            "warning" if share >= _PAIRED_AT_ALL else "error",
+            "planes",
+            f"{paired['a']} of {len(a.stamps)} images of plane a and {paired['b']} of {len(b.stamps)} of plane b"
+            " pair by their stamps",
+            "a B belongs to the A before it, up to half a period; else set sync.plane_b_offset_s",
+        )
+
+
+def _duration(seconds: float) -> str:
+    for unit, name in ((86400.0, "days"), (3600.0, "hours"), (60.0, "minutes")):
+        if seconds > 2 * unit:
+            return f"{seconds / unit:.1f} {name}"
+    return f"{seconds:.3f} s"
