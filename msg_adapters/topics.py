@@ -56,6 +56,11 @@ def tracking_topic(plane: str) -> Topic:
     return Topic(f"plane_{plane}/tracking", IMAGE_TYPE)
 
 
+def click_topic(plane: str) -> Topic:
+    """Clicks on the picture of `tracking_topic`, pixels without a stamp, as rqt_image_view publishes them."""
+    return Topic(f"plane_{plane}/tracking_mouse_left", "geometry_msgs/msg/Point")
+
+
 def overlay_topic(plane: str) -> Topic:
     """One plane's picture with the compensated volume drawn in."""
     return Topic(f"plane_{plane}/overlay", IMAGE_TYPE)

@@ -87,9 +87,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return bytearray(serialize_message(self._messages.make(topic.type_name, fields)))
 
     def _publish_all(self) -> None:
-        wanted = {
-            name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._outlets
-        }
+        wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._outlets}
         while any(self._outlets[name].get_subscription_count() < count for name, count in wanted.items()):
             if self._closing.wait(TICK_S):
                 return

@@ -7,8 +7,10 @@ from dataclasses import asdict
 from typing import Any
 
 from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.pipeline import PipelineStatistics
 from lasso_motion_ros.tracker import TrackerState
+from msg_adapters.evaluation_input import LAST_LATENCY_KEY
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"
@@ -25,7 +27,7 @@ def tracker_status(
     state: TrackerState,
     statistics: PipelineStatistics | None = None,
     dropped_pairs: int = 0,
-    latency_s: float | None = None,
+    latencies: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Fields of the status `<node>: tracker`.
 
@@ -34,7 +36,7 @@ def tracker_status(
         state: what it publishes on `state`.
         statistics: the pipeline's counts; None while the node is not active.
         dropped_pairs: pairs that were never worked on.
-        latency_s: of the last pair, from the receipt of its last image to the publication, or None.
+        latencies: percentiles, in words.
     """
     values: dict[str, Any] = {}
     reason = ""
@@ -49,15 +51,18 @@ def tracker_status(
         if statistics.last_pair_ns is not None and statistics.last_pose_ns is not None:
             # Freshness compares stamps with stamps: the images' clock need not be this machine's.
             values["age of the last pose (s)"] = f"{1e-9 * (statistics.last_pair_ns - statistics.last_pose_ns):.3f}"
-        if latency_s is not None:
-            values["latency of the last pair (ms)"] = f"{1e3 * latency_s:.1f}"
+        values |= latencies or {}
+        if statistics.pairs > statistics.half_pairs:
+            values["time from A's to B's exposure (s)"] = f"{1e-9 * statistics.offset_ns:.3f}"
         for plane, residual in statistics.residual_px.items():
             values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
     message = f"{state.value}: {reason}" if reason else state.value
     return _status(f"{node_name}: tracker", _LEVELS.get(state, WARN), message, values)
 
 
-def plane_status(node_name: str, plane: Plane, statistics: PipelineStatistics, reliable: bool | None) -> dict[str, Any]:
+def plane_status(
+    node_name: str, plane: Plane, statistics: PipelineStatistics, reliable: bool | None, watch: StreamWatch
+) -> dict[str, Any]:
     """Fields of the status `<node>: plane_x`.
 
     Args:
@@ -65,9 +70,15 @@ def plane_status(node_name: str, plane: Plane, statistics: PipelineStatistics, r
         plane: `a` or `b`.
         statistics: the pipeline's counts.
         reliable: how the images are subscribed; None while no publisher is known.
+        watch: knows what got lost on the way, and what the clocks say.
     """
     counts = asdict(statistics.frames[plane]) | asdict(statistics.pairing[plane])
-    values = {name.replace("_", " "): value for name, value in counts.items()}
+    values: dict[str, Any] = {name.replace("_", " "): value for name, value in counts.items()}
+    missing, expected = watch.missing(plane)
+    values[f"missing of the last {expected}"] = missing
+    offset_s = watch.clock_offset_s()
+    if plane == "b" and offset_s is not None:
+        values["stamps ahead of plane A's on arrival (s)"] = f"{offset_s:.3f}"
     name = f"{node_name}: plane_{plane}"
     if reliable is None:
         return _status(name, WARN, "nobody publishes images", values)

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import Any, Generic, TypeVar
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.configuration import ParameterSpec, configuration_from_values, parameter_table
-from lasso_motion_ros.errors import ConfigurationError
+from lasso_motion_ros.configuration import (
+    ParameterSpec,
+    configuration_from_values,
+    configuration_values,
+    parameter_table,
+)
+from lasso_motion_ros.errors import ConfigurationError, LassoMotionError
 
 Config = TypeVar("Config")
 
@@ -90,3 +96,33 @@ def current_configuration(node: Node, config_type: type[Config]) -> Config:
     names = [spec.name for spec in parameter_table(config_type)]
     parameters: list[Parameter] = node.get_parameters(names)
     return configuration_from_values(config_type, {one.name: one.value for one in parameters})
+
+
+class LiveParameters(Generic[Config]):
+    """Keeps a node's configuration as its tuning parameters change: all of a request or, with the reason, nothing.
+
+    What is read-only is refused by rclpy before it comes here.
+
+    Args:
+        node: the node, its parameters declared.
+        config: the configuration as it was declared.
+        apply: called with each new configuration; what it raises as LassoMotionError refuses the change.
+    """
+
+    def __init__(self, node: Node, config: Config, apply: Callable[[Config], None]) -> None:
+        self.config = config
+        self._apply = apply
+        node.add_on_set_parameters_callback(self._on_set)
+
+    def _on_set(self, changes: list[Parameter]) -> SetParametersResult:
+        values = configuration_values(self.config)
+        changed = {one.name: one.value for one in changes if one.name in values}  # rclpy's own are none of ours
+        if not changed:
+            return SetParametersResult(successful=True)
+        try:
+            config = configuration_from_values(type(self.config), values | changed)
+            self._apply(config)
+        except LassoMotionError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        self.config = config
+        return SetParametersResult(successful=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import os
 import signal
 import sys
 import threading
@@ -15,6 +16,11 @@ from lasso_motion_ros.errors import LassoMotionError
 
 NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
 LOG_PERIOD_S = 5.0
+ERROR_PAUSE_S = 0.005
+"""After an error of the executor itself: one that comes at once again must not take the whole processor."""
+THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+SWITCH_INTERVAL_S = 0.001
+"""How long one Python thread may keep another waiting: by default 5 ms, a third of what a pair may take."""
 
 EXIT_DONE = 0
 EXIT_FAILED = 1
@@ -47,14 +53,22 @@ class ThrottledLog:
         self._last: dict[str, float] = {}
         self._held_back: Counter[str] = Counter()
 
-    def complain(self, subject: str, text: str) -> None:
-        """Complain about a subject (a topic, a kind of error); the subjects must be few."""
+    def complain(self, subject: str, text: str, *, kind: str = "", period_s: float = LOG_PERIOD_S) -> None:
+        """Complain about a subject (a topic, a kind of error); the subjects must be few.
+
+        Args:
+            subject: what is complained about.
+            text: the complaint.
+            kind: tells complaints of one subject apart that do not hold each other back.
+            period_s: the least time between two of them.
+        """
         now = time.monotonic()
-        if now - self._last.get(subject, -LOG_PERIOD_S) < LOG_PERIOD_S:
-            self._held_back[subject] += 1
+        key = f"{subject} {kind}"
+        if now - self._last.get(key, -period_s) < period_s:
+            self._held_back[key] += 1
             return
-        self._last[subject] = now
-        more = self._held_back.pop(subject, 0)
+        self._last[key] = now
+        more = self._held_back.pop(key, 0)
         self._logger.warning(f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
 
     def error(self, error: Exception) -> None:
@@ -97,6 +111,19 @@ def guarded(method: Callback) -> Callback:
     return call  # type: ignore[return-value]
 
 
+def bound_threads() -> None:
+    """One thread for OpenCV and for linear algebra: images this small gain nothing by more, and latency suffers.
+
+    To be called before NumPy is imported; what the user has set stays in force.
+    """
+    for name in THREAD_VARIABLES:
+        os.environ.setdefault(name, "1")
+    import cv2
+
+    cv2.setNumThreads(1)
+    sys.setswitchinterval(SWITCH_INTERVAL_S)
+
+
 def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
@@ -121,6 +148,7 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
 
     from lasso_motion_ros.nodes.fastdds import use_image_profile
 
+    bound_threads()
     stopped = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stopped.set())
@@ -167,3 +195,4 @@ def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
             stopped.set()
         except Exception as error:
             node.complaints.error(error)
+            stopped.wait(ERROR_PAUSE_S)

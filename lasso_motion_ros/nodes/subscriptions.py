@@ -58,6 +58,14 @@ class OfferedSubscription:
         """Whether it is subscribed reliably; None while no publisher is known."""
         return self._reliable
 
+    def publishers(self) -> dict[str, bool]:
+        """The nodes that publish on the topic, and whether reliably."""
+        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
+        return {
+            f"{offer.node_namespace.rstrip('/')}/{offer.node_name}": bool(offered_reliably([offer.qos_profile]))
+            for offer in offers
+        }
+
     def destroy(self) -> None:
         """Stop listening."""
         if self._timer is not None:

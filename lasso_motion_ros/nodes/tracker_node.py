@@ -3,49 +3,38 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
-from geometry_msgs.msg import PolygonStamped
+from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
-from std_srvs.srv import Trigger
 
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
-from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
-from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.latency import Latencies
+from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
-from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
+from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
+from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
+from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
+from lasso_motion_ros.nodes.tracker_services import TrackerServices
+from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.pipeline import Output, PipelineStatistics, ReadyPair, TrackingPipeline
-from lasso_motion_ros.rendering.tracking_view import draw_tracking
+from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import TrackerState
-from msg_adapters.images import encode_image
-from msg_adapters.messages import RosMessages, header_fields
-from msg_adapters.topics import (
-    DIAGNOSTICS,
-    IMAGE_TYPE,
-    OUTPUTS,
-    R_PEAK,
-    STATE,
-    Topic,
-    camera_info_topic,
-    image_topic,
-    seed_topic,
-    tracking_topic,
-)
+from lasso_motion_ros.warm_up import warm_up
+from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
+from msg_adapters.seeds import read_seeds_file
+from msg_adapters.topics import DIAGNOSTICS, seed_topic
 
 WAITING_PAIRS = 8
 """Pairs that may wait for the tracker: half a second at 15 pairs/s."""
 DIAGNOSTICS_PERIOD_S = 1.0
-CALIBRATION_DEPTH = 32
+STREAM_COMPLAINT_PERIOD_S = 30.0
 
 
 @dataclass(frozen=True)
@@ -59,8 +48,6 @@ class _Received:
 class TrackerNode(LifecycleNode):  # type: ignore[misc]
     """Wiring only: callbacks store and pair, one worker thread tracks the pairs and publishes.
 
-    State and reference come from ordinary publishers that live as long as the node, so that INACTIVE is seen too.
-
     Raises:
         ConfigurationError: a parameter that is unknown, of the wrong type or out of range.
     """
@@ -68,23 +55,18 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("lasso_tracker", automatically_declare_parameters_from_overrides=True)
         self.complaints = ThrottledLog(self.get_logger())
-        self._config = declare_configuration(self, ProductConfig)
+        self._live = LiveParameters(self, declare_configuration(self, ProductConfig), self._on_tuning)
         self._messages = RosMessages()
-        self._outlets: dict[str, Publisher] = {
-            topic.name: self._publisher(topic)
-            for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
-        }
         self._pipeline: TrackingPipeline | None = None
         self._worker: Worker[_Received] | None = None
-        self._images: dict[Plane, OfferedSubscription] = {}
-        self._inputs: list[Any] = []
+        self._inputs: TrackerInputs | None = None
         self._frame_ids: dict[Plane, str] = {}
-        self._latency_s: float | None = None
-        self._state = ""
-        self._say_state(TrackerState.INACTIVE)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self._publish_diagnostics)
-        self.create_service(Trigger, "~/reset", self._on_reset)
-        self.create_service(Trigger, "~/set_reference", self._on_set_reference)
+        self._latencies = Latencies()
+        self._warm = False
+        self._outlets = TrackerOutlets(self, self._messages, self.complaints.error, self._publish_diagnostics)
+        self._outlets.say_state(TrackerState.INACTIVE)
+        self._calls = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
+        self.create_timer(DIAGNOSTICS_PERIOD_S, self._on_timer)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so.
@@ -92,7 +74,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         Raises:
             ConfigurationError: with these parameters the node cannot work.
         """
-        if not self._config.autostart:
+        if not self._live.config.autostart:
             return
         if self.trigger_configure() != TransitionCallbackReturn.SUCCESS:
             raise ConfigurationError("the node could not be configured")
@@ -102,6 +84,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Stop the worker and say INACTIVE, while there still is a publisher to say it."""
         self._deactivate()
+        self._outlets.close()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the tracker from the parameters as they stand now."""
@@ -139,11 +122,15 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         return TransitionCallbackReturn.SUCCESS
 
     def _configure(self) -> None:
-        self._config = current_configuration(self, ProductConfig)
-        self._pipeline = TrackingPipeline(self._config, self._messages)
+        config = self._live.config
+        self._seeds = read_seeds_file(config.seeds_file) if config.seeds_file else {}
+        if not self._warm:
+            warm_up(config, self._messages)
+            self._warm = True
+        self._pipeline = TrackingPipeline(config, self._messages, extrinsics=tf_extrinsics(self, config.world_frame))
 
     def _activate(self) -> None:
-        pipeline, config = self._pipeline, self._config
+        pipeline, config = self._pipeline, self._live.config
         if pipeline is None:
             raise TrackingError("the node must be configured before it is activated")
         self._worker = Worker(
@@ -155,37 +142,24 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             on_error=self.complaints.error,
             name="tracker",
         )
-        self._publish(pipeline.initial_outputs())
+        self._watch = StreamWatch(time.monotonic())
+        self._by_arrival = config.stamp_source == "arrival"
+        self._outlets.publish(pipeline.initial_outputs())
         for plane in PLANES:
-            info, image, seed = camera_info_topic(plane).name, image_topic(plane).name, seed_topic(plane)
-            on_info, on_image, on_seed = (
-                partial(callback, plane) for callback in (self._on_camera_info, self._on_image, self._on_seed)
-            )
-            self._images[plane] = OfferedSubscription(
-                self, Image, image, on_image, reliability=config.image_reliability, depth=config.image_depth
-            )
-            self._inputs += [
-                CalibrationSubscription(self, CameraInfo, info, on_info, CALIBRATION_DEPTH),
-                self.create_subscription(PolygonStamped, seed.name, on_seed, qos(depth=seed.depth)),
-            ]
-        self._inputs.append(
-            self.create_subscription(Header, R_PEAK.name, self._on_r_peak, qos(depth=R_PEAK.depth, reliable=False))
-        )
+            if plane in self._seeds:
+                self._on_seed(plane, self._messages.make(seed_topic(plane).type_name, self._seeds[plane]))
+        callbacks = InputCallbacks(self._on_image, self._on_camera_info, self._on_seed, self._on_click, self._on_r_peak)
+        self._inputs = TrackerInputs(self, config, callbacks)
 
     def _deactivate(self) -> None:
-        for plane_images in self._images.values():
-            plane_images.destroy()
-        for one in self._inputs:
-            if isinstance(one, CalibrationSubscription):
-                one.destroy()
-            else:
-                self.destroy_subscription(one)
-        self._images.clear()
-        self._inputs.clear()
+        if self._inputs is not None:
+            self._inputs.destroy()
+            self._inputs = None
         if self._worker is not None:
             self._worker.stop()
             self._worker = None
-        self._say_state(TrackerState.INACTIVE)
+        self._calls.give_up("the node is not active")
+        self._outlets.say_state(TrackerState.INACTIVE)
 
     def _forget(self) -> None:
         self._deactivate()
@@ -194,42 +168,42 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
         self._frame_ids[plane] = message.header.frame_id
+        if self._by_arrival:
+            message.header.stamp = self.get_clock().now().to_msg()
+        self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
         self._enqueue(self._active().add_image(plane, message))
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
+        if self._by_arrival:
+            message.header.stamp.sec = message.header.stamp.nanosec = 0  # holds until the next
         pipeline = self._active()
         self._enqueue(pipeline.add_camera_info(plane, message))
-        if self._state == TrackerState.WAITING_FOR_CALIBRATION.value:
-            self._publish(pipeline.pending_outputs())
+        if self._outlets.state == TrackerState.WAITING_FOR_CALIBRATION.value:
+            self._outlets.publish(pipeline.pending_outputs())
 
     @guarded
     def _on_seed(self, plane: Plane, message: PolygonStamped) -> None:
         self._enqueue(self._active().add_seed(plane, message))
 
     @guarded
+    def _on_click(self, plane: Plane, message: Point) -> None:
+        self._calls.board.click(plane, message.x, message.y)
+        self._show()
+
+    @guarded
     def _on_r_peak(self, message: Header) -> None:
         self._active().add_r_peak(message)
 
-    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, self._reset)
-
-    def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, lambda: self._active().set_reference())
-
-    def _answer(self, response: Trigger.Response, action: Callable[[], None]) -> Trigger.Response:
-        try:
-            action()
-            response.success = True
-        except LassoMotionError as error:
-            response.success, response.message = False, str(error)
-        return response
+    def _on_tuning(self, config: ProductConfig) -> None:
+        if self._pipeline is not None:
+            self._pipeline.reconfigure(config)
 
     def _reset(self) -> None:
         pipeline = self._active()
         if self._worker is not None:
             self._worker.clear()
-        self._publish(pipeline.reset())
+        self._outlets.publish(pipeline.reset())
 
     def _active(self) -> TrackingPipeline:
         if self._pipeline is None or self._worker is None:
@@ -242,64 +216,58 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._complain()
 
     def _track(self, received: _Received) -> None:
-        pipeline = self._active()
-        self._publish(pipeline.process(received.ready))
-        self._latency_s = time.monotonic() - received.at_s
+        pipeline, ready = self._active(), received.ready
+        self._outlets.publish(pipeline.process(ready))
+        if not ready.answered:  # one that was answered before waited for clicks, not for us
+            age_s = (self.get_clock().now().nanoseconds - ready.pair.stamp_ns) / NANOSECONDS
+            self._latencies.add(time.monotonic() - received.at_s, age_s)
         self._complain()
-        if not received.ready.answered and self._worker is not None and self._worker.waiting == 0:
-            self._publish_pictures(pipeline, received.ready)
+        self._calls.seeded(ready, pipeline.last_refusal)
+        self._show()
 
-    def _publish(self, outputs: Iterable[Output]) -> None:
-        changed = False
-        for output in outputs:
-            if output.topic is STATE:
-                changed = changed or output.message.data != self._state
-                self._state = output.message.data
-            self._outlets[output.topic.name].publish(output.message)
-        if changed:
-            self._publish_diagnostics()
-
-    def _publish_pictures(self, pipeline: TrackingPipeline, ready: ReadyPair) -> None:
-        statistics: PipelineStatistics | None = None
-        for plane in PLANES:
-            outlet, frame = self._outlets[tracking_topic(plane).name], ready.pair.frame(plane)
-            if frame is None or outlet.get_subscription_count() == 0:
-                continue
-            statistics = statistics or pipeline.statistics()
-            loop = None if pipeline.last_result is None else pipeline.last_result.loop
-            picture = draw_tracking(frame, loop, statistics.state, statistics.reason)
-            fields = encode_image(picture, header_fields(frame.stamp_ns, self._frame_ids[plane]))
-            outlet.publish(self._messages.make(IMAGE_TYPE, fields))
+    def _show(self) -> None:
+        """Have the newest pair drawn, or the one that is frozen, while somebody looks."""
+        pipeline = self._pipeline
+        if pipeline is None or not self._outlets.watched:
+            return
+        board = self._calls.board
+        pair = board.pair or pipeline.last_pair
+        if pair is None:
+            return
+        result, statistics = pipeline.last_result, pipeline.statistics()
+        loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
+        clicks = {plane: board.clicks(plane) for plane in PLANES}
+        self._outlets.show(View(pair, loop, statistics.state, statistics.reason, clicks, dict(self._frame_ids)))
 
     def _complain(self) -> None:
         if self._pipeline is not None:
             for problem in self._pipeline.take_problems():
                 self.complaints.complain(problem.topic or "stream", problem.text)
 
-    def _say_state(self, state: TrackerState) -> None:
-        if state.value != self._state:
-            self._state = state.value
-            self._outlets[STATE.name].publish(self._messages.make(STATE.type_name, {"data": state.value}))
-            self._publish_diagnostics()
+    @guarded
+    def _on_timer(self) -> None:
+        self._publish_diagnostics()
+        if self._calls.board.pair is not None:
+            self._show()  # for who comes to look later
+        if self._pipeline is None or self._inputs is None:
+            return
+        statistics = self._pipeline.statistics()
+        complaints = self._watch.complaints(
+            time.monotonic(), self._inputs.offers(), statistics.calibrated, statistics.pairing["a"].paired
+        )
+        for subject, text in complaints:
+            self.complaints.complain(subject, text, kind=text[-20:], period_s=STREAM_COMPLAINT_PERIOD_S)
 
     @guarded
     def _publish_diagnostics(self) -> None:
         name = self.get_fully_qualified_name()
-        statistics = None if self._pipeline is None or self._worker is None else self._pipeline.statistics()
-        if statistics is None:
+        pipeline, worker, inputs = self._pipeline, self._worker, self._inputs
+        if pipeline is None or worker is None or inputs is None:
             statuses = [tracker_status(name, TrackerState.INACTIVE)]
         else:
-            dropped = 0 if self._worker is None else self._worker.dropped
-            statuses = [tracker_status(name, statistics.state, statistics, dropped, self._latency_s)]
-            statuses += [
-                plane_status(name, plane, statistics, self._images[plane].reliable)
-                for plane in PLANES
-                if plane in self._images
-            ]
+            statistics = pipeline.statistics()
+            statuses = [tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words())]
+            statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)
         fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}
-        self._outlets[DIAGNOSTICS.name].publish(self._messages.make(DIAGNOSTICS.type_name, fields))
-
-    def _publisher(self, topic: Topic) -> Publisher:
-        message_class = type(self._messages.make(topic.type_name, {}))
-        return self.create_publisher(message_class, topic.name, qos(depth=topic.depth, latched=topic.latched))
+        self._outlets.say(DIAGNOSTICS, fields)

@@ -41,7 +41,9 @@ def ring_points() -> Array:
     return apply(rigid((0.9, 0.3, 0.2), (0.0, 0.0, 0.0)), flat)
 
 
-def ring_image(plane: Plane, side: int, displacement_mm: Array, generator: np.random.Generator) -> npt.NDArray[np.uint16]:
+def ring_image(
+    plane: Plane, side: int, displacement_mm: Array, generator: np.random.Generator
+) -> npt.NDArray[np.uint16]:
     """(side, side) uint16 of 12 bits: the ring with its electrodes, moved, dark on a noisy background.
 
     Args:

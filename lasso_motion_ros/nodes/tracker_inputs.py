@@ -1,0 +1,108 @@
+"""What the tracker node listens to, while it is active."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from geometry_msgs.msg import Point, PolygonStamped
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import Header
+
+from lasso_motion_ros.configuration import ProductConfig
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
+from lasso_motion_ros.nodes.watch import Offer
+from msg_adapters.topics import R_PEAK, camera_info_topic, click_topic, image_topic, seed_topic
+
+CALIBRATION_DEPTH = 32
+
+
+@dataclass(frozen=True)
+class InputCallbacks:
+    """What is called with each message; all but `r_peak` get the plane first."""
+
+    image: Callable[[Plane, Image], None]
+    camera_info: Callable[[Plane, CameraInfo], None]
+    seed: Callable[[Plane, PolygonStamped], None]
+    click: Callable[[Plane, Point], None]
+    r_peak: Callable[[Header], None]
+
+
+class TrackerInputs:
+    """The subscriptions of an active tracker.
+
+    Args:
+        node: the node.
+        config: how to subscribe.
+        callbacks: what is called.
+    """
+
+    def __init__(self, node: Node, config: ProductConfig, callbacks: InputCallbacks) -> None:
+        self._node = node
+        self._images = {
+            plane: OfferedSubscription(
+                node,
+                Image,
+                image_topic(plane).name,
+                partial(callbacks.image, plane),
+                reliability=config.image_reliability,
+                depth=config.image_depth,
+            )
+            for plane in PLANES
+        }
+        self._infos = {
+            plane: CalibrationSubscription(
+                node,
+                CameraInfo,
+                camera_info_topic(plane).name,
+                partial(callbacks.camera_info, plane),
+                CALIBRATION_DEPTH,
+            )
+            for plane in PLANES
+        }
+        self._others: list[Subscription] = [
+            node.create_subscription(Header, R_PEAK.name, callbacks.r_peak, qos(depth=R_PEAK.depth, reliable=False))
+        ]
+        for plane in PLANES:
+            seed, click = seed_topic(plane), click_topic(plane)
+            for message_type, topic, callback in (
+                (PolygonStamped, seed, callbacks.seed),
+                (Point, click, callbacks.click),
+            ):
+                profile = qos(depth=topic.depth)
+                self._others.append(
+                    node.create_subscription(message_type, topic.name, partial(callback, plane), profile)
+                )
+
+    def destroy(self) -> None:
+        """Stop listening."""
+        for images in self._images.values():
+            images.destroy()
+        for infos in self._infos.values():
+            infos.destroy()
+        for subscription in self._others:
+            self._node.destroy_subscription(subscription)
+
+    def reliable(self, plane: Plane) -> bool | None:
+        """Whether a plane's images are subscribed reliably; None while no publisher is known."""
+        return self._images[plane].reliable
+
+    def offers(self) -> dict[Plane, Offer]:
+        """What is published on images and calibrations now."""
+        return {plane: self._offer(plane) for plane in PLANES}
+
+    def _offer(self, plane: Plane) -> Offer:
+        publishers = self._images[plane].publishers()
+        return Offer(
+            image_publishers=tuple(sorted(publishers)),
+            best_effort=tuple(sorted(name for name, reliable in publishers.items() if not reliable)),
+            calibration_publishers=self._node.count_publishers(
+                self._node.resolve_topic_name(camera_info_topic(plane).name)
+            ),
+            subscribed_reliably=self._images[plane].reliable,
+        )

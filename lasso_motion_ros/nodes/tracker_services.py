@@ -1,0 +1,119 @@
+"""The tracker node's services: freeze, initialize, reset, set_reference."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.node import Node
+from rclpy.task import Future
+from std_srvs.srv import SetBool, Trigger
+
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.nodes.clicking import ClickBoard
+from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+
+
+class TrackerServices:
+    """Answers each call with success, or with the reason why not.
+
+    Args:
+        node: the node.
+        active: gives the pipeline, or raises LassoMotionError while the node is not active.
+        enqueue: has pairs tracked.
+        reset: forgets the model.
+        show: has the pictures drawn anew.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        active: Callable[[], TrackingPipeline],
+        enqueue: Callable[[Sequence[ReadyPair]], None],
+        reset: Callable[[], None],
+        show: Callable[[], None],
+    ) -> None:
+        self.board = ClickBoard()
+        self._node = node
+        self._active, self._enqueue, self._reset, self._show = active, enqueue, reset, show
+        self._lock = threading.Lock()
+        self._awaited: tuple[int, Future] | None = None
+        node.create_service(Trigger, "~/reset", self._on_reset)
+        node.create_service(Trigger, "~/set_reference", self._on_set_reference)
+        node.create_service(SetBool, "~/freeze", self._on_freeze)
+        # It is answered when the model stands, and must not keep images from being received until then.
+        node.create_service(Trigger, "~/initialize", self._on_initialize, callback_group=ReentrantCallbackGroup())
+
+    def seeded(self, ready: ReadyPair, refusal: str) -> None:
+        """Tell the caller of `~/initialize` what became of the clicks; called by the worker after each pair."""
+        with self._lock:
+            awaited = self._awaited
+            if awaited is None or ready.number < awaited[0]:
+                return
+            self._awaited = None
+        if not refusal:
+            self.board.freeze(None)
+            self._release()
+        self._finish(awaited[1], refusal)
+
+    def give_up(self, reason: str) -> None:
+        """Answer whoever waits; show the stream again."""
+        with self._lock:
+            awaited, self._awaited = self._awaited, None
+        self.board.freeze(None)
+        if awaited is not None:
+            self._finish(awaited[1], reason)
+
+    def _finish(self, future: Future, refusal: str) -> None:
+        future.set_result(refusal)
+        if self._node.executor is not None:
+            self._node.executor.wake()
+
+    def _release(self) -> None:
+        try:
+            self._active().release()
+        except LassoMotionError:
+            return  # no longer active: there is nothing to release
+
+    def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer(response, self._reset)
+
+    def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        return self._answer(response, lambda: self._active().set_reference())
+
+    def _on_freeze(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        def freeze() -> None:
+            pipeline = self._active()
+            if not request.data:
+                pipeline.release()
+            self.board.freeze(pipeline.freeze() if request.data else None)
+            self._show()
+
+        return self._answer(response, freeze)
+
+    async def _on_initialize(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            pipeline, seed = self._active(), self.board.seed()
+            future = Future(executor=self._node.executor)
+            with self._lock:
+                if self._awaited is not None:
+                    raise LassoMotionError("the clicks before these are still being worked on")
+                ready = pipeline.seed_frozen(seed)
+                self._awaited = (ready[0].number, future)
+            self._enqueue(ready)
+            refusal = await future
+        except LassoMotionError as error:
+            refusal = str(error)
+        response.success, response.message = not refusal, refusal
+        return response
+
+    def _answer(
+        self, response: Trigger.Response | SetBool.Response, action: Callable[[], None]
+    ) -> Trigger.Response | SetBool.Response:
+        try:
+            action()
+            response.success = True
+        except LassoMotionError as error:
+            response.success, response.message = False, str(error)
+        return response

@@ -1,0 +1,156 @@
+"""What is wrong with the streams themselves: told by counts, stamps and what publishers offer."""
+
+from __future__ import annotations
+
+import itertools
+import statistics
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+from lasso_motion_ros.frames import PLANES, Plane
+from msg_adapters.messages import NANOSECONDS
+from msg_adapters.topics import camera_info_topic, image_topic
+
+SILENCE_S = 2.0
+"""So long may a topic have no publisher, or images no calibration, before it is said."""
+REMEMBERED = 60
+ENOUGH = 20
+MISSING_SHARE = 0.1
+LARGEST_OFFSET_S = 0.2
+PROFILE_CURE = (
+    "start the publisher with FASTRTPS_DEFAULT_PROFILES_FILE=$(ros2 pkg prefix --share lasso_motion_ros)"
+    "/config/fastdds.xml, or let it publish reliably"
+)
+
+
+@dataclass
+class _Arrivals:
+    """Stamps and times of receipt (both ns) of one plane's last images."""
+
+    stamps: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    lags: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    count: int = 0
+    uncalibrated_since_s: float | None = None
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What is offered on a plane's topics.
+
+    Attributes:
+        image_publishers: names of the nodes that publish images.
+        best_effort: of these, the ones that publish best effort.
+        calibration_publishers: how many publish calibrations.
+        subscribed_reliably: how the images are subscribed; None while not at all.
+    """
+
+    image_publishers: tuple[str, ...]
+    best_effort: tuple[str, ...]
+    calibration_publishers: int
+    subscribed_reliably: bool | None
+
+
+class StreamWatch:
+    """Looks for a topic that nobody publishes, images without calibration, images that get lost, clocks that disagree.
+
+    Args:
+        now_s: steady clock, seconds, at the start.
+    """
+
+    def __init__(self, now_s: float) -> None:
+        self._began_s = now_s
+        self._arrivals: dict[Plane, _Arrivals] = {plane: _Arrivals() for plane in PLANES}
+        self._whole_pairs = 0
+
+    def add_image(self, plane: Plane, stamp_ns: int, now_ns: int) -> None:
+        """Take note of an image.
+
+        Args:
+            plane: its plane.
+            stamp_ns: its stamp.
+            now_ns: when it came, steady clock.
+        """
+        arrivals = self._arrivals[plane]
+        if arrivals.stamps and stamp_ns < arrivals.stamps[-1] - NANOSECONDS:
+            arrivals.stamps.clear()
+            arrivals.lags.clear()
+        arrivals.stamps.append(stamp_ns)
+        arrivals.lags.append(stamp_ns - now_ns)
+        arrivals.count += 1
+
+    def clock_offset_s(self) -> float | None:
+        """By how much B's stamps are ahead of A's, images that come together compared; None while it is not known."""
+        lags = {plane: arrivals.lags for plane, arrivals in self._arrivals.items()}
+        if any(len(of_plane) < 2 for of_plane in lags.values()):
+            return None
+        return (statistics.median(lags["b"]) - statistics.median(lags["a"])) / NANOSECONDS
+
+    def missing(self, plane: Plane) -> tuple[int, int]:
+        """How many of the last images did not come, and of how many, judged by gaps between the stamps."""
+        stamps = sorted(set(self._arrivals[plane].stamps))
+        intervals = [after - before for before, after in itertools.pairwise(stamps)]
+        if len(intervals) < ENOUGH:
+            return 0, len(stamps)
+        period = sorted(intervals)[len(intervals) // 5]  # where many are lost, the shorter intervals are the true ones
+        expected = sum(max(1, round(interval / period)) for interval in intervals) + 1
+        return expected - len(stamps), expected
+
+    def complaints(
+        self, now_s: float, offers: dict[Plane, Offer], calibrated: tuple[Plane, ...], whole_pairs: int
+    ) -> Iterator[tuple[str, str]]:
+        """What is wrong now: topic and words.
+
+        Args:
+            now_s: steady clock, seconds.
+            offers: per plane, what is published.
+            calibrated: the planes that have a valid calibration.
+            whole_pairs: pairs of both planes so far.
+        """
+        for plane, offer in offers.items():
+            images, infos = image_topic(plane).name, camera_info_topic(plane).name
+            arrivals = self._arrivals[plane]
+            if now_s - self._began_s >= SILENCE_S:
+                if not offer.image_publishers:
+                    yield images, "nobody publishes it"
+                if offer.calibration_publishers == 0 and plane not in calibrated:
+                    yield infos, "nobody publishes it"
+            if offer.best_effort and offer.subscribed_reliably:
+                yield (
+                    images,
+                    f"{', '.join(offer.best_effort)} publishes best effort, image_reliability asks for reliable:",
+                )
+                " nothing will be received; set image_reliability to auto"
+            yield from self._uncalibrated(plane, arrivals, plane in calibrated, now_s)
+            missing, expected = self.missing(plane)
+            if missing > MISSING_SHARE * expected and offer.best_effort:
+                yield (
+                    images,
+                    (
+                        f"{missing} of the last {expected} images are missing: {', '.join(offer.best_effort)} publishes"
+                        f" best effort, probably without room for an image in shared memory; {PROFILE_CURE}"
+                    ),
+                )
+        offset_s = self.clock_offset_s()
+        stalled = whole_pairs == self._whole_pairs
+        self._whole_pairs = whole_pairs
+        enough = all(arrivals.count >= ENOUGH for arrivals in self._arrivals.values())
+        if offset_s is not None and abs(offset_s) > LARGEST_OFFSET_S and stalled and enough:
+            yield (
+                "sync",
+                (
+                    f"no image of plane B belongs to one of plane A: B's stamps are {offset_s:+.3f} s from A's"
+                    " by the time they come; synchronise the clocks, or set stamp_source to arrival"
+                ),
+            )
+
+    @staticmethod
+    def _uncalibrated(plane: Plane, arrivals: _Arrivals, calibrated: bool, now_s: float) -> Iterator[tuple[str, str]]:
+        if calibrated or arrivals.count == 0:
+            arrivals.uncalibrated_since_s = None
+            return
+        if arrivals.uncalibrated_since_s is None:
+            arrivals.uncalibrated_since_s = now_s
+        elif now_s - arrivals.uncalibrated_since_s >= SILENCE_S:
+            since = now_s - arrivals.uncalibrated_since_s
+            yield camera_info_topic(plane).name, f"images have come for {since:.0f} s without a valid calibration"

@@ -1,0 +1,362 @@
+"""The node behind the page: listens to the contract's topics, publishes clicks, calls the tracker's services."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PolygonStamped, PoseStamped
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import GetParameters, SetParameters
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from sensor_msgs.msg import CameraInfo, Image
+from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
+from visualization_msgs.msg import Marker
+
+from lasso_motion_ros.configuration import WebConfig
+from lasso_motion_ros.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.nodes.parameters import declare_configuration
+from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
+from lasso_motion_ros.nodes.running import ThrottledLog, guarded
+from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
+from lasso_motion_ros.tracker import TrackerState
+from lasso_motion_ros.web import protocol
+from lasso_motion_ros.web.live import LiveView
+from lasso_motion_ros.web.server import WebServer
+from lasso_motion_ros.web.source import Picture, TracePoint, View
+from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon
+from msg_adapters.topics import (
+    CATHETER,
+    DIAGNOSTICS,
+    MOTION,
+    STATE,
+    camera_info_topic,
+    image_topic,
+    overlay_topic,
+    seed_topic,
+    tracking_topic,
+)
+
+CALIBRATION_DEPTH = 32
+GRAPH_PERIOD_S = 0.25
+SERVICE_WAIT_S = 3.0
+HOLD_WAIT_S = 1.0
+KEPT_AFTER_SEED_S = 3.0
+"""How long the tracker goes on holding the clicked pair: clicks and services travel on different ways."""
+STATES_OF_A_NEW_RUN = 2
+"""The second WAITING_FOR_SEED after a new run is surely of that run; the first may have been on its way before."""
+DRAWINGS = ("outline", "fill", "both")
+DRAWING = "style.drawing"
+
+
+class WebNode(Node):  # type: ignore[misc]
+    """Wiring: callbacks fill the live view, the server's threads read it and command.
+
+    Raises:
+        ConfigurationError: a parameter that is unknown, of the wrong type or out of range.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("lasso_web", automatically_declare_parameters_from_overrides=True)
+        self.complaints = ThrottledLog(self.get_logger())
+        config = self._config = declare_configuration(self, WebConfig)
+        self._messages = RosMessages()
+        self._view = LiveView(config.sync, config.tracker, config.world_frame, config.answer_wait_s)
+        names = tuple(config.allowed_hosts.replace(",", " ").split())
+        self._server = WebServer(self, config.host, config.port, names)
+        self._changed: Callable[[], None] = lambda: None
+        self._seeds = {plane: self._publisher(plane) for plane in PLANES}
+        self._services = {name: self.create_client(Trigger, f"{config.tracker}/{name}") for name in _TRIGGERS}
+        self._freeze = self.create_client(SetBool, f"{config.tracker}/freeze")
+        self._set_style = self.create_client(SetParameters, f"{config.overlay}/set_parameters")
+        self._get_style = self.create_client(GetParameters, f"{config.overlay}/get_parameters")
+        self._overlays: dict[Plane, Subscription] = {}
+        self._graph: dict[str, Any] = {"tracker": False, "overlay": False, "drawing": None}
+        self._wanted: frozenset[View] = frozenset()
+        self._holding = threading.Lock()
+        self._unfreeze_at: float | None = None
+        self._sent: dict[Plane, tuple[int, Any]] = {}
+        self._waits_for_answer = False
+        self._again: tuple[int, int] | None = None
+        self._runs = 0
+
+    def start(self) -> None:
+        """Listen on the topics and for browsers.
+
+        Raises:
+            LassoMotionError: the port cannot be had.
+        """
+        self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
+        self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
+        self.create_subscription(Marker, CATHETER.name, self._on_catheter, qos(depth=CATHETER.depth))
+        self.create_subscription(
+            DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
+        )
+        self._inputs = [
+            make
+            for plane in PLANES
+            for make in (
+                CalibrationSubscription(
+                    self,
+                    CameraInfo,
+                    camera_info_topic(plane).name,
+                    partial(self._on_camera_info, plane),
+                    CALIBRATION_DEPTH,
+                ),
+                OfferedSubscription(
+                    self,
+                    Image,
+                    image_topic(plane).name,
+                    partial(self._on_image, plane),
+                    reliability="auto",
+                    depth=IMAGE_DEPTH,
+                ),
+            )
+        ]
+        self.create_timer(GRAPH_PERIOD_S, self._on_timer)
+        self._server.start()
+        self.get_logger().info(f"the page is at {self._server.url}")
+        if not self._server.is_local:
+            self.get_logger().warning(
+                f"listening on {self._config.host}: whoever reaches port {self._config.port} can seed and reset the "
+                "tracker; there is no login"
+            )
+
+    def close(self) -> None:
+        """End the server."""
+        self._server.stop()
+
+    # What the server asks (see `Source`).
+
+    def status(self) -> dict[str, Any]:
+        """See `Source.status`."""
+        return {
+            "mode": "live",
+            **self._view.status(),
+            **self._graph,
+            "sent": self._waits_for_answer,
+            "clicks": MINIMUM_CLICKS,
+        }
+
+    def picture(self, view: View) -> Picture | None:
+        """See `Source.picture`."""
+        return self._view.picture(view)
+
+    def trace(self, after: int) -> list[TracePoint]:
+        """See `Source.trace`."""
+        return self._view.trace(after)
+
+    def watch(self, on_change: Callable[[], None]) -> None:
+        """See `Source.watch`."""
+        self._changed = on_change
+
+    def audience(self, views: frozenset[View]) -> None:
+        """See `Source.audience`; whoever leaves must not leave the picture standing still."""
+        self._wanted = views
+        if not views and self._view.held is not None:
+            self._view.release()
+            self._unfreeze_at = time.monotonic()
+
+    def command(self, name: str, body: Mapping[str, Any]) -> str:
+        """See `Source.command`."""
+        if name == "hold":
+            return self._hold()
+        if name == "release":
+            return self._release()
+        if name == "seed":
+            return self._seed(body)
+        if name == "style":
+            return self._change_style(protocol.text("drawing", body, DRAWINGS))
+        if name in _TRIGGERS:
+            return self._trigger(name)
+        raise TrackingError(f"{name} belongs to the drawing of centrelines")
+
+    def _hold(self) -> str:
+        """Hold a pair here, the one that the tracker holds if it can hold one."""
+        with self._holding:
+            self._unfreeze_at = None
+            if not self._freeze.service_is_ready():
+                self._view.hold()
+                return ""
+            stamps: dict[Plane, int] = {}
+            complete = threading.Event()
+            frozen = threading.Event()
+
+            def take(plane: Plane, message: Image) -> None:
+                if frozen.is_set():
+                    stamps[plane] = stamp_to_ns(message.header.stamp)
+                    if len(stamps) == len(PLANES):
+                        complete.set()
+
+            # Only the tracker's picture says which pair it holds.
+            listening = [
+                self.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
+                for plane in PLANES
+            ]
+            try:
+                answer = self._call(self._freeze, SetBool.Request(data=True), "freeze")
+                frozen.set()
+                if answer.success:
+                    complete.wait(HOLD_WAIT_S)
+                self._view.hold(stamps if complete.is_set() else None)
+            finally:
+                for one in listening:
+                    self.destroy_subscription(one)
+            return ""
+
+    def _release(self) -> str:
+        self._view.release()
+        self._unfreeze_at = time.monotonic()
+        return ""
+
+    def _seed(self, body: Mapping[str, Any]) -> str:
+        pair = self._view.held
+        if pair is None:
+            raise TrackingError("no pair is held: hold one, then click")
+        clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
+        for plane in PLANES:
+            frame = pair.frame(plane)
+            if frame is not None:
+                self._sent[plane] = frame.stamp_ns, clicks[plane]
+        self._publish_clicks()
+        self._waits_for_answer, self._again = True, None
+        self._view.release()
+        self._unfreeze_at = time.monotonic() + KEPT_AFTER_SEED_S
+        return "The clicks are on their way to the tracker."
+
+    def _publish_clicks(self) -> None:
+        for plane, (stamp_ns, clicks) in self._sent.items():
+            fields = encode_polygon(clicks, header_fields(stamp_ns))
+            self._seeds[plane].publish(self._messages.make(seed_topic(plane).type_name, fields))
+
+    def _trigger(self, name: str) -> str:
+        if name == "reset":
+            self._sent, self._again, self._waits_for_answer = {}, None, False
+        answer = self._call(self._services[name], Trigger.Request(), name)
+        if not answer.success:
+            raise TrackingError(answer.message or f"the tracker refused {name}")
+        return _TRIGGERS[name]
+
+    def _change_style(self, drawing: str) -> str:
+        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=drawing)
+        request = SetParameters.Request(parameters=[Parameter(name=DRAWING, value=value)])
+        (result,) = self._call(self._set_style, request, "the overlay's style").results
+        if not result.successful:
+            raise TrackingError(result.reason)
+        self._graph["drawing"] = drawing
+        return ""
+
+    def _call(self, client: Any, request: Any, what: str) -> Any:
+        """Call a service from one of the server's threads; the executor's own must not wait here."""
+        if not client.service_is_ready():
+            raise TrackingError(f"{what}: nobody offers {client.srv_name}; is the node running?")
+        answered = threading.Event()
+        future = client.call_async(request)
+        future.add_done_callback(lambda _: answered.set())
+        if not answered.wait(SERVICE_WAIT_S):
+            client.remove_pending_request(future)
+            raise TrackingError(f"{what}: {client.srv_name} has not answered within {SERVICE_WAIT_S:g} s")
+        return future.result()
+
+    # What comes in.
+
+    @guarded
+    def _on_image(self, plane: Plane, message: Image) -> None:
+        self._complain(plane, self._view.add_image(plane, message))
+        if self._view.new_runs != self._runs:
+            self._runs = self._view.new_runs
+            # A recording that is played over and over: clicks on one of its pairs hold for every round.
+            self._again = (self._view.states, STATES_OF_A_NEW_RUN) if self._sent else None
+        self._changed()
+
+    @guarded
+    def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
+        self._complain(plane, self._view.add_camera_info(plane, message))
+        self._changed()
+
+    @guarded
+    def _on_state(self, message: String) -> None:
+        self._view.add_state(message.data)
+        if self._view.has_pose:
+            self._waits_for_answer, self._again = False, None
+        elif self._again is not None and message.data == TrackerState.WAITING_FOR_SEED.value:
+            since, needed = self._again
+            if self._view.states - since >= needed:
+                self._again = None
+                self._waits_for_answer = True
+                self._publish_clicks()
+        self._changed()
+
+    @guarded
+    def _on_motion(self, message: PoseStamped) -> None:
+        self._view.add_motion(message)
+        self._changed()
+
+    @guarded
+    def _on_catheter(self, message: Marker) -> None:
+        self._view.add_catheter(message)
+        self._changed()
+
+    @guarded
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self._view.add_diagnostics(message)
+        self._changed()
+
+    @guarded
+    def _on_overlay(self, plane: Plane, message: Image) -> None:
+        self._view.add_overlay(plane, message)
+        self._changed()
+
+    @guarded
+    def _on_timer(self) -> None:
+        self._graph["tracker"] = self.count_publishers(STATE.name) > 0
+        self._graph["overlay"] = all(self.count_publishers(overlay_topic(plane).name) for plane in PLANES)
+        if not self._graph["overlay"]:
+            self._graph["drawing"] = None
+        elif self._graph["drawing"] is None and self._get_style.service_is_ready():
+            self._get_style.call_async(GetParameters.Request(names=[DRAWING])).add_done_callback(self._on_style)
+        self._listen_to_overlays("overlay" in self._wanted and self._graph["overlay"])
+        if self._unfreeze_at is not None and time.monotonic() >= self._unfreeze_at and self._view.held is None:
+            self._unfreeze_at = None
+            if self._freeze.service_is_ready():
+                self._freeze.call_async(SetBool.Request(data=False))
+
+    def _on_style(self, future: Any) -> None:
+        answer = future.result()
+        if answer is not None and answer.values and answer.values[0].string_value in DRAWINGS:
+            self._graph["drawing"] = answer.values[0].string_value
+
+    def _listen_to_overlays(self, wanted: bool) -> None:
+        """The overlay node draws only while somebody listens."""
+        if wanted and not self._overlays:
+            self._overlays = {
+                plane: self.create_subscription(
+                    Image, overlay_topic(plane).name, partial(self._on_overlay, plane), qos(depth=1)
+                )
+                for plane in PLANES
+            }
+        elif not wanted and self._overlays:
+            for one in self._overlays.values():
+                self.destroy_subscription(one)
+            self._overlays = {}
+
+    def _complain(self, plane: Plane, complaints: list[str]) -> None:
+        for complaint in complaints:
+            self.complaints.complain(f"plane_{plane}", complaint)
+
+    def _publisher(self, plane: Plane) -> Any:
+        return self.create_publisher(PolygonStamped, seed_topic(plane).name, qos(depth=seed_topic(plane).depth))
+
+
+_TRIGGERS = {
+    "reset": "The tracker has forgotten the catheter.",
+    "set_reference": "The present phase is the reference now.",
+}
