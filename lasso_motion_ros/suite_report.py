@@ -219,6 +219,22 @@ def format_report(results: Sequence[SequenceResult]) -> str:
     return "\n\n".join(parts)
 
 
+def format_sweep(label: str, found: Mapping[str, Mapping[float, Measures]]) -> str:
+    """The table of one sweep.
+
+    Args:
+        label: what was varied.
+        found: measures by configuration and value.
+    """
+    lines = [[label, "config", "poses", "silent", "missing", "degr.", "centre", "max", "TRE", "in 95", "sigma"]]
+    for config, by_value in found.items():
+        for value, one in by_value.items():
+            counts = [f"{one.poses}/{one.expected}", *map(str, (one.silent, one.missing, one.degraded))]
+            lengths = map(_cell, (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm))
+            lines.append([f"{value:g}", config, *counts, *lengths, _percent(one.inside_95), _cell(one.sigma_mm)])
+    return _table(lines)
+
+
 def _confusion_table(counts: Mapping[str, Mapping[str, int]]) -> str:
     states = [state.value for state in TrackerState if any(state.value in row for row in counts.values())]
     lines = [["truth", *states]]

@@ -16,6 +16,7 @@ from lasso_motion_ros.phantom.settings import Event, GeometrySettings, LassoSett
 from lasso_motion_ros.suite import edge_on_deg, suite_scenario, suite_scenarios
 from lasso_motion_ros.suite_report import confusion, event_timings, format_report, measures, sequence_counts
 from lasso_motion_ros.suite_run import Sequence, SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.sweeps import SWEEPS, sweep_scenarios
 
 SMALL = Scenario(
     name="small",
@@ -137,6 +138,31 @@ def test_the_command_writes_tables_json_and_a_plot(tmp_path: Path, monkeypatch: 
     assert report["sequences_with"]["sequences"] == 1
     assert len(report["sequences"][0]["pairs"]) == 4
     assert {path.name for path in (tmp_path / "d").iterdir()} == {"suite_tracker.txt", "suite.png"}
+
+
+def test_a_sweep_varies_one_property_of_the_same_sequences() -> None:
+    for sweep in SWEEPS.values():
+        scenarios = sweep_scenarios(sweep, 5, 2)
+        assert tuple(scenarios) == sweep.values
+        first, last = scenarios[sweep.values[0]], scenarios[sweep.values[-1]]
+        assert [one.lasso for one in first] == [one.lasso for one in last]
+        assert [one.seed for one in first] == [one.seed for one in last]
+        assert first != last
+    assert [one.imaging.quanta for one in sweep_scenarios(SWEEPS["quanta"], 5, 2)[5.0]] == [5.0, 5.0]
+    wide = sweep_scenarios(SWEEPS["separation"], 5, 1)[40.0][0].geometry
+    assert wide.plane_b.lao_deg - wide.plane_a.lao_deg == pytest.approx(40.0)
+    assert sweep_scenarios(SWEEPS["rate"], 5, 1)[15.0][0].pairs == 60
+
+
+def test_the_command_sweeps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("lasso_motion_ros.cli.suite.render_sequence", lambda scenario: small())
+    arguments = ["suite", "--quiet", "--sweep", "offset", "--sequences", "1", "--report", str(tmp_path)]
+    assert main([*arguments, "--json", str(tmp_path / "s.json")]) == 0
+    assert "0.37" in capsys.readouterr().out
+    assert set(json.loads((tmp_path / "s.json").read_text())["offset"]["tracker"]) >= {"0.0", "0.5"}
+    assert {path.name for path in tmp_path.iterdir()} == {"s.json", "sweeps.txt", "sweeps.png"}
 
 
 def test_a_number_beyond_the_suite_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

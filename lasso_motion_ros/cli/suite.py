@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 from pathlib import Path
 
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.evaluation import PairScore
 from lasso_motion_ros.share import share_file
 from lasso_motion_ros.suite import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
-from lasso_motion_ros.suite_report import format_report, suite_report
+from lasso_motion_ros.suite_report import Measures, format_report, format_sweep, measures, suite_report
 from lasso_motion_ros.suite_run import SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.sweeps import SWEEPS, sweep_scenarios
+
+SWEEP_SEQUENCES = 4
 
 HELP = """Track a suite of random phantom sequences (every orientation, dose, motion, calibration error, event) and
 score it, per sequence and in all. The same seed gives the same sequences; each is rendered once for all
@@ -27,11 +32,18 @@ degr.: poses that were DEGRADED; in 68/95: centre errors inside that ellipsoid o
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_argument("--sequences", type=int, default=DEFAULT_SEQUENCES, metavar="N", help="default %(default)s")
+    parser.add_argument("--sequences", type=int, metavar="N", help=f"default {DEFAULT_SEQUENCES}")
     parser.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="S", help="default %(default)s")
     parser.add_argument("--only", type=int, nargs="+", metavar="K", help="only these sequences, by number")
     parser.add_argument(
         "--config", type=Path, nargs="+", metavar="FILE", help="tracker parameters (default: config/tracker.yaml)"
+    )
+    parser.add_argument(
+        "--sweep",
+        nargs="+",
+        choices=(*SWEEPS, "all"),
+        metavar="NAME",
+        help=f"vary one property instead, with N sequences a value (default 4): {', '.join(SWEEPS)}, all",
     )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
     parser.add_argument("--report", type=Path, metavar="DIR", help="write tables and plots")
@@ -39,16 +51,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the suite with every configuration."""
-    if args.sequences < 1 or args.seed < 0:
+    if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
-    scenarios = suite_scenarios(args.seed, args.sequences)
+    if args.sweep:
+        return _sweep(args)
+    scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES)
     if args.only:
         beyond = [number for number in args.only if not 0 <= number < len(scenarios)]
         if beyond:
             raise LassoMotionError(f"--only: expected 0 to {len(scenarios) - 1}, found {beyond[0]}")
         scenarios = tuple(scenarios[number] for number in args.only)
-    files = args.config or [share_file("config/tracker.yaml")]
-    configs = {str(file): load_configuration(file, ProductConfig) for file in files}
+    configs = _configurations(args)
     results: dict[str, list[SequenceResult]] = {name: [] for name in configs}
     for scenario in progress(scenarios, len(scenarios), "suite", args.quiet):
         sequence = render_sequence(scenario)
@@ -65,14 +78,61 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
-def _write_report(directory: Path, results: dict[str, list[SequenceResult]]) -> None:
-    from lasso_motion_ros.rendering.plots import save_figure
-    from lasso_motion_ros.rendering.suite_plots import suite_figure
+def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
+    files = args.config or [share_file("config/tracker.yaml")]
+    return {str(file): load_configuration(file, ProductConfig) for file in files}
 
+
+def _sweep(args: argparse.Namespace) -> int:
+    """Vary one property at a time; each sequence is rendered once for all configurations."""
+    configs = _configurations(args)
+    found: dict[str, dict[str, dict[float, Measures]]] = {}
+    for name in SWEEPS if "all" in args.sweep else dict.fromkeys(args.sweep):
+        sweep = SWEEPS[name]
+        scenarios = sweep_scenarios(sweep, args.seed, args.sequences or SWEEP_SEQUENCES)
+        scores: dict[str, dict[float, list[PairScore]]] = {config: {} for config in configs}
+        for value, scenario in progress(
+            [(value, one) for value, many in scenarios.items() for one in many],
+            sum(map(len, scenarios.values())),
+            name,
+            args.quiet,
+        ):
+            sequence = render_sequence(scenario)
+            for config, parameters in configs.items():
+                scores[config].setdefault(value, []).extend(run_sequence(sequence, parameters).scores)
+        found[name] = {
+            Path(config).stem: {value: measures(of_value) for value, of_value in by_value.items()}
+            for config, by_value in scores.items()
+        }
+        print(f"{format_sweep(sweep.label, found[name])}\n", flush=True)
+    if args.json is not None:
+        values = {
+            name: {c: {str(v): asdict(m) for v, m in by.items()} for c, by in of.items()} for name, of in found.items()
+        }
+        _write(args.json, json.dumps(values, indent=1))
+    if args.report is not None:
+        from lasso_motion_ros.rendering.plots import save_figure
+        from lasso_motion_ros.rendering.suite_plots import sweeps_figure
+
+        _make(args.report)
+        tables = [format_sweep(SWEEPS[name].label, of_sweep) for name, of_sweep in found.items()]
+        _write(args.report / "sweeps.txt", "\n\n".join(tables) + "\n")
+        save_figure(sweeps_figure({SWEEPS[name].label: one for name, one in found.items()}), args.report / "sweeps.png")
+    return EXIT_DONE
+
+
+def _make(directory: Path) -> None:
     try:
         directory.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise RecordingError(f"{directory}: cannot be made: {error.strerror}") from error
+
+
+def _write_report(directory: Path, results: dict[str, list[SequenceResult]]) -> None:
+    from lasso_motion_ros.rendering.plots import save_figure
+    from lasso_motion_ros.rendering.suite_plots import suite_figure
+
+    _make(directory)
     for name, of_config in results.items():
         _write(directory / f"suite_{name}.txt", format_report(of_config) + "\n")
     save_figure(suite_figure(results), directory / "suite.png")

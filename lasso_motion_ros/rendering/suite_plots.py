@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from lasso_motion_ros.suite_report import Measures
 from lasso_motion_ros.suite_run import SequenceResult
 
 COLOURS = ("#0a8f4f", "#d1662b", "#1f6fb4", "#7a4fa3")
@@ -46,4 +47,37 @@ def suite_figure(results: Mapping[str, Sequence[SequenceResult]]) -> Any:
     for axis in (errors, calibration):
         axis.grid(alpha=0.25)
         axis.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def sweeps_figure(found: Mapping[str, Mapping[str, Mapping[float, Measures]]]) -> Any:
+    """One panel a sweep: mean centre error (left), share of the pairs missing or lost in silence (right).
+
+    Args:
+        found: measures by what was varied, configuration and value.
+
+    Returns:
+        A matplotlib Figure.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = (len(found) + 1) // 2
+    figure = Figure(figsize=(10.0, 3.0 * rows), layout="constrained")
+    FigureCanvasAgg(figure)
+    panels = figure.subplots(rows, 2, squeeze=False).ravel()
+    for panel in panels[len(found) :]:
+        panel.remove()
+    for panel, (label, by_config) in zip(panels, found.items(), strict=False):
+        right = panel.twinx()
+        for (config, by_value), colour in zip(by_config.items(), COLOURS * len(by_config), strict=False):
+            values = list(by_value)
+            centre = [one.centre_mean_mm if one.centre_mean_mm is not None else np.nan for one in by_value.values()]
+            wrong = [100.0 * (one.missing + one.silent) / max(one.expected, 1) for one in by_value.values()]
+            panel.plot(values, centre, "o-", color=colour, markersize=4, label=config)
+            right.plot(values, wrong, "x:", color=colour, markersize=5, linewidth=1)
+        panel.set(xlabel=label, ylabel="centre error (mm)", yscale="log")
+        right.set(ylabel="wrong or missing (%), dotted", ylim=(-2.0, 102.0))
+        panel.grid(alpha=0.25)
+        panel.legend(frameon=False, fontsize=8, loc="upper left")
     return figure

@@ -1,0 +1,110 @@
+"""Sweeps: one property of the phantom sequences is varied, the others stay, to see where tracking breaks."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from itertools import count
+
+from lasso_motion_ros.phantom.settings import CalibrationSettings, ClickSettings, PlaneSettings, Scenario
+from lasso_motion_ros.suite import edge_on_deg, suite_scenario
+
+PAIRS = 12
+SECONDS = 4.0  # at least: a breath has to be in it
+NOT_EDGE_ON_DEG = 20.0
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One property and how it is varied.
+
+    Attributes:
+        name: as typed.
+        label: with its unit, for the plot.
+        values: from easy to hard.
+        apply: puts a value into a scenario.
+    """
+
+    name: str
+    label: str
+    values: tuple[float, ...]
+    apply: Callable[[Scenario, float], Scenario]
+
+
+def _quanta(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, imaging=dataclasses.replace(scenario.imaging, quanta=value))
+
+
+def _calibration(scenario: Scenario, value: float) -> Scenario:
+    # The other errors go with the angle, as 0.7 mm and 1.5 px do with 0.25°.
+    return dataclasses.replace(scenario, calibration_error=CalibrationSettings(value, 2.8 * value, 6.0 * value))
+
+
+def _separation(scenario: Scenario, value: float) -> Scenario:
+    geometry = scenario.geometry
+    plane_b = PlaneSettings(geometry.plane_a.lao_deg + value, geometry.plane_a.cranial_deg)
+    return dataclasses.replace(scenario, geometry=dataclasses.replace(geometry, plane_b=plane_b))
+
+
+def _amplitude(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, breathing=dataclasses.replace(scenario.breathing, amplitude_mm=value))
+
+
+def _rate(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, rate_hz=value, pairs=max(PAIRS, round(SECONDS * value)))
+
+
+def _offset(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, plane_b_offset=value)
+
+
+def _clicks(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, clicks=ClickSettings(noise_px=value, fewest=6, most=14))
+
+
+SWEEPS: Mapping[str, Sweep] = {
+    sweep.name: sweep
+    for sweep in (
+        Sweep("quanta", "quanta a pixel", (60.0, 40.0, 20.0, 10.0, 5.0), _quanta),
+        Sweep("calibration", "calibration error (deg; 2.8 mm, 6 px a degree)", (0.0, 0.1, 0.2, 0.3), _calibration),
+        Sweep("separation", "angle between the planes (deg)", (90.0, 75.0, 60.0, 50.0, 40.0), _separation),
+        Sweep("breathing", "amplitude of breathing (mm)", (5.0, 12.0, 20.0, 30.0, 40.0), _amplitude),
+        Sweep("rate", "pairs a second", (15.0, 7.5, 3.0, 2.0, 1.0), _rate),
+        Sweep("offset", "B's exposure after A's (frame periods)", (0.0, 0.12, 0.25, 0.37, 0.5), _offset),
+        Sweep("clicks", "noise of the clicks (px)", (0.5, 1.0, 2.0, 3.0, 4.0), _clicks),
+    )
+}
+
+
+def sweep_scenarios(sweep: Sweep, seed: int, sequences: int) -> dict[float, tuple[Scenario, ...]]:
+    """For each value the same sequences, all else moderate: 3 pairs/s, 30 quanta, 15 mm, no error, no event.
+
+    Args:
+        sweep: what is varied.
+        seed: of the suite that orientations, lassos and distractors are taken from; those near edge-on are left
+            out, since the suite itself asks that.
+        sequences: how many for each value.
+    """
+    moderate: list[Scenario] = []
+    for index in count():
+        scenario = _moderate(suite_scenario(seed, index))
+        if min(edge_on_deg(scenario, plane) for plane in range(2)) > NOT_EDGE_ON_DEG:
+            moderate.append(scenario)
+        if len(moderate) == sequences:
+            break
+    return {value: tuple(sweep.apply(scenario, value) for scenario in moderate) for value in sweep.values}
+
+
+def _moderate(drawn: Scenario) -> Scenario:
+    scenario = dataclasses.replace(
+        drawn,
+        pairs=PAIRS,
+        rate_hz=3.0,
+        plane_b_offset=0.0,
+        geometry=dataclasses.replace(drawn.geometry, size_px=512),
+        calibration_error=CalibrationSettings(),
+        clicks=ClickSettings(noise_px=1.0, fewest=8, most=14),
+        events=(),
+    )
+    return _amplitude(_quanta(scenario, 30.0), 15.0)
