@@ -23,7 +23,6 @@ _DISAGREE = 1e-3
 _PARALLEL_DEG = 20.0
 # Of a stream joined and left in its middle, the partner may lie outside.
 _AT_THE_ENDS = 2
-_PER_FRAME = 0.1
 _CURES = {
     "p: expected the source": "give p in metres: its fourth column is K·t with t in metres",
     "p: a plain camera matrix": "send p = K[R|t], world to pixels, or install tf2_ros and publish the camera's frame",
@@ -128,14 +127,15 @@ def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latche
     own = images & set(seen.stamps)
     if len(images) - len(own) <= _AT_THE_ENDS:
         return
-    if len(own) >= _PER_FRAME * len(images):
+    per_frame = len(seen.stamps) > len(images) / 2
+    if per_frame and len(own) >= len(seen.stamps) / 2:
         yield Finding(
             "warning",
             name,
             f"{len(images) - len(own)} of {len(images)} images have no calibration of their own stamp",
             "publish one with each image, with the image's header",
         )
-    elif len(seen.stamps) > len(images) / 2 and any(seen.stamps):
+    elif per_frame and any(seen.stamps):
         yield Finding("warning", name, "its stamps are no image's stamps", "copy the image's header.stamp into it")
     elif not latched:
         yield Finding(
@@ -144,7 +144,7 @@ def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latche
             f"{len(seen.stamps)} for {len(images)} images, and not latched: a node that starts later has none",
             "publish it with each image, or transient local (latched)",
         )
-    if seen.changes and not own:
+    if seen.changes and not per_frame:
         yield Finding(
             "warning",
             name,

@@ -24,12 +24,12 @@ MEET_MM = 6.0
 _LOOP_MM = (6.0, 60.0)
 _FAR_M = 0.3
 _MIRRORS = {
-    "with plane a mirrored left to right": ((-1, 1), (1, 1)),
-    "with plane b mirrored left to right": ((1, 1), (-1, 1)),
-    "with both mirrored left to right": ((-1, 1), (-1, 1)),
-    "with plane a upside down": ((1, -1), (1, 1)),
-    "with plane b upside down": ((1, 1), (1, -1)),
-    "with both upside down": ((1, -1), (1, -1)),
+    "plane a mirrored left to right": ((-1, 1), (1, 1)),
+    "plane b mirrored left to right": ((1, 1), (-1, 1)),
+    "both mirrored left to right": ((-1, 1), (-1, 1)),
+    "plane a upside down": ((1, -1), (1, 1)),
+    "plane b upside down": ((1, 1), (1, -1)),
+    "both upside down": ((1, -1), (1, -1)),
 }
 
 
@@ -105,8 +105,8 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
         return
     point, gap_mm = found
     if gap_mm > MEET_MM:
-        better = _mirror_that_fits(middles[0], middles[1], a, b)
-        hint = f"; {better} they would meet: see the signs in p" if better else ""
+        better = _mirrors_that_fit(middles[0], middles[1], a, b)
+        hint = f"; with {' or '.join(better)} they would meet" if better else ""
         yield Finding(
             "error",
             "seeds",
@@ -146,8 +146,12 @@ def _meeting(pixel_a: Array, pixel_b: Array, a: Projection, b: Projection) -> tu
     return point, 1e3 * gap
 
 
-def _mirror_that_fits(pixel_a: Array, pixel_b: Array, a: Projection, b: Projection) -> str | None:
-    """In words, the reflection of a plane with which the rays meet; None where none or more than one does."""
+def _mirrors_that_fit(pixel_a: Array, pixel_b: Array, a: Projection, b: Projection) -> list[str]:
+    """In words, the reflections with which the rays meet.
+
+    Two planes turned about the patient's long axis alone cannot tell left from right by this: any two rays of one
+    cross-section meet.
+    """
 
     def flipped(pixel: Array, projection: Projection, signs: tuple[int, int]) -> Array:
         last = np.array([projection.width, projection.height]) - 1.0
@@ -158,4 +162,4 @@ def _mirror_that_fits(pixel_a: Array, pixel_b: Array, a: Projection, b: Projecti
         found = _meeting(flipped(pixel_a, a, signs_a), flipped(pixel_b, b, signs_b), a, b)
         if found is not None and found[1] < MEET_MM / 2:
             fitting.append(words)
-    return fitting[0] if len(fitting) == 1 else None
+    return fitting
