@@ -103,7 +103,7 @@ class PairScore:
         centre_error_m: (3,) T·c − T_true·c in the world frame, metres.
         respiratory_error_mm: the same length for the filtered motion against breathing alone.
         target_error_mm: mean over the targets.
-        static_error_mm: the same with T = identity.
+        static_error_mm: the same with T = identity; known of pairs without a pose too.
         true_centre_m: (3,) where the loop's centre is by the truth.
         centre_m: (3,) where the published motion puts it.
         nees: error of the centre squared, normalised by its covariance (3 degrees of freedom).
@@ -268,6 +268,10 @@ def _with_motion_errors(
     centre = apply(reference.motion, truth.loop.mean(axis=0))
     true_centre = apply(since_reference, centre)
     score = replace(score, true_centre_m=true_centre)
+    targets = np.empty((0, 3)) if truth.targets is None else apply(reference.motion, truth.targets)
+    true_targets = apply(since_reference, targets)
+    if len(targets):
+        score = replace(score, static_error_mm=_mean_length_mm(targets - true_targets))
     if estimate.motion_raw is None:
         return score
     found_centre = apply(estimate.motion_raw, centre)
@@ -275,14 +279,9 @@ def _with_motion_errors(
     if score.hidden or score.displaced:
         return score
     score = replace(score, centre_error_m=found_centre - true_centre)
-    if truth.targets is not None:
-        targets = apply(reference.motion, truth.targets)
-        true_targets = apply(since_reference, targets)
-        score = replace(
-            score,
-            target_error_mm=_mean_length_mm(apply(estimate.motion_raw, targets) - true_targets),
-            static_error_mm=_mean_length_mm(targets - true_targets),
-        )
+    if len(targets):
+        moved = apply(estimate.motion_raw, targets)
+        score = replace(score, target_error_mm=_mean_length_mm(moved - true_targets))
     if estimate.motion is None:
         return score
     published = apply(estimate.motion, centre)

@@ -192,15 +192,17 @@ def mean_row(summaries: Sequence[Summary]) -> dict[str, float | int | None]:
     return row
 
 
-def format_table(summaries: Mapping[str, Summary]) -> str:
-    """Two blocks for people, in the images and in space: one row a recording, then the mean (counts added up).
+def format_table(summaries: Mapping[str, Summary], groups: Mapping[str, Sequence[str]] | None = None) -> str:
+    """Two blocks for people, in the images and in space: one row a recording, then the means (counts added up).
 
     Args:
         summaries: by the recording's name, in the order of the rows.
+        groups: the rows that each mean is taken over, by the mean row's name; None: one mean over all, if several.
     """
     rows: list[tuple[str, Values]] = [(name, asdict(summary)) for name, summary in summaries.items()]
-    if len(rows) > 1:
-        rows.append(("mean (counts: sum)", mean_row(list(summaries.values()))))
+    if groups is None:
+        groups = {MEAN_ROW: list(summaries)} if len(rows) > 1 else {}
+    rows += [(name, mean_row([summaries[member] for member in members])) for name, members in groups.items()]
     return "\n\n".join(_block(title, columns, rows, len(summaries)) for title, columns in BLOCKS)
 
 
@@ -241,6 +243,7 @@ def _percent(name: str) -> Callable[[Values], str]:
     return cell
 
 
+MEAN_ROW = "mean (counts: sum)"
 COUNTS = ("pairs", "expected", "poses", "missing", "lost_in_silence", "false_poses")
 BLOCKS: tuple[tuple[str, Columns], ...] = (
     (

@@ -24,6 +24,7 @@ from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
 from msg_adapters.topics import (
     CATHETER,
+    DIAGNOSTICS,
     MOTION,
     MOTION_RAW,
     MOTION_WITH_COVARIANCE,
@@ -38,6 +39,8 @@ from msg_adapters.topics import (
 )
 
 Array = npt.NDArray[np.float64]
+
+LAST_LATENCY_KEY = "latency of the last pair (ms)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,6 +167,18 @@ def read_estimates(path: str | Path, remap: Mapping[str, str] | None = None) -> 
         )
         for stamp_ns, pair in sorted(fields.items())
     ]
+
+
+def read_latencies_ms(path: str | Path) -> Array:
+    """(N,) latencies in milliseconds that a live tracker told on /diagnostics; empty where none was recorded."""
+    latencies = []
+    reader = RecordingReader(path)
+    if reader.topics.get(DIAGNOSTICS.recorded_name) != DIAGNOSTICS.type_name:
+        return np.zeros(0)
+    for recorded in reader.messages([DIAGNOSTICS.recorded_name]):
+        for status in recorded.message.status:
+            latencies += [float(entry.value) for entry in status.values if entry.key == LAST_LATENCY_KEY]
+    return np.array(latencies)
 
 
 def _in_force(history: list[tuple[int, Any]], log_time_ns: int) -> Any:

@@ -56,7 +56,14 @@ def loop() -> np.ndarray:
     return apply(rigid((0.9, 0.3, 0.2), (0, 0, 0)), flat)
 
 
-def write_input(path: Path, motions_mm: list[float], *, hidden: tuple[int, ...] = (), truth: bool = True) -> Path:
+def write_centrelines_only(path: Path, motions_mm: list[float]) -> Path:
+    """As `write_input`, with centrelines as somebody draws them by hand, and no truth in space."""
+    return write_input(path, motions_mm, in_space=False)
+
+
+def write_input(
+    path: Path, motions_mm: list[float], *, hidden: tuple[int, ...] = (), truth: bool = True, in_space: bool = True
+) -> Path:
     """Images, calibration, clicks, and the truth, of a ring that moves along z."""
     with RecordingWriter(path) as writer:
 
@@ -75,7 +82,7 @@ def write_input(path: Path, motions_mm: list[float], *, hidden: tuple[int, ...] 
                     write(topics.seed_topic(plane), encode_polygon(curve[:-1:18], header), pair)
                 if truth and pair not in hidden:
                     write(topics.true_centreline_topic(plane), encode_polygon(curve, header), pair)
-            if truth:
+            if truth and in_space:
                 write(topics.TRUE_MOTION, encode_pose_stamped(shift(z_mm), header), pair)
                 write(topics.TRUE_RESPIRATORY_MOTION, encode_pose_stamped(shift(z_mm), header), pair)
                 if pair == 0:

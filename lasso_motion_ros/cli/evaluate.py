@@ -1,20 +1,27 @@
-"""`lasso-motion evaluate`: tracking against truth, one row a recording, like the paper's Table 1."""
+"""`lasso-motion evaluate`: tracking against truth, one row a recording, like the paper's Table 1; the report."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import platform
 import sys
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version as installed_version
 from pathlib import Path
 
+import cv2
+import numpy as np
+
+from lasso_motion_ros.cli.evaluation_runs import evaluated_file, evaluated_tracking, worst_frames
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.evaluation import DETECTOR_M, PairEstimate, PairScore, score_pairs
+from lasso_motion_ros.evaluated import Evaluated, mean_groups, row_names
+from lasso_motion_ros.evaluation import DETECTOR_M, PairScore
 from lasso_motion_ros.evaluation_report import format_table, report, summarise
-from msg_adapters.evaluation_input import read_estimates, read_truth
+from lasso_motion_ros.share import share_file, version
+from msg_adapters.evaluation_input import read_truth
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
 Millimetres are at the loop's depth; the reference pair gives the model error and is left out of the means."""
@@ -25,13 +32,40 @@ centre: of the loop in 3-D, constant part and jitter apart; TRE: target registra
 silent: poses more than 2 mm off or (false) without a lasso in its place; missing: pairs without a due pose;
 in 68/95 %: centre errors inside that ellipsoid of the published covariance; sigma: its size."""
 
+DEFAULT_CONFIG = "config/tracker.yaml"
+DEFAULT_WORST = 3
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's own arguments."""
     parser.add_argument("recordings", nargs="+", type=Path, metavar="IN.mcap", help="recording with truth")
-    parser.add_argument("--result", type=Path, metavar="OUT.mcap", help="what the tracker published on the recording")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+    parser.add_argument(
+        "--result",
+        type=Path,
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="OUT.mcap",
+        help="what the tracker published: several results of one recording, or one for each recording",
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="FILE",
+        help=f"tracker parameters, several stand side by side (default: {DEFAULT_CONFIG})",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
+    parser.add_argument("--report", type=Path, metavar="DIR", help="write a page with tables, plots and pictures")
+    parser.add_argument(
+        "--worst",
+        type=int,
+        default=DEFAULT_WORST,
+        metavar="N",
+        help="worst frames shown of each result in the report (default %(default)s)",
+    )
     parser.add_argument(
         "--sid",
         type=float,
@@ -43,30 +77,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate; returns the exit status (0, or 3 where a recording was only read in part)."""
-    if args.result is not None and len(args.recordings) != 1:
-        raise LassoMotionError(f"--result belongs to one recording, found {len(args.recordings)}")
-    if args.result is not None and args.config is not None:
-        raise LassoMotionError("--config is for tracking; with --result nothing is tracked")
-    if not args.sid > 0.0:
-        raise LassoMotionError(f"--sid must be positive, found {args.sid}")
+    _check(args)
+    one_by_one = len(args.recordings) > 1
     complete = True
-    scores: dict[str, tuple[PairScore, ...]] = {}
-    for recording in progress(args.recordings, len(args.recordings), "evaluating", args.quiet):
+    results: list[Evaluated] = []
+    for number, recording in enumerate(
+        progress(args.recordings, len(args.recordings), "evaluating", args.quiet or not one_by_one)
+    ):
         read = read_truth(recording)
         if read.damage is not None:
             print(f"lasso-motion evaluate: {read.damage}", file=sys.stderr)
             complete = False
-        estimates = _tracked(recording, args.config) if args.result is None else read_estimates(args.result)
-        scores[_unused_name(recording, scores)] = score_pairs(read.truth, estimates, source_detector_m=args.sid)
-    print(format_table({name: summarise(pairs) for name, pairs in scores.items()}))
+        name = _unused_name(recording, {one.recording for one in results})
+        if args.result:
+            files = [args.result[number]] if one_by_one else args.result
+            for file, result in zip(files, _distinct(files), strict=True):
+                results.append(evaluated_file(name, recording, read, file, result, args.sid))
+        else:
+            files = args.config or [share_file(DEFAULT_CONFIG)]
+            for file, result in zip(files, _distinct(files), strict=True):
+                quiet = args.quiet or one_by_one
+                results.append(evaluated_tracking(name, recording, read, file, result, args.sid, quiet))
+    scores = dict(zip(row_names(results), (one.scores for one in results), strict=True))
+    print(format_table({name: summarise(pairs) for name, pairs in scores.items()}, mean_groups(results)))
     if not args.quiet:
         print(FOOTNOTE)
     if args.json is not None:
         write_json(args.json, scores)
+    if args.report is not None:
+        page = _write_report(args.report, results, args.worst, args.quiet)
+        if not args.quiet:
+            print(f"\nreport: {page}")
     return EXIT_DONE if complete else EXIT_PART
 
 
-def write_json(path: Path, scores: dict[str, tuple[PairScore, ...]]) -> None:
+def write_json(path: Path, scores: Mapping[str, Sequence[PairScore]]) -> None:
     """Write all measures of all recordings.
 
     Raises:
@@ -78,20 +123,45 @@ def write_json(path: Path, scores: dict[str, tuple[PairScore, ...]]) -> None:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _tracked(recording: Path, config: Path | None) -> list[PairEstimate]:
-    """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
-    from lasso_motion_ros.cli.track import track_recording
-
-    with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
-        result = Path(directory) / "result.mcap"
-        summary = track_recording(recording, result, config)
-        if summary.statistics.poses == 0:
-            # A table of dashes would leave the reader to guess.
-            why = "; ".join(problem.text for problem in summary.problems)
-            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why}", file=sys.stderr)
-        return read_estimates(result)
+def versions() -> dict[str, str]:
+    """What figures were made with, by name."""
+    return {
+        "lasso_motion_ros": version(),
+        "Python": platform.python_version(),
+        "numpy": np.__version__,
+        "SciPy": installed_version("scipy"),
+        "OpenCV": cv2.__version__,
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
 
 
-def _unused_name(recording: Path, taken: Mapping[str, object]) -> str:
-    """A row's name: the file's, or the whole path where two files share it."""
+def _check(args: argparse.Namespace) -> None:
+    recordings, results = len(args.recordings), len(args.result)
+    if results and recordings > 1 and results != recordings:
+        raise LassoMotionError(
+            f"--result belongs to one recording, or there is one for each: found {results} for {recordings} recordings"
+        )
+    if results and args.config:
+        raise LassoMotionError("--config is for tracking; with --result nothing is tracked")
+    if not args.sid > 0.0:
+        raise LassoMotionError(f"--sid must be positive, found {args.sid}")
+    if args.worst < 0:
+        raise LassoMotionError(f"--worst must not be negative, found {args.worst}")
+
+
+def _write_report(directory: Path, results: Sequence[Evaluated], count: int, quiet: bool) -> Path:
+    from lasso_motion_ros.rendering.report_page import write_report
+
+    worst = [worst_frames(one, count) for one in progress(results, len(results), "worst frames", quiet)]
+    return write_report(directory, results, worst, versions())
+
+
+def _distinct(files: Sequence[Path]) -> list[str]:
+    """A name for each file beside the others: its stem where that tells them apart, else its whole path."""
+    stems = [file.stem for file in files]
+    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+
+
+def _unused_name(recording: Path, taken: set[str]) -> str:
+    """A recording's name: the file's, or the whole path where two files share it."""
     return str(recording) if recording.stem in taken else recording.stem

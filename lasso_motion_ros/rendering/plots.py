@@ -36,15 +36,15 @@ def motion_figure(
     Returns:
         A matplotlib Figure.
     """
-    figure, axes = _panels(3, title, height=6.4)
+    figure, axes = panels(3, title, height=6.4)
     answered = np.isfinite(found_mm).all(axis=1)
     for number, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
         if true_mm is not None:
             axis.plot(times_s, true_mm[:, number], color=TRUTH_COLOUR, linewidth=2.2, alpha=0.55, label="truth")
         axis.plot(times_s, found_mm[:, number], "o-", color=FOUND_COLOUR, markersize=4, linewidth=1, label="published")
-        _mark(axis, times_s[~answered], MISSING_COLOUR, "no pose" if number == 0 else None)
+        mark(axis, times_s[~answered], MISSING_COLOUR, "no pose" if number == 0 else None)
         axis.set_ylabel(f"{name} (mm)")
-    _legend_above(axes[0], columns=3)
+    legend_above(axes[0], columns=3)
     axes[-1].set_xlabel("time since the first pair (s)")
     return figure
 
@@ -66,7 +66,7 @@ def error_figure(
     Returns:
         A matplotlib Figure.
     """
-    figure, (axis,) = _panels(1, title, height=4.0)
+    figure, (axis,) = panels(1, title, height=4.0)
     frames = np.arange(len(reference))
     top = PAPER_ERROR_MM
     for plane in PLANES:
@@ -81,15 +81,15 @@ def error_figure(
         top = max(top, float(np.nanmax(values, initial=0.0)))
     axis.plot([], [], "o", color="white", markeredgecolor="#555555", markersize=8, label="reference (model error)")
     axis.axhline(PAPER_ERROR_MM, color="#888888", linestyle=":", linewidth=1, label="the paper's mean, 1.0 mm")
-    _mark(axis, frames[in_place & ~has_pose], MISSING_COLOUR, "no pose")
-    _mark(axis, frames[~in_place], ABSENT_COLOUR, "lasso hidden or moved")
+    mark(axis, frames[in_place & ~has_pose], MISSING_COLOUR, "no pose")
+    mark(axis, frames[~in_place], ABSENT_COLOUR, "lasso hidden or moved")
     false = frames[~in_place & has_pose]
     if len(false):
         axis.plot(false, np.full(len(false), 1.06 * top), "x", color="#8e0000", markersize=7, label="false pose")
     axis.set_ylim(0.0, 1.1 * top)
     axis.set_xlabel("frame")
     axis.set_ylabel("2-D error (mm, at the loop's depth)")
-    _legend_above(axis, columns=3)
+    legend_above(axis, columns=3)
     return figure
 
 
@@ -106,19 +106,21 @@ def save_figure(figure: Any, path: str | Path) -> None:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _mark(axis: Any, places: npt.NDArray[Any], colour: str, name: str | None) -> None:
+def mark(axis: Any, places: npt.NDArray[Any], colour: str, name: str | None) -> None:
+    """Bands behind the values at some places of the x axis, named once in the legend."""
     for place in places:
         axis.axvline(place, color=colour, linewidth=5, zorder=0)
     if name and len(places):
         axis.plot([], [], color=colour, linewidth=5, label=name)
 
 
-def _legend_above(axis: Any, columns: int) -> None:
-    # Above the panel, where it hides no value.
+def legend_above(axis: Any, columns: int) -> None:
+    """The legend above the panel, where it hides no value."""
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False, fontsize=9)
 
 
-def _panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
+def panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
+    """A figure of panels below each other with common axes: (Figure, list of Axes)."""
     # The object API draws without a display and keeps no global state.
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

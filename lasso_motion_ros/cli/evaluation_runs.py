@@ -1,0 +1,112 @@
+"""What `evaluate` scores: a result from a file, or one that is tracked now; and the pictures of its worst pairs."""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from lasso_motion_ros.configuration import ProductConfig, TrackerConfig, configuration_values, load_configuration
+from lasso_motion_ros.evaluated import Evaluated, Timing
+from lasso_motion_ros.evaluation import SAME_PAIR_NS, PairEstimate, score_pairs
+from lasso_motion_ros.frames import FramePair, Seed
+from lasso_motion_ros.recorded_pairs import recorded_pairs
+from lasso_motion_ros.rendering.worst_frames import WorstFrame, worst_pairs, worst_picture
+from lasso_motion_ros.tracker import Tracker, TrackResult
+from msg_adapters.evaluation_input import ReadTruth, read_estimates, read_latencies_ms
+from msg_adapters.recording_reader import RecordingReader
+
+
+def evaluated_file(name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float) -> Evaluated:
+    """Score what a file holds.
+
+    Args:
+        name: the recording's name.
+        recording: its path.
+        read: its truth.
+        file: what a tracker published on it.
+        result: what the result is called.
+        sid_m: source–detector distance, metres.
+    """
+    estimates = read_estimates(file)
+    latencies = read_latencies_ms(file)
+    timing = None
+    if len(latencies):
+        timing = Timing("Live: from the receipt of a pair's last image to its publication, once a second.", latencies)
+    scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
+    return Evaluated(name, result, recording, read.truth, estimates, scores, timing)
+
+
+def evaluated_tracking(
+    name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float, quiet: bool
+) -> Evaluated:
+    """Track a recording with the parameters in `file` and score that; otherwise as `evaluated_file`."""
+    config = load_configuration(file, ProductConfig)
+    estimates, timing = _tracked(recording, config, quiet)
+    scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
+    return Evaluated(name, result, recording, read.truth, estimates, scores, timing, configuration_values(config))
+
+
+def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
+    """The result's worst pairs with their pictures, for which the recording is read again."""
+    worst = worst_pairs(one.scores, count)
+    shown: dict[int, WorstFrame] = {}
+    if not worst:
+        return []
+    for pair in recorded_pairs(RecordingReader(one.path), ProductConfig()):
+        score = next((s for s in worst if abs(s.stamp_ns - pair.stamp_ns) <= SAME_PAIR_NS), None)
+        if score is not None:
+            picture = worst_picture(pair, one.truth.pairs[score.index], one.estimate(score.stamp_ns))
+            shown[score.index] = WorstFrame(score, picture)
+            if len(shown) == len(worst):
+                break
+    return [shown[score.index] for score in worst if score.index in shown]
+
+
+class _TimedTracker:
+    """A tracker that takes note of how long each pair took."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker = tracker
+        self.milliseconds: list[float] = []
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        return self._tracker.initialise(pair, seed)
+
+    def track(self, pair: FramePair) -> TrackResult:
+        begin = time.perf_counter()
+        try:
+            return self._tracker.track(pair)
+        finally:
+            self.milliseconds.append(1e3 * (time.perf_counter() - begin))
+
+    def reset(self) -> None:
+        self._tracker.reset()
+
+    def set_reference(self) -> None:
+        self._tracker.set_reference()
+
+    def reconfigure(self, config: TrackerConfig) -> None:
+        self._tracker.reconfigure(config)
+
+
+def _tracked(recording: Path, config: ProductConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
+    """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
+    from lasso_motion_ros.cli.track import track_recording
+    from lasso_motion_ros.tracker_factory import create_tracker
+
+    tracker = _TimedTracker(create_tracker(config))
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
+        result = Path(directory) / "result.mcap"
+        summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker)
+        if summary.statistics.poses == 0:
+            # A table of dashes would leave the reader to guess.
+            why = "; ".join(problem.text for problem in summary.problems)
+            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why}", file=sys.stderr)
+        timing = None
+        if tracker.milliseconds:
+            timing = Timing("Offline: wall time of each pair in the tracker alone.", np.array(tracker.milliseconds))
+        return read_estimates(result), timing
