@@ -148,7 +148,7 @@ def test_a_motion_in_another_frame_is_refused_and_the_node_ends_cleanly(graph: G
     bench.motion(0, 5.0, frame="map")
     graph.wait_until(lambda: "motion is in frame 'map', expected 'patient_table'" in graph.processes.log("overlay"))
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None, "not yet received"))
     graph.processes.send("overlay", signal.SIGINT)
     assert graph.wait_for_end("overlay") == 0
 

@@ -10,7 +10,6 @@ from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.pipeline import PipelineStatistics
 from lasso_motion_ros.tracker import TrackerState
-from msg_adapters.evaluation_input import LAST_LATENCY_KEY
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from msg_adapters.evaluation_input import LAST_LATENCY_KEY
+
 REMEMBERED = 1024
 PERCENTILES = (50, 95, 99)
 LONGEST_AGE_S = 60.0
@@ -38,7 +40,8 @@ class Latencies:
         """What the diagnostics say."""
         with self._lock:
             kinds = {"receipt": list(self.receipt_s), "stamp": list(self.stamp_s)}
-        return {
+        last = {LAST_LATENCY_KEY: f"{1e3 * kinds['receipt'][-1]:.1f}"} if kinds["receipt"] else {}
+        return last | {
             f"latency {kind} to published p50, p95, p99 (ms)": ", ".join(
                 f"{1e3 * value:.1f}" for value in np.percentile(values, PERCENTILES)
             )

@@ -17,6 +17,7 @@ Array = npt.NDArray[np.float64]
 
 KEPT = 64
 NEW_RUN_NS = NANOSECONDS
+NOT_YET = "not yet received"
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +87,7 @@ class MotionHistory:
             return Choice(own, remark)
         earlier = [(at, motion) for at, motion in self._motions if at <= stamp_ns + self._jitter_ns]
         if not earlier:
-            return Choice(None, "")
+            return Choice(None, NOT_YET)
         at, motion = earlier[-1]
         age_s = (stamp_ns - at) / NANOSECONDS
         if stamp_ns - at > self._timeout_ns:

@@ -11,23 +11,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import SetParametersResult
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 
-from lasso_motion_ros.configuration import OverlayConfig, configuration_from_values, configuration_values
-from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, MessageError
+from lasso_motion_ros.configuration import OverlayConfig
+from lasso_motion_ros.errors import ConfigurationError, MessageError
 from lasso_motion_ros.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.motion_history import Choice, MotionHistory
-from lasso_motion_ros.nodes.parameters import declare_configuration
+from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.registration_parameter import parse_registration
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
-from lasso_motion_ros.rendering.overlay import draw_overlay, overlay_style
+from lasso_motion_ros.rendering.overlay import OverlayPainter, overlay_style
 from lasso_motion_ros.rendering.surface import read_surface
 from msg_adapters.calibrated_frames import CalibratedFrames
 from msg_adapters.images import encode_image
@@ -72,11 +70,12 @@ class OverlayNode(Node):  # type: ignore[misc]
         super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
         self.complaints = ThrottledLog(self.get_logger())
         self._config = declare_configuration(self, OverlayConfig)
-        self._style = overlay_style(self._config.style)
         if not self._config.volume_file:
             raise ConfigurationError("volume_file: the surface to draw must be given (STL, PLY or OBJ)")
         surface = read_surface(self._config.volume_file, self._config.units)
         self._surface = surface.moved(parse_registration(self._config.registration))
+        # Keeps the static place's drawing from image to image; used by the thread that draws alone.
+        self._painter = OverlayPainter(self._surface, overlay_style(self._config.style))
         self._messages = RosMessages()
         self._marker: Any = None
         self._surface_shown = False
@@ -115,7 +114,7 @@ class OverlayNode(Node):  # type: ignore[misc]
                 ),
             )
         ]
-        self.add_on_set_parameters_callback(self._on_parameters)
+        self._live = LiveParameters(self, self._config, self._on_tuning)
         # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
         self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)
         self._thread.start()
@@ -128,18 +127,8 @@ class OverlayNode(Node):  # type: ignore[misc]
         if self._thread.is_alive():
             self._thread.join()
 
-    def _on_parameters(self, changes: list[Parameter]) -> SetParametersResult:
-        values = configuration_values(self._config) | {one.name: one.value for one in changes}
-        try:
-            # Parameters of rclpy itself are none of ours.
-            config = configuration_from_values(
-                OverlayConfig, {name: values[name] for name in configuration_values(self._config)}
-            )
-            self._style = overlay_style(config.style)
-        except LassoMotionError as error:
-            return SetParametersResult(successful=False, reason=str(error))
-        self._config = config
-        return SetParametersResult(successful=True)
+    def _on_tuning(self, config: OverlayConfig) -> None:
+        self._painter.style = overlay_style(config.style)
 
     def _publisher(self, topic: Topic) -> Publisher:
         package_message = self._messages.make(topic.type_name, {})
@@ -216,9 +205,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         publisher = self._pictures[plane]
         if publisher.get_subscription_count() == 0:
             return
-        picture = draw_overlay(
-            frame.pixels, frame.projection, self._surface, choice.motion, choice.status, style=self._style
-        )
+        picture = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status)
         header = header_fields(frame.stamp_ns, self._frame_ids[plane])
         publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
 
