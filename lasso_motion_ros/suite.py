@@ -33,6 +33,7 @@ DEFAULT_SEED = 2009
 DEFAULT_SEQUENCES = 60
 LONGEST_DROP_S = 2.9  # one plane alone is asked to carry a pose for up to 3 s
 MOVE_MM = 25.0
+LARGEST_MOVE_TURN_DEG = 15.0
 EVENT_SHARES = {"none": 0.5, "hide": 0.14, "remove": 0.08, "move": 0.12, "drop": 0.16}
 
 
@@ -163,7 +164,8 @@ def _events(random: np.random.Generator, scenario: Scenario) -> tuple[Event, ...
     plane = str(random.choice(PLANES))
     dropped = int(random.integers(1, 1 + min(4, max(1, int(LONGEST_DROP_S * scenario.rate_hz)))))
     moved_over = int(random.integers(1, 5))
-    shift, turn = MOVE_MM * _direction(random), 15.0 * _direction(random)
+    # Put into another vein the ring lies differently, but is still seen as a ring.
+    shift, turn = MOVE_MM * _direction(random), random.uniform(0.0, LARGEST_MOVE_TURN_DEG) * _direction(random)
     if kind == "hide":
         return (Event(kind, first, min(first + 4, scenario.pairs - 2)),)
     if kind == "remove":
