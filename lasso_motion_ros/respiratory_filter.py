@@ -30,14 +30,15 @@ COSINES = slice(4, 10, 2)
 HARMONICS = np.array([1, 2, 3])
 SHARES = np.array([1.0, 0.5, 0.4])  # standard deviation of each harmonic, of the first
 
-TIME_SCALE_S = 0.9  # of breathing's innovations: inspiration sets in faster than a period suggests
-FIRST_SPREAD_MM = 5.0  # of breathing along an axis, before any has been seen; counts as one measurement
+TIME_SCALE_S = 1.2  # of breathing: inspiration sets in faster than its period suggests
+FIRST_SPREAD_MM = 10.0  # of breathing along an axis, before any has been seen; counts as one measurement
 SMALLEST_SPREAD_MM = 0.5
 COHERENCE_S = 60.0  # by phase, a beat looks like those so long ago
 COHERENCE_UNTIMED_S = 15.0  # without R peaks, the beats' own irregularity counts too
 EVIDENCE_S = 30.0  # rates are judged by the measurements of this time: the heart's rate changes
 STEP_HZ = 0.05  # between the rates tried
 SMALLEST_NOISE_MM = 0.03
+LOG_ODDS = 5.0  # for a heartbeat where there are R peaks: it may be too small to be seen at first
 BREATHING_BAND_HZ = 0.5  # up to here breathing itself has power
 INTERVALS = 9  # of exposures, whose median is the frame rate
 LONGEST_REPLAY = 64  # measurements kept until the first beat's length is known
@@ -148,7 +149,6 @@ class RespiratoryFilter:
 
     def _result(self, phase: HeartPhase | None) -> Separation:
         rate = self.rate_hz or 0.0
-        count = len(self._rates_hz)
         if phase is not None:
             heart_hz = phase.frequency_hz
             apparent_hz = abs(heart_hz - rate * round(heart_hz / rate))
@@ -159,21 +159,25 @@ class RespiratoryFilter:
                     " motion is motion_raw",
                     heart_hz,
                 )
-            weights = np.zeros(count + 1)
-            weights[-1] = 1.0
-            return self._weighted(weights, f"by R peaks, {beats}, {rate:.1f} pairs/s", heart_hz)
+            return self._weighted(self._weights([0, -1]), f"by R peaks, {beats}, {rate:.1f} pairs/s", heart_hz)
         if rate <= 2.0 * self._fastest_hz:
             return _nothing(
                 f"{rate:.1f} pairs/s are too few to tell a heart of up to {60 * self._fastest_hz:.0f}/min from"
                 f" breathing without R peaks (more than {2.0 * self._fastest_hz:.1f} are needed):"
                 " motion is motion_raw"
             )
-        weights = np.append(np.exp(self._evidence[:-1] - self._evidence[:-1].max()), 0.0)
-        weights /= weights.sum()
+        weights = self._weights(slice(0, -1))
         sure = 1.0 - float(weights[0])
-        found_hz = float(weights[:count] @ self._rates_hz) / sure if sure > 0.5 else None
+        found_hz = float(weights[:-1] @ self._rates_hz) / sure if sure > 0.5 else None
         found = "no heartbeat found" if found_hz is None else f"a heart of about {60 * found_hz:.0f}/min"
         return self._weighted(weights, f"without R peaks, {found}, {rate:.1f} pairs/s", found_hz)
+
+    def _weights(self, members: slice | list[int]) -> Array:
+        """How far each hypothesis is to be believed, among some of them; the others get 0."""
+        evidence = self._evidence + np.append(np.zeros(len(self._rates_hz)), LOG_ODDS)
+        weights = np.zeros(len(evidence))
+        weights[members] = np.exp(evidence[members] - evidence[members].max())
+        return weights / float(weights.sum())
 
     def _weighted(self, weights: Array, text: str, heart_hz: float | None) -> Separation:
         """The heartbeat now less that at the reference, over all hypotheses."""

@@ -14,7 +14,7 @@ from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.pipeline import Output, ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.markers import ADD, DELETE
-from msg_adapters.messages import stamp_to_ns
+from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
 
 
@@ -246,6 +246,35 @@ def test_statistics_count_what_came_and_what_became_of_it() -> None:
     assert statistics.frames["b"].images == 5
     assert statistics.last_pose_ns == stamp(4)
     assert statistics.residual_px == {"a": 0.5, "b": 0.4}
+
+
+def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_none() -> None:
+    line = pipeline(**{"heartbeat.mode": "gate", "heartbeat.window_start": 0.5, "heartbeat.window_end": 0.9})
+    outputs: list[Output] = []
+    # A beat of four periods, an R peak with pairs -4, 0, 4 …: pairs 2, 3, 6, 7 … lie at 0.5 and 0.75 of it.
+    for index in (-4, 0):
+        assert line.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index), "ecg"))) == []
+    for index in range(0, 8, 4):
+        outputs += run(line, stream(4, start=index, seeded=0))
+        line.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index + 4), "ecg")))
+    assert poses(outputs) == {stamp(k): float(k) for k in (0, 2, 3, 6, 7)}
+    assert names(outputs).count("motion_with_covariance") == 5
+    assert names(outputs).count("motion_raw") == 8
+    heartbeat = line.statistics().heartbeat
+    assert heartbeat is not None
+    assert heartbeat.values["poses in the window"] == "4 of 8"
+
+
+def test_filtered_motion_differs_from_raw_motion_only_where_the_heart_can_be_told() -> None:
+    line = pipeline(**{"heartbeat.mode": "filter"})
+    outputs = run(line, stream(8))
+    raw = [output.message for output in outputs if output.topic.name == "motion_raw"]
+    assert [decode_pose(one)[0, 3] for one in raw] == [1e-3 * x for x in poses(outputs).values()]
+    heartbeat = line.statistics().heartbeat
+    assert heartbeat is not None
+    assert not heartbeat.works
+    assert "3.0 pairs/s are too few" in heartbeat.text
+    assert pipeline().statistics().heartbeat is None
 
 
 def test_images_are_released() -> None:
