@@ -17,6 +17,7 @@ from lasso_motion_ros.configuration import (
     ParameterSpec,
     ProductConfig,
     Value,
+    WebConfig,
     configuration_from_values,
     configuration_values,
     parameter_table,
@@ -54,6 +55,7 @@ PARAMETER_FILES = (
     ParameterFile(
         "overlay.yaml", "The overlay node: give volume_file, units and registration.", "lasso_overlay", OverlayConfig
     ),
+    ParameterFile("web.yaml", "The node behind the page in the browser.", "lasso_web", WebConfig),
 )
 
 
@@ -82,7 +84,11 @@ def parameter_yaml(file: ParameterFile) -> str:
 def parameter_reference() -> str:
     """The documentation of all parameters, Markdown."""
     lines = ["# Parameters", "", "Written from the parameter table by `make config`; do not edit.", ""]
-    for node, config_type in (("lasso_tracker", ProductConfig), ("lasso_overlay", OverlayConfig)):
+    for node, config_type in (
+        ("lasso_tracker", ProductConfig),
+        ("lasso_overlay", OverlayConfig),
+        ("lasso_web", WebConfig),
+    ):
         lines += [
             f"## {node}",
             "",

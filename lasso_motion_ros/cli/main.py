@@ -41,6 +41,7 @@ COMMANDS = (
     Command("play", "publish a recording on its topics in real time", "play"),
     Command("record", "capture a live graph's inputs and outputs, safe against a crash; repair a cut file", "record"),
     Command("check", "look at a live graph or a recording: what is wrong, and how to mend it", "check"),
+    Command("web", "a page in the browser: see it live, click to start, draw centrelines", "web"),
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
     Command("suite", "many random phantom sequences: render, track, score", "suite"),
     Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),

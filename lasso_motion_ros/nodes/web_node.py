@@ -20,7 +20,7 @@ from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.configuration import WebConfig
-from lasso_motion_ros.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.parameters import declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
@@ -74,7 +74,7 @@ class WebNode(Node):  # type: ignore[misc]
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
         self._seeds = {plane: self._publisher(plane) for plane in PLANES}
-        self._services = {name: self.create_client(Trigger, f"{config.tracker}/{name}") for name in _TRIGGERS}
+        self._trigger_clients = {name: self.create_client(Trigger, f"{config.tracker}/{name}") for name in _TRIGGERS}
         self._freeze = self.create_client(SetBool, f"{config.tracker}/freeze")
         self._set_style = self.create_client(SetParameters, f"{config.overlay}/set_parameters")
         self._get_style = self.create_client(GetParameters, f"{config.overlay}/get_parameters")
@@ -240,7 +240,7 @@ class WebNode(Node):  # type: ignore[misc]
     def _trigger(self, name: str) -> str:
         if name == "reset":
             self._sent, self._again, self._waits_for_answer = {}, None, False
-        answer = self._call(self._services[name], Trigger.Request(), name)
+        answer = self._call(self._trigger_clients[name], Trigger.Request(), name)
         if not answer.success:
             raise TrackingError(answer.message or f"the tracker refused {name}")
         return _TRIGGERS[name]

@@ -1,0 +1,88 @@
+"""`lasso-motion web`: the page in the browser, live or to draw centrelines into a recording."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from pathlib import Path
+
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.nodes.processes import LOOPBACK
+from lasso_motion_ros.nodes.running import require_ros
+
+HELP = """A page in the browser: both planes live with overlay and tracked loop, state, motion and latency; clicking
+along the loop in both planes starts the tracker. With --annotate, the same tool draws the loop's centrelines into a
+copy of a recording, frame by frame, as /ground_truth/plane_x/catheter; that needs no ROS. Only this machine reaches
+page and graph, unless --host and ROS_AUTOMATIC_DISCOVERY_RANGE say otherwise."""
+
+DEFAULT_HOST = "127.0.0.1"
+DEFAULT_PORT = 8080
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the command's arguments."""
+    parser.add_argument("--host", default=DEFAULT_HOST, help=f"address to listen on (default {DEFAULT_HOST})")
+    parser.add_argument("--port", type=_port, default=DEFAULT_PORT, help=f"TCP port (default {DEFAULT_PORT}; 0: any)")
+    parser.add_argument(
+        "--allow-host", action="append", default=[], metavar="NAME", help="a further name browsers may ask for it by"
+    )
+    parser.add_argument("--annotate", type=Path, metavar="IN.mcap", help="draw centrelines into a copy of a recording")
+    parser.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="with --annotate: the copy")
+    parser.add_argument("--overwrite", action="store_true", help="with --annotate: replace OUT.mcap if it exists")
+    parser.add_argument(
+        "--remap",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="FROM:=TO",
+        help="with --annotate: read the recorded topic FROM as TO",
+    )
+    parser.add_argument(
+        "--ros-args", nargs=argparse.REMAINDER, default=[], help="what follows goes to ROS (-r __ns:=/lab, -p …)"
+    )
+
+
+def run(args: argparse.Namespace) -> int:
+    """Serve the page until stopped; returns the exit status."""
+    if args.annotate is not None:
+        return _annotate(args)
+    if args.output is not None:
+        raise LassoMotionError("-o goes with --annotate IN.mcap")
+    require_ros()
+    for name, value in LOOPBACK.items():
+        os.environ.setdefault(name, value)
+    from lasso_motion_ros.nodes.lasso_web import main
+
+    values = {"host": args.host, "port": args.port, "allowed_hosts": " ".join(args.allow_host)}
+    # Quotes: a host of digits must stay a text.
+    words = [word for name, value in values.items() for word in ("-p", f"{name}:={_yaml(value)}")]
+    return main(["--ros-args", *words, *args.ros_args])
+
+
+def _annotate(args: argparse.Namespace) -> int:
+    from lasso_motion_ros.cli.track import parse_remap
+    from lasso_motion_ros.web.annotation import annotate
+
+    if args.output is None:
+        raise LassoMotionError("--annotate needs -o OUT.mcap, the copy to draw into")
+    return annotate(
+        args.annotate,
+        args.output,
+        host=args.host,
+        port=args.port,
+        names=tuple(args.allow_host),
+        remap=parse_remap(args.remap),
+        overwrite=args.overwrite,
+        quiet=args.quiet,
+    )
+
+
+def _yaml(value: str | int) -> str:
+    return f"'{value}'" if isinstance(value, str) else str(value)
+
+
+def _port(text: str) -> int:
+    value = int(text)
+    if not 0 <= value <= 65535:
+        raise argparse.ArgumentTypeError(f"expected 0 to 65535, found {text}")
+    return value

@@ -1,0 +1,78 @@
+"""Pictures to files in memory: windowed for the eye, JPEG for what passes, PNG for what is clicked."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+
+import cv2
+import numpy as np
+
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.rendering.windowing import window_image, window_limits
+from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
+from lasso_motion_ros.web.source import Picture, PlanePicture, View
+
+JPEG_QUALITY = 88
+PNG_COMPRESSION = 1
+_KEPT = 4
+
+
+class PictureEncoder:
+    """Encodes each picture once for all pages that want it alike; may be called from several threads."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._kept: OrderedDict[tuple[int, View, Window], bytes] = OrderedDict()
+
+    def encode(self, picture: Picture, view: View, window: Window) -> bytes:
+        """The binary message of a picture (see `encode_picture`)."""
+        key = (picture.number, view, window)
+        with self._lock:
+            if key in self._kept:
+                return self._kept[key]
+            planes = {
+                plane: encode_plane(picture.planes[plane], window, lossless=picture.held)
+                for plane in PLANES
+                if plane in picture.planes
+            }
+            message = encode_picture(picture.number, picture.held, view, planes)
+            self._kept[key] = message
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+            return message
+
+
+def encode_plane(picture: PlanePicture, window: Window, *, lossless: bool) -> EncodedPlane:
+    """One plane as JPEG or PNG.
+
+    Args:
+        picture: grey values of any depth, or RGB.
+        window: for grey values.
+        lossless: PNG.
+
+    Raises:
+        LassoMotionError: it cannot be encoded.
+    """
+    pixels = picture.pixels
+    shown = windowed(pixels, window) if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR)
+    name, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    if lossless:
+        name, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION]
+    done, data = cv2.imencode(name, shown, options)
+    if not done:
+        raise LassoMotionError(f"a picture of {pixels.shape} {pixels.dtype} cannot be encoded")
+    height, width = pixels.shape[:2]
+    return EncodedPlane(
+        picture.stamp_ns, width, height, "png" if lossless else "jpeg", data.tobytes(), picture.loop
+    )  # fmt: skip
+
+
+def windowed(pixels: np.ndarray, window: Window) -> np.ndarray:
+    """(H, W) uint8: what suits the picture by itself, made brighter, or richer in contrast about its middle."""
+    low, high = window_limits(pixels)
+    half = 0.5 * (high - low)
+    middle = 0.5 * (high + low) - window.brightness * half
+    half /= window.contrast
+    return window_image(pixels, (middle - half, middle + half))

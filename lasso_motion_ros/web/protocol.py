@@ -1,0 +1,181 @@
+"""What goes over the WebSocket: bounded, checked JSON from the page; JSON and pictures to it."""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.web.source import VIEWS, View
+
+Array = npt.NDArray[np.float64]
+
+MAX_MESSAGE_BYTES = 1 << 18
+MAX_POINTS = 4000
+COMMANDS = frozenset(
+    {"hold", "release", "seed", "reset", "set_reference", "style", "go", "draw", "save"}
+)  # fmt: skip
+_LARGEST_COORDINATE = 1e5
+
+
+@dataclass(frozen=True)
+class Window:
+    """How grey values are shown, relative to what suits the picture by itself.
+
+    Attributes:
+        brightness: −1 to 1, added, in units of the shown range's half.
+        contrast: 0.2 to 5, times.
+    """
+
+    brightness: float = 0.0
+    contrast: float = 1.0
+
+
+@dataclass(frozen=True)
+class Look:
+    """What a page wants to see."""
+
+    view: View
+    window: Window
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The page has drawn the last picture and can take another."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """A command; its answer carries the same id."""
+
+    id: int
+    name: str
+    body: Mapping[str, Any]
+
+
+def parse(text: str) -> Look | Shown | Request:
+    """A message from the page.
+
+    Raises:
+        MessageError: not JSON, an unknown kind, or a value that is not allowed.
+    """
+    try:
+        # Without this, "NaN" and "Infinity" would pass for numbers.
+        message = json.loads(text, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise MessageError(f"not JSON: {error}") from error
+    if not isinstance(message, dict):
+        raise MessageError(f"expected an object, found {type(message).__name__}")
+    kind = message.get("type")
+    if kind == "shown":
+        return Shown()
+    if kind == "look":
+        view = message.get("view")
+        if view not in VIEWS:
+            raise MessageError(f"view: expected one of {', '.join(VIEWS)}, found {view!r}")
+        return Look(
+            view, Window(_number(message, "brightness", -1.0, 1.0), _number(message, "contrast", 0.2, 5.0))
+        )  # fmt: skip
+    if kind in COMMANDS:
+        identity = message.get("id")
+        if type(identity) is not int:
+            raise MessageError(f"id: expected a whole number, found {identity!r}")
+        return Request(identity, str(kind), message)
+    raise MessageError(f"type: unknown: {kind!r}")
+
+
+def points(body: Mapping[str, Any], plane: Plane, fewest: int = 0) -> Array:
+    """The points of one plane, (N, 2) pixels, in a command's body.
+
+    Raises:
+        MessageError: not a list of pairs of finite numbers, too few, or absurdly many.
+    """
+    found = body.get(plane)
+    if not isinstance(found, list) or len(found) > MAX_POINTS:
+        raise MessageError(f"plane {plane.upper()}: expected a list of at most {MAX_POINTS} points")
+    if len(found) < fewest:
+        raise MessageError(f"plane {plane.upper()}: expected {fewest} points or more, found {len(found)}")
+    for point in found:
+        if not (isinstance(point, list) and len(point) == 2 and all(_is_coordinate(value) for value in point)):
+            raise MessageError(f"plane {plane.upper()}: expected points [x, y], found {point!r}")
+    return np.array(found, dtype=np.float64).reshape(-1, 2)
+
+
+def text(name: str, body: Mapping[str, Any], choices: tuple[str, ...]) -> str:
+    """One word of a few, in a command's body.
+
+    Raises:
+        MessageError: another one.
+    """
+    value = body.get(name)
+    if value not in choices:
+        raise MessageError(f"{name}: expected one of {', '.join(choices)}, found {value!r}")
+    return str(value)
+
+
+def encode(kind: str, **fields: Any) -> str:
+    """A message to the page. A NaN in it would not be JSON and is refused.
+
+    Raises:
+        ValueError: a number that is not finite.
+    """
+    return json.dumps({"type": kind, **fields}, separators=(",", ":"), allow_nan=False)
+
+
+@dataclass(frozen=True, eq=False)
+class EncodedPlane:
+    """One plane's picture as a file in memory, and what lies over it."""
+
+    stamp_ns: int
+    width: int
+    height: int
+    kind: Literal["jpeg", "png"]
+    data: bytes
+    loop: Array | None
+
+
+def encode_picture(number: int, held: bool, view: View, planes: Mapping[Plane, EncodedPlane]) -> bytes:
+    """A binary message: length of the JSON header (little-endian uint32), header, the planes' files one after another.
+
+    Stamps are strings: nanoseconds since 1970 are beyond what a JavaScript number holds exactly.
+    """
+    described = {}
+    for plane, one in planes.items():
+        described[plane] = {
+            "stamp": str(one.stamp_ns),
+            "width": one.width,
+            "height": one.height,
+            "kind": one.kind,
+            "bytes": len(one.data),
+            "loop": None if one.loop is None else np.round(one.loop, 2).tolist(),
+        }
+    header = encode("picture", number=number, held=held, view=view, planes=described).encode()
+    return b"".join([struct.pack("<I", len(header)), header, *(planes[p].data for p in PLANES if p in planes)])
+
+
+def _number(message: Mapping[str, Any], name: str, low: float, high: float) -> float:
+    value = message.get(name)
+    if not _is_finite(value) or not low <= value <= high:  # type: ignore[operator]
+        raise MessageError(f"{name}: expected {low:g} to {high:g}, found {value!r}")
+    return float(value)  # type: ignore[arg-type]
+
+
+def _is_finite(value: object) -> bool:
+    # A whole number may be too large for a float.
+    return isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < math.inf
+
+
+def _is_coordinate(value: object) -> bool:
+    return _is_finite(value) and abs(value) <= _LARGEST_COORDINATE  # type: ignore[arg-type]
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not a number")

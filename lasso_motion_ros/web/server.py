@@ -1,0 +1,316 @@
+"""The web server: one page, its files, and a WebSocket that brings the newest picture to whoever can take one."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import ipaddress
+import logging
+import socket
+import threading
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from lasso_motion_ros.errors import LassoMotionError, MessageError
+from lasso_motion_ros.web.pictures import PictureEncoder
+from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, Look, Request, Shown, Window, encode, parse
+from lasso_motion_ros.web.source import Source, View
+
+try:
+    from aiohttp import WSCloseCode, WSMsgType, web
+except ImportError as error:
+    raise LassoMotionError(
+        f"the page needs aiohttp ({error}): pip install aiohttp, or the [web] extra; apt has python3-aiohttp"
+    ) from error
+
+LOG = logging.getLogger(__name__)
+STATIC = Path(__file__).parent / "static"
+FILES = {
+    "index.html": "text/html",
+    "style.css": "text/css",
+    "app.js": "text/javascript",
+    "link.js": "text/javascript",
+    "plane.js": "text/javascript",
+    "clicks.js": "text/javascript",
+    "trace.js": "text/javascript",
+    "vendor/uPlot.iife.min.js": "text/javascript",
+    "vendor/uPlot.min.css": "text/css",
+    "vendor/uPlot.LICENSE": "text/plain",
+}
+LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
+MAX_PAGES = 8
+TICK_S = 0.1
+SHORTEST_PAUSE_S = 0.02
+START_WAIT_S = 10.0
+SHUTDOWN_WAIT_S = 1.0
+
+
+@dataclass(eq=False)
+class _Page:
+    """One page that is connected, and what it has been sent."""
+
+    socket: web.WebSocketResponse
+    look: Look = field(default_factory=lambda: Look("film", Window()))
+    wake: asyncio.Event = field(default_factory=asyncio.Event)
+    can_take: bool = True
+    sent: tuple[int, View, Window] | None = None
+    status: str = ""
+    trace: int = 0
+    work: set[asyncio.Task[None]] = field(default_factory=set)
+
+
+class WebServer:
+    """Serves a source, in a thread of its own.
+
+    Security: the Host header must be an address or a name of this machine (a page of another site whose name was
+    made to point here is refused), the WebSocket's Origin must be this server, messages are bounded and checked,
+    the content security policy allows no script but the page's own files. There is no login: who reaches the port
+    can use the page, so it is bound to this machine unless told otherwise.
+
+    Args:
+        source: what is shown.
+        host: address to listen on.
+        port: TCP port; 0 takes a free one.
+        names: further host names by which browsers may ask for it.
+    """
+
+    def __init__(self, source: Source, host: str = "127.0.0.1", port: int = 8080, names: tuple[str, ...] = ()) -> None:
+        self._source = source
+        self._host, self._port = host, port
+        self._names = LOOPBACK_NAMES | {host.lower(), socket.gethostname().lower(), *(name.lower() for name in names)}
+        self._encoder = PictureEncoder()
+        self._pages: set[_Page] = set()
+        self._loop = asyncio.new_event_loop()
+        self._stopping = asyncio.Event()
+        self._ready = threading.Event()
+        self._failure: Exception | None = None
+        self._thread = threading.Thread(target=self._run, name="web", daemon=True)
+
+    @property
+    def url(self) -> str:
+        """Where the page is."""
+        host = "127.0.0.1" if self._host in ("", "0.0.0.0", "::") else self._host  # noqa: S104 - compared, not bound
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._port}/"
+
+    @property
+    def is_local(self) -> bool:
+        """Whether only this machine reaches it."""
+        with contextlib.suppress(ValueError):
+            return ipaddress.ip_address(self._host).is_loopback
+        return self._host == "localhost"
+
+    def start(self) -> None:
+        """Listen.
+
+        Raises:
+            LassoMotionError: the address or port cannot be had.
+        """
+        self._thread.start()
+        if not self._ready.wait(START_WAIT_S):
+            raise LassoMotionError(f"the web server has not started within {START_WAIT_S:g} s")
+        if self._failure is not None:
+            self._thread.join()
+            reason = self._failure.strerror if isinstance(self._failure, OSError) else str(self._failure)
+            raise LassoMotionError(
+                f"cannot listen on {self._host}:{self._port}: {reason}; choose another port with --port"
+            ) from self._failure
+
+    def stop(self) -> None:
+        """Say goodbye to the pages and end the thread."""
+        if self._thread.is_alive():
+            with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+                self._loop.call_soon_threadsafe(self._stopping.set)
+            self._thread.join()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        try:
+            self._loop.run_until_complete(self._serve())
+        except Exception as error:
+            if self._ready.is_set():
+                LOG.exception("the web server has ended")
+            self._failure = error
+        finally:
+            self._ready.set()
+            with contextlib.suppress(Exception):
+                self._loop.run_until_complete(self._loop.shutdown_default_executor())
+            self._loop.close()
+
+    async def _serve(self) -> None:
+        application = web.Application(middlewares=[self._guard], client_max_size=1024)
+        application.on_response_prepare.append(self._add_headers)
+        application.router.add_get("/", self._index)
+        application.router.add_get("/live", self._live)
+        application.router.add_get("/{name:.+}", self._file)
+        runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=SHUTDOWN_WAIT_S)
+        await runner.setup()
+        try:
+            site = web.TCPSite(runner, self._host, self._port)
+            await site.start()
+            if self._port == 0:
+                self._port = runner.addresses[0][1]
+            self._source.watch(self._wake_from_thread)
+            self._ready.set()
+            while not self._stopping.is_set():
+                with contextlib.suppress(asyncio.TimeoutError):
+                    await asyncio.wait_for(self._stopping.wait(), TICK_S)
+                self._wake()
+            for page in list(self._pages):
+                await page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server stops")
+        finally:
+            await runner.cleanup()
+
+    def _wake_from_thread(self) -> None:
+        with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
+            self._loop.call_soon_threadsafe(self._wake)
+
+    def _wake(self) -> None:
+        for page in self._pages:
+            page.wake.set()
+
+    # Requests.
+
+    @web.middleware
+    async def _guard(
+        self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
+    ) -> web.StreamResponse:
+        if not self._is_ours(request.headers.get("Host", "")):
+            raise web.HTTPForbidden(text="this server does not answer to that host name; see --allow-host\n")
+        return await handler(request)
+
+    def _is_ours(self, host: str) -> bool:
+        """Whether a Host header names this server: by an address, or by a name that was foreseen.
+
+        A page of another site may have its own name resolved to this address (DNS rebinding), but the browser then
+        still says that name.
+        """
+        name = (urlsplit(f"//{host}").hostname or "").lower()
+        if name in self._names:
+            return True
+        with contextlib.suppress(ValueError):
+            return not self.is_local and bool(ipaddress.ip_address(name))
+        return False
+
+    @staticmethod
+    async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
+        response.headers.update(
+            {
+                # 'self' alone does not cover WebSockets in every browser.
+                "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'"
+                f" blob: data:; connect-src 'self' ws://{request.host} wss://{request.host}; base-uri 'none';"
+                " form-action 'none'; frame-ancestors 'none'",
+                "X-Content-Type-Options": "nosniff",
+                "X-Frame-Options": "DENY",
+                "Referrer-Policy": "no-referrer",
+                "Cache-Control": "no-cache",
+            }
+        )
+
+    async def _index(self, request: web.Request) -> web.StreamResponse:
+        return self._response("index.html")
+
+    async def _file(self, request: web.Request) -> web.StreamResponse:
+        return self._response(request.match_info["name"])
+
+    @staticmethod
+    def _response(name: str) -> web.Response:
+        if name not in FILES:
+            raise web.HTTPNotFound(text="no such page\n")
+        return web.Response(body=(STATIC / name).read_bytes(), content_type=FILES[name], charset="utf-8")
+
+    # The WebSocket.
+
+    async def _live(self, request: web.Request) -> web.StreamResponse:
+        origin = urlsplit(request.headers.get("Origin", ""))
+        if origin.scheme not in ("http", "https") or origin.netloc != request.headers.get("Host"):
+            raise web.HTTPForbidden(text="only the page itself may connect\n")
+        if len(self._pages) >= MAX_PAGES:
+            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are connected already\n")
+        page = _Page(web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=10.0, compress=False))
+        await page.socket.prepare(request)
+        self._pages.add(page)
+        self._tell_audience()
+        page.wake.set()
+        writer = asyncio.create_task(self._write(page))
+        try:
+            async for message in page.socket:
+                if message.type is not WSMsgType.TEXT:
+                    await page.socket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"expected text")
+                    break
+                await self._take(page, message.data)
+        finally:
+            self._pages.discard(page)
+            for task in (writer, *page.work):
+                task.cancel()
+            self._tell_audience()
+        return page.socket
+
+    async def _take(self, page: _Page, text: str) -> None:
+        try:
+            message = parse(text)
+        except MessageError as error:
+            await page.socket.send_str(encode("refused", text=str(error)))
+            return
+        if isinstance(message, Shown):
+            page.can_take = True
+        elif isinstance(message, Look):
+            page.look = message
+            self._tell_audience()
+        else:
+            # Beside the reading: a service may take its time, and `shown` must get through meanwhile.
+            task = asyncio.create_task(self._answer(page, message))
+            page.work.add(task)
+            task.add_done_callback(page.work.discard)
+        page.wake.set()
+
+    async def _answer(self, page: _Page, request: Request) -> None:
+        done, text = True, ""
+        try:
+            text = await asyncio.to_thread(self._source.command, request.name, request.body)
+        except LassoMotionError as error:
+            done, text = False, str(error)
+        except Exception as error:
+            LOG.exception("command %s", request.name)
+            done, text = False, f"{type(error).__name__}: {error}"
+        with contextlib.suppress(ConnectionError):
+            await page.socket.send_str(encode("answer", id=request.id, done=done, text=text))
+        self._wake()
+
+    async def _write(self, page: _Page) -> None:
+        """Send what is new: words and numbers always, a picture only once the last one has been drawn."""
+        try:
+            while not page.socket.closed:
+                await page.wake.wait()
+                page.wake.clear()
+                await self._send_news(page)
+                await asyncio.sleep(SHORTEST_PAUSE_S)
+        except ConnectionError:
+            return
+        except Exception:
+            LOG.exception("a page could not be served")
+            await page.socket.close(code=WSCloseCode.INTERNAL_ERROR)
+
+    async def _send_news(self, page: _Page) -> None:
+        status = encode("status", **self._source.status())
+        if status != page.status:
+            page.status = status
+            await page.socket.send_str(status)
+        points = self._source.trace(page.trace)
+        if points:
+            page.trace = points[-1].number
+            rows = [[round(one.time_s, 3), *(one.shift_mm or (None,) * 3)] for one in points]
+            await page.socket.send_str(encode("trace", points=rows))
+        if not page.can_take:
+            return
+        look = page.look
+        picture = self._source.picture(look.view)
+        if picture is None or page.sent == (picture.number, look.view, look.window):
+            return
+        page.sent, page.can_take = (picture.number, look.view, look.window), False
+        data = await asyncio.to_thread(self._encoder.encode, picture, look.view, look.window)
+        await page.socket.send_bytes(data)
+
+    def _tell_audience(self) -> None:
+        self._source.audience(frozenset(page.look.view for page in self._pages))

@@ -1,0 +1,90 @@
+"""What the server shows: pictures of both planes, a status, a motion trace, and commands; live or from a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.frames import Plane
+
+Array = npt.NDArray[np.float64]
+View = Literal["film", "overlay"]
+VIEWS: tuple[View, ...] = ("film", "overlay")
+
+
+@dataclass(frozen=True, eq=False)
+class PlanePicture:
+    """One plane's picture.
+
+    Attributes:
+        stamp_ns: the image's stamp.
+        pixels: (H, W) uint8 or uint16, to be windowed for the eye; or (H, W, 3) uint8 RGB, to be shown as it is.
+        loop: (N, 2) the tracked loop in this image's pixels, at this image's pair; or None.
+    """
+
+    stamp_ns: int
+    pixels: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+    loop: Array | None
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What both planes show at one time.
+
+    Attributes:
+        number: another number is another picture.
+        held: it stays until it is released, for a person to click in: worth sending without loss.
+        planes: what there is of each plane.
+    """
+
+    number: int
+    held: bool
+    planes: Mapping[Plane, PlanePicture]
+
+
+@dataclass(frozen=True)
+class TracePoint:
+    """One point of the motion trace.
+
+    Attributes:
+        number: counts up from point to point.
+        time_s: when it came (the source's steady clock, seconds).
+        shift_mm: displacement of the loop's centre along the world's x, y, z since the reference; None: no pose.
+    """
+
+    number: int
+    time_s: float
+    shift_mm: tuple[float, float, float] | None
+
+
+class Source(Protocol):
+    """What the server asks; called from the server's threads."""
+
+    def status(self) -> dict[str, Any]:
+        """All that the page says in words and numbers, ready for JSON."""
+
+    def picture(self, view: View) -> Picture | None:
+        """The newest picture; None before the first."""
+
+    def trace(self, after: int) -> list[TracePoint]:
+        """Points with a number above `after`, oldest first."""
+
+    def command(self, name: str, body: Mapping[str, Any]) -> str:
+        """Do what the user asks; may block.
+
+        Returns:
+            A line for the user, or nothing.
+
+        Raises:
+            LassoMotionError: it cannot be done; the text is for the user.
+        """
+
+    def watch(self, on_change: Callable[[], None]) -> None:
+        """Have a function called, from any thread, when there is something new."""
+
+    def audience(self, views: frozenset[View]) -> None:
+        """Be told which views somebody looks at; empty when the last page has gone."""

@@ -1,0 +1,427 @@
+// The page: what the server says goes on the screen, what the user does goes to the server.
+
+import { Clicks, smooth } from "./clicks.js";
+import { Link } from "./link.js";
+import { Plane } from "./plane.js";
+import { Trace } from "./trace.js";
+
+const NAMES = ["a", "b"];
+const ARMED_MS = 3000;
+const MESSAGE_MS = 8000;
+const ANSWER_MS = 6000;
+const get = (id) => document.getElementById(id);
+
+const clicks = new Clicks();
+const planes = {};
+let chosen = "a";
+let status = null;
+let connected = false;
+let everConnected = false;
+let view = "overlay";
+let drawn = [];
+let sentAt = null;
+let stopArmed = null;
+
+const trace = new Trace(get("trace"));
+for (const name of NAMES) {
+  planes[name] = new Plane(get(`plane-${name}`), name, {
+    add: (plane, point) => change(() => clicks.add(plane, point)),
+    remove: (plane) => change(() => clicks.removeLast(plane)),
+    grab: () => clicks.remember(),
+    move: (plane, index, point) => change(() => clicks.move(plane, index, point)),
+    choose: (plane) => choose(plane, false),
+  });
+}
+const link = new Link({ status: takeStatus, trace: takeTrace, picture: takePicture, connection: takeConnection });
+
+// From the server.
+
+function takeConnection(now) {
+  if (now && !connected) trace.clear();
+  connected = now;
+  everConnected ||= now;
+  if (now) wish();
+  refresh();
+}
+
+function takeStatus(now) {
+  const before = status;
+  status = now;
+  if (now.mode === "live") {
+    if (now.held && !before?.held) begin();
+    if (!now.held && before?.held) end();
+    if (before && !before.overlay && now.overlay) wish();
+  } else if (before?.index !== now.index || before?.version !== now.version) {
+    load(now);
+  }
+  refresh();
+}
+
+function takeTrace(rows) {
+  trace.add(rows);
+  const last = rows[rows.length - 1];
+  ["x", "y", "z"].forEach((axis, i) => (get(`shift-${axis}`).textContent = last[i + 1] === null ? "–" : signed(last[i + 1])));
+}
+
+function takePicture(header, bitmaps) {
+  for (const name of NAMES) {
+    if (bitmaps[name]) planes[name].show(bitmaps[name], header.planes[name].loop);
+    else planes[name].loop = null;
+    planes[name].missing = !bitmaps[name];
+  }
+  const now = performance.now();
+  drawn.push(now);
+  drawn = drawn.filter((at) => now - at < 3000);
+  refresh();
+}
+
+// What is on the screen.
+
+function refresh() {
+  const live = status?.mode !== "annotate";
+  const clicking = Boolean(status && connected && (live ? status.held : true));
+  const words = headline();
+  document.documentElement.style.setProperty("--state", words.colour);
+  get("state").textContent = words.state;
+  get("reason").textContent = words.reason;
+  get("reason").title = words.reason;
+  get("detail").textContent = words.detail;
+  const alarm = words.alarm ?? (clicking && live ? { text: `Picture held. ${todo()}`, hint: true } : null);
+  get("alarm").hidden = !alarm;
+  get("alarm").textContent = alarm?.text ?? "";
+  get("alarm").classList.toggle("hint", Boolean(alarm?.hint));
+  get("numbers").hidden = get("live-panel").hidden = !live;
+  get("latency").textContent = milliseconds(status?.latency_ms);
+  get("tracker-latency").textContent = milliseconds(status?.tracker_latency_ms);
+  get("rate").textContent = drawn.length > 1 ? `${((drawn.length - 1) / ((drawn[drawn.length - 1] - drawn[0]) / 1000)).toFixed(1)} /s` : "–";
+  get("click-panel").hidden = !(live && clicking);
+  get("draw-panel").hidden = live;
+  get("hold").hidden = clicking;
+  for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && !status?.tracker);
+  get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
+  get("reference").disabled ||= status?.state !== "TRACKING";
+  get("view").disabled = !status?.overlay || clicking;
+  get("view").querySelector("span").textContent =
+    view === "overlay" && status?.overlay ? "Showing overlay – switch to film" : "Showing film – switch to overlay";
+  get("drawing").disabled = !status?.drawing;
+  if (status?.drawing) get("drawing").value = status.drawing;
+  const windowed = live && view === "overlay" && status?.overlay && !clicking;
+  for (const id of ["brightness", "contrast", "window-reset"]) {
+    get(id).disabled = windowed;
+    get(id).title = windowed ? "the overlay node windows its own pictures; switch to film" : "";
+  }
+  if (live && clicking) get("click-help").textContent = "In both planes, click 6 or more points along the loop, in order.";
+  get("send").disabled = !enough();
+  for (const name of NAMES) {
+    const plane = planes[name];
+    const silence = live ? status?.stopped_s?.[name] : null;
+    plane.colour = words.colour;
+    if (live && (!status?.has_pose || clicking)) plane.loop = null;
+    plane.clicking = clicking;
+    plane.points = clicking ? clicks.points[name] : [];
+    plane.curve = clicking && plane.points.length > 1 ? smooth(plane.points, !live && get("closed").checked) : null;
+    if (!live && !plane.points.length) plane.curve = status?.curves?.[name] ?? null;
+    plane.root.classList.toggle("clicking", clicking);
+    plane.root.classList.toggle("chosen", clicking && chosen === name);
+    plane.root.classList.toggle("old", !connected || (live && !clicking && typeof silence === "number"));
+    plane.count.hidden = !clicking;
+    plane.count.textContent = live ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
+    plane.count.classList.toggle("enough", plane.points.length >= fewest());
+    plane.say(remark(plane, name, live, silence));
+    plane.drawMarks();
+  }
+  if (!live && status) refreshDrawing();
+}
+
+function headline() {
+  const colour = "#aaaaaa";
+  if (!connected) {
+    const text = everConnected ? "Connection to the server lost. Trying again …" : "Connecting to the server …";
+    return { colour, state: "NO SERVER", reason: text, detail: "What is on the screen is old.", alarm: everConnected ? { text } : null };
+  }
+  if (!status) return { colour, state: "CONNECTING", reason: "", detail: "" };
+  if (status.mode === "annotate") {
+    const saved = status.unsaved ? "not saved yet" : "all saved";
+    return { colour: "#78beff", state: "DRAWING", reason: status.name, detail: `${status.done} of ${status.frames} pairs drawn, ${saved}` };
+  }
+  const stopped = NAMES.filter((name) => typeof status.stopped_s[name] === "number");
+  let alarm = null;
+  if (stopped.length) {
+    const longest = Math.max(...stopped.map((name) => status.stopped_s[name]));
+    const which = stopped.length === 2 ? "" : ` of plane ${stopped[0].toUpperCase()}`;
+    alarm = { text: `No images${which} for ${longest} s. The picture is old.` };
+  }
+  if (!status.tracker) {
+    return { colour, state: "NO TRACKER", reason: "Nobody publishes the tracker's state.", detail: "Start lasso_tracker; this page finds it by itself.", alarm };
+  }
+  const state = (status.state || "INACTIVE").replaceAll("_", " ");
+  return { colour: status.colour, state, reason: reasonWords(), detail: detailWords(), alarm };
+}
+
+function reasonWords() {
+  if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
+  if (status.reason) return status.reason[0].toUpperCase() + status.reason.slice(1);
+  return {
+    TRACKING: "The loop is followed.",
+    WAITING_FOR_SEED: "Click along the loop in both planes to begin.",
+    WAITING_FOR_CALIBRATION: "No valid calibration yet.",
+    LOST: "The loop is not found; looking for it.",
+  }[status.state] ?? "";
+}
+
+function detailWords() {
+  if (status.state === "WAITING_FOR_SEED") {
+    if (status.sent && sentAt && performance.now() - sentAt > ANSWER_MS)
+      return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";
+    return "Press S: the picture is held while you click.";
+  }
+  if (status.state === "LOST" || status.state === "DISPLACED") return "Nothing is compensated now. Press S to set clicks anew.";
+  if (status.state === "DEGRADED") return "There is a pose, but a less certain one.";
+  return "";
+}
+
+function remark(plane, name, live, silence) {
+  if (!plane.bitmap) {
+    if (!live || !status) return "";
+    if (!status.seen[name]) return "waiting for images …";
+    return status.calibrated[name] ? "" : "images come, but no valid calibration";
+  }
+  if (live && typeof silence === "number") return `no images for ${silence} s`;
+  return plane.missing && live ? "no image of this plane" : "";
+}
+
+// Clicking.
+
+function begin() {
+  clicks.reset();
+  for (const name of NAMES) planes[name].cross = null;
+  choose("a");
+}
+
+function end() {
+  clicks.reset();
+  for (const name of NAMES) planes[name].whole();
+}
+
+function change(what) {
+  what();
+  if (status?.mode === "annotate") store();
+  refresh();
+}
+
+function fewest() {
+  return status?.clicks ?? 6;
+}
+
+function enough() {
+  return NAMES.every((name) => clicks.points[name].length >= fewest());
+}
+
+function todo() {
+  const lacking = NAMES.filter((name) => clicks.points[name].length < fewest());
+  if (!lacking.length) return "Enter starts the tracking.";
+  const words = lacking.map((name) => `${fewest() - clicks.points[name].length} more in plane ${name.toUpperCase()}`);
+  return `Click along the loop, in order: ${words.join(", ")}.`;
+}
+
+function choose(name, focus = true) {
+  chosen = name;
+  if (focus) planes[name].marks.focus();
+  for (const one of NAMES) planes[one].root.classList.toggle("chosen", planes[one].clicking && one === name);
+}
+
+async function ask(type, body) {
+  try {
+    const text = await link.ask(type, body);
+    if (text) say(text);
+    return true;
+  } catch (error) {
+    say(error.message, true);
+    return false;
+  }
+}
+
+let silencer = null;
+function say(text, bad = false) {
+  get("message").hidden = false;
+  get("message").textContent = text;
+  get("message").classList.toggle("bad", bad);
+  clearTimeout(silencer);
+  silencer = setTimeout(() => (get("message").hidden = true), MESSAGE_MS);
+}
+
+// Drawing centrelines into a recording.
+
+function load(now) {
+  clicks.reset(now.points);
+  get("slider").max = now.frames - 1;
+  get("slider").value = now.index;
+  get("closed").checked = now.closed;
+}
+
+function refreshDrawing() {
+  get("frame").textContent = `${status.index + 1} of ${status.frames}`;
+  get("draw-help").textContent = "Click along the loop in both planes; the curve through the clicks is what is saved.";
+  get("previous").disabled = status.index === 0;
+  get("next").disabled = status.index === status.frames - 1;
+  get("copy").disabled = status.index === 0;
+  get("save").disabled = !status.unsaved;
+}
+
+/** Hand the clicks and the curve through them to the server, at every change: a page that is closed loses nothing. */
+function store() {
+  const closed = get("closed").checked;
+  const body = { index: status.index, closed, a: clicks.points.a, b: clicks.points.b };
+  for (const name of NAMES) body[`curve_${name}`] = clicks.points[name].length > 2 ? smooth(clicks.points[name], closed) : [];
+  ask("draw", body);
+}
+
+// Buttons and keys.
+
+function wish() {
+  link.want(view, Number(get("brightness").value), Math.exp(Number(get("contrast").value) * Math.LN2 * 0.999));
+}
+
+function slide(id, by) {
+  if (get(id).disabled) return;
+  get(id).value = Number(get(id).value) + by;
+  wish();
+}
+
+function reset() {
+  // A model that is gone is gone: the second press within three seconds means it.
+  if (stopArmed) {
+    stopArmed();
+    ask("reset");
+    return;
+  }
+  const label = get("reset").innerHTML;
+  get("reset").classList.add("armed");
+  get("reset").lastChild.textContent = " Press again";
+  const timer = setTimeout(() => stopArmed?.(), ARMED_MS);
+  stopArmed = () => {
+    clearTimeout(timer);
+    get("reset").classList.remove("armed");
+    get("reset").innerHTML = label;
+    stopArmed = null;
+  };
+}
+
+const deeds = {
+  hold: () => ask("hold"),
+  cancel: () => ask("release"),
+  send: async () => {
+    sentAt = performance.now();
+    await ask("seed", { a: clicks.points.a, b: clicks.points.b });
+  },
+  undo: () => change(() => clicks.undo()),
+  "draw-undo": () => change(() => clicks.undo()),
+  clear: () => change(() => clicks.clear(chosen)),
+  "draw-clear": () => change(() => clicks.clear(chosen)),
+  reset,
+  reference: () => ask("set_reference"),
+  view: () => {
+    view = view === "overlay" ? "film" : "overlay";
+    wish();
+    refresh();
+  },
+  "window-reset": () => {
+    get("brightness").value = get("contrast").value = 0;
+    wish();
+  },
+  "zoom-reset": () => NAMES.forEach((name) => planes[name].whole()),
+  previous: () => ask("go", { index: status.index - 1 }),
+  next: () => ask("go", { index: status.index + 1 }),
+  copy: () => ask("go", { index: status.index, copy: true }),
+  save: () => ask("save"),
+};
+for (const [id, deed] of Object.entries(deeds)) get(id).addEventListener("click", deed);
+for (const id of ["brightness", "contrast"]) get(id).addEventListener("input", wish);
+get("drawing").addEventListener("change", () => ask("style", { drawing: get("drawing").value }));
+get("slider").addEventListener("input", () => ask("go", { index: Number(get("slider").value) }));
+get("closed").addEventListener("change", () => change(() => {}));
+
+/** Press a button by its key, if it is there and may be pressed. */
+function press(...ids) {
+  const id = ids.find((one) => get(one).offsetParent !== null && !get(one).disabled);
+  if (id) get(id).click();
+}
+
+const keys = {
+  s: () => press("hold"),
+  Enter: () => press("send"),
+  Escape: () => press("cancel"),
+  z: () => press("undo", "draw-undo"),
+  Backspace: () => press("undo", "draw-undo"),
+  x: () => press("clear", "draw-clear"),
+  r: () => press("reset"),
+  t: () => press("reference"),
+  v: () => press("view"),
+  o: () => {
+    const box = get("drawing");
+    if (box.disabled) return;
+    box.selectedIndex = (box.selectedIndex + 1) % box.options.length;
+    box.dispatchEvent(new Event("change"));
+  },
+  n: () => press("next"),
+  PageDown: () => press("next"),
+  p: () => press("previous"),
+  PageUp: () => press("previous"),
+  d: () => press("copy"),
+  c: () => press("closed"),
+  a: () => choose("a"),
+  b: () => choose("b"),
+  0: () => press("zoom-reset"),
+  "?": () => (get("help").open = !get("help").open),
+  "+": () => planes[chosen].zoomBy(1.25, crossPlace()),
+  "=": () => planes[chosen].zoomBy(1.25, crossPlace()),
+  "-": () => planes[chosen].zoomBy(0.8, crossPlace()),
+  "[": () => slide("brightness", -0.1),
+  "]": () => slide("brightness", 0.1),
+  "{": () => slide("contrast", -0.2),
+  "}": () => slide("contrast", 0.2),
+  ArrowLeft: (far) => planes[chosen].step(-far, 0),
+  ArrowRight: (far) => planes[chosen].step(far, 0),
+  ArrowUp: (far) => planes[chosen].step(0, -far),
+  ArrowDown: (far) => planes[chosen].step(0, far),
+  " ": () => {
+    const plane = planes[chosen];
+    if (plane.clicking && plane.cross) change(() => clicks.add(chosen, plane.cross.slice()));
+  },
+};
+
+function crossPlace() {
+  const plane = planes[chosen];
+  return plane.clicking && plane.cross ? plane.toCanvas(plane.cross) : undefined;
+}
+
+document.addEventListener("keydown", (event) => {
+  const letter = event.key.length === 1 ? event.key.toLowerCase() : event.key;
+  if ((event.ctrlKey || event.metaKey) && letter === "z") {
+    event.preventDefault();
+    keys.z();
+    return;
+  }
+  if ((event.ctrlKey || event.metaKey) && letter === "s") {
+    event.preventDefault();
+    press("save");
+    return;
+  }
+  if (event.ctrlKey || event.metaKey || event.altKey || !keys[letter]) return;
+  // What a button, slider or list does with a key of its own is its own.
+  const kind = event.target.tagName;
+  if ((kind === "BUTTON" || kind === "SUMMARY") && ["Enter", " "].includes(event.key) && event.target.offsetParent !== null) return;
+  if ((kind === "INPUT" || kind === "SELECT") && (event.key.startsWith("Arrow") || event.key === " " || event.key.startsWith("Page"))) return;
+  if (kind === "SELECT") return;
+  event.preventDefault();
+  keys[letter](event.shiftKey ? 10 : 1);
+});
+
+setInterval(() => {
+  trace.draw();
+  if (performance.now() - (drawn[drawn.length - 1] ?? 0) > 3000) drawn = [];
+}, 100);
+
+const signed = (value) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(1)}`;
+const milliseconds = (value) => (typeof value === "number" ? `${Math.round(value)} ms` : "–");
+refresh();

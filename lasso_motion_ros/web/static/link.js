@@ -1,0 +1,93 @@
+// The WebSocket: connects, again and again if need be; pictures are acknowledged once they have been drawn.
+
+const FIRST_PAUSE_MS = 500;
+const LONGEST_PAUSE_MS = 5000;
+
+export class Link {
+  /** hear: {status, trace, picture, connection}, each called with what has come. */
+  constructor(hear) {
+    this.hear = hear;
+    this.pause = FIRST_PAUSE_MS;
+    this.waiting = new Map();
+    this.next = 1;
+    this.look = null;
+    this.connect();
+  }
+
+  connect() {
+    const address = new URL("live", location.href);
+    address.protocol = location.protocol === "https:" ? "wss:" : "ws:";
+    const socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    this.socket = socket;
+    socket.onopen = () => {
+      this.pause = FIRST_PAUSE_MS;
+      this.hear.connection(true);
+      if (this.look) socket.send(this.look);
+    };
+    socket.onmessage = (event) => this.take(socket, event.data);
+    socket.onclose = () => {
+      for (const { reject } of this.waiting.values()) reject(new Error("the connection to the server was lost"));
+      this.waiting.clear();
+      this.hear.connection(false);
+      setTimeout(() => this.connect(), this.pause);
+      this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
+    };
+  }
+
+  async take(socket, data) {
+    if (typeof data !== "string") {
+      try {
+        await this.hear.picture(...(await unpack(data)));
+      } finally {
+        if (socket.readyState === WebSocket.OPEN) socket.send('{"type":"shown"}');
+      }
+      return;
+    }
+    const message = JSON.parse(data);
+    if (message.type === "status") this.hear.status(message);
+    else if (message.type === "trace") this.hear.trace(message.points);
+    else if (message.type === "answer") {
+      const { resolve, reject } = this.waiting.get(message.id) ?? {};
+      this.waiting.delete(message.id);
+      if (message.done) resolve?.(message.text);
+      else reject?.(new Error(message.text));
+    } else if (message.type === "refused") console.error(message.text);
+  }
+
+  /** What this page wants to see; said again after each new connection. */
+  want(view, brightness, contrast) {
+    this.look = JSON.stringify({ type: "look", view, brightness, contrast });
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(this.look);
+  }
+
+  /** Ask for something to be done; the promise gives the server's words, or throws them. */
+  ask(type, body = {}) {
+    return new Promise((resolve, reject) => {
+      if (this.socket.readyState !== WebSocket.OPEN) {
+        reject(new Error("not connected to the server"));
+        return;
+      }
+      const id = this.next++;
+      this.waiting.set(id, { resolve, reject });
+      this.socket.send(JSON.stringify({ ...body, type, id }));
+    });
+  }
+}
+
+/** Header and, by plane, bitmap of a binary message. */
+async function unpack(buffer) {
+  const length = new DataView(buffer).getUint32(0, true);
+  const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  let offset = 4 + length;
+  const bitmaps = {};
+  for (const plane of ["a", "b"]) {
+    const described = header.planes[plane];
+    if (!described) continue;
+    const file = new Blob([new Uint8Array(buffer, offset, described.bytes)], { type: `image/${described.kind}` });
+    offset += described.bytes;
+    bitmaps[plane] = createImageBitmap(file);
+  }
+  for (const plane of Object.keys(bitmaps)) bitmaps[plane] = await bitmaps[plane];
+  return [header, bitmaps];
+}
