@@ -14,6 +14,7 @@ from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.raw_topics import DISCOVERY_PERIOD_S, RawTopic, offer_of
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph import Endpoint, TopicFacts
+from msg_adapters.messages import jazzy_types
 from msg_adapters.topics import INPUTS, STATE
 
 NODE = "lasso_check"
@@ -31,6 +32,7 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
         The messages examined, and the facts of all topics under their contract names (without the namespace).
     """
     use_image_profile()
+    jazzy_types()  # takes a while the first time: not of the time to listen
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)

@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.raw_topics import DISCOVERY_PERIOD_S, HeardMessage, RawTopic
+from msg_adapters.messages import jazzy_types
 from msg_adapters.recording_writer import RecordingWriter
 
 CHUNK_PERIOD_S = 0.5
@@ -132,6 +133,7 @@ def record(
         RecordingError: the disk is full.
     """
     use_image_profile()
+    jazzy_types()  # takes a while the first time, in which nothing would be heard
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = rclpy.create_node("lasso_recorder", enable_rosout=False, start_parameter_services=False)

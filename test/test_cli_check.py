@@ -1,0 +1,131 @@
+"""`lasso-motion check` on a live graph, over real DDS."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from drawn_recording import SIDE, projections
+from node_harness import Graph
+
+from lasso_motion_ros.nodes.processes import LOOPBACK
+from msg_adapters.calibrations import encode_camera_info
+from msg_adapters.images import encode_image
+from msg_adapters.messages import RosMessages, header_fields, ns_to_stamp
+from msg_adapters.topics import Topic, camera_info_topic, image_topic
+
+pytestmark = pytest.mark.ros
+
+PERIOD_S = 0.1
+MESSAGES = RosMessages()
+
+
+@pytest.fixture
+def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
+    for name, value in LOOPBACK.items():
+        monkeypatch.setenv(name, value)
+    with Graph([], tmp_path) as started:
+        yield started
+
+
+class Bridge:
+    """Publishes both planes from this process, at up to 10 pairs/s, stamped with this machine's clock."""
+
+    def __init__(self, graph: Graph, *, reliable: bool = True, prefix: str = "", scale: float = 1.0) -> None:
+        def publisher(topic: Topic, kind: bool) -> Any:
+            return graph.publisher(Topic(prefix + topic.name, topic.type_name), reliable=kind)
+
+        picture = np.add.outer(np.arange(SIDE), np.arange(SIDE)).astype(np.uint16)
+        self._outlets = []
+        for plane, projection in projections().items():
+            info = encode_camera_info(projection, header_fields(0, "xray"))
+            info["p"] = info["p"] * np.array([1, 1, 1, scale] * 3)
+            for topic, fields, kind in (
+                (camera_info_topic(plane), info, True),
+                (image_topic(plane), encode_image(picture, header_fields(0, "xray")), reliable),
+            ):
+                self._outlets.append((publisher(topic, kind), MESSAGES.make(topic.type_name, fields)))
+
+    def publish(self) -> None:
+        stamp = MESSAGES.make("builtin_interfaces/msg/Time", ns_to_stamp(time.time_ns()))
+        for publisher, message in self._outlets:
+            message.header.stamp = stamp
+            publisher.publish(message)
+
+    def heard(self) -> bool:
+        return all(publisher.get_subscription_count() for publisher, _ in self._outlets)
+
+    def publish_until(self, done: Callable[[], bool]) -> None:
+        tick = threading.Event()
+        while not done():
+            self.publish()
+            tick.wait(PERIOD_S)
+
+
+def start(graph: Graph, *arguments: str) -> None:
+    graph.processes.start("check", "lasso_motion_ros.cli.main", ["check", *arguments])
+
+
+def ended(graph: Graph) -> bool:
+    return "check" in graph.processes.ended()
+
+
+def answer(graph: Graph) -> dict[str, Any]:
+    return json.loads(graph.processes.log("check", 200))  # type: ignore[no-any-return]
+
+
+def test_a_sound_graph(graph: Graph) -> None:
+    bridge = Bridge(graph)
+    start(graph, "--json", "--seconds", "4")
+    bridge.publish_until(lambda: ended(graph))
+    found = answer(graph)
+    assert graph.wait_for_end("check") == 0
+    assert [(one["severity"], one["problem"]) for one in found["findings"]] == [("note", "no clicks yet")]
+    assert found["facts"]["pairs"] > 1
+    assert found["facts"]["plane_b"]["sizes"] == ["512x512"]
+
+
+def test_best_effort_images_that_get_lost_are_told_from_other_faults(graph: Graph) -> None:
+    """A check held up for a while loses what a reader held up, or a small shared memory, would lose."""
+    bridge = Bridge(graph, reliable=False)
+    start(graph, "--json", "--seconds", "4")
+    graph.wait_until(bridge.heard)
+    for _ in range(4):
+        bridge.publish()
+    graph.processes.send("check", signal.SIGSTOP)
+    for _ in range(200):
+        bridge.publish()
+    graph.processes.send("check", signal.SIGCONT)
+    bridge.publish_until(lambda: ended(graph))
+    found = [one for one in answer(graph)["findings"] if "were lost" in one["problem"] and "image" in one["subject"]]
+    assert {one["subject"] for one in found} == {"/plane_a/image_raw", "/plane_b/image_raw"}
+    assert all("/lasso_listener publishes best effort" in one["problem"] for one in found)
+    assert all("config/fastdds.xml" in one["cure"] for one in found)
+
+
+def test_millimetres_and_a_namespace(graph: Graph) -> None:
+    bridge = Bridge(graph, prefix="lab/", scale=1e3)
+    start(graph, "--json", "--seconds", "4", "--namespace", "lab")
+    bridge.publish_until(lambda: ended(graph))
+    assert graph.wait_for_end("check") == 2
+    errors = [one for one in answer(graph)["findings"] if one["severity"] == "error"]
+    assert {one["subject"] for one in errors} == {"/plane_a/camera_info", "/plane_b/camera_info"}
+    assert all("looks like millimetres" in one["problem"] for one in errors)
+
+
+def test_an_empty_graph(graph: Graph) -> None:
+    start(graph, "--seconds", "0.5")
+    assert graph.wait_for_end("check") == 2
+    lines = graph.processes.log("check", 20).splitlines()
+    assert "error    /plane_a/image_raw: nobody publishes it -> publish sensor_msgs/msg/Image there" in lines
+    assert lines[-1] == "the tracker cannot work with this"
