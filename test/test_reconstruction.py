@@ -8,7 +8,7 @@ from lasso_motion_ros.curves import distance_to_curve
 from lasso_motion_ros.ellipse import fit_ellipse
 from lasso_motion_ros.errors import ReconstructionError
 from lasso_motion_ros.geometry import Projection
-from lasso_motion_ros.reconstruction import quan_planes, reconstruct_ellipse
+from lasso_motion_ros.reconstruction import epipolar_shift, quan_planes, reconstruct_ellipse
 from lasso_motion_ros.transforms import apply, inverse, rigid
 
 VIEWS = biplane()
@@ -230,3 +230,60 @@ def test_a_loop_behind_a_source_is_refused():
     far = ring(NORMAL, behind)
     with pytest.raises(ReconstructionError, match="behind the source of plane B"):
         reconstruct_ellipse(VIEWS, outlines(far))
+
+
+def across_epipolar_lines(name, centre=CENTRE):
+    """(2,) unit pixel direction in which a point moves when it leaves the plane through both sources and a centre."""
+    normal = np.cross(VIEWS["a"].source - centre, VIEWS["b"].source - centre)
+    step = VIEWS[name].jacobian(centre) @ normal
+    return step / np.linalg.norm(step)
+
+
+@pytest.mark.parametrize("share_of_a", [0.0, 0.5, 1.0])
+def test_planes_that_agree_are_not_shifted(share_of_a):
+    for loop in (ring(NORMAL, CENTRE), ring([0.9, 0.1, 0.4], CENTRE, 0.012)):
+        shifts = epipolar_shift(VIEWS, outlines(loop, count=200), share_of_a)
+        for shift in shifts.values():
+            np.testing.assert_allclose(shift, 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize("size_px", [-6.0, 3.0])
+@pytest.mark.parametrize("share_of_a", [0.0, 0.25, 1.0])
+def test_a_shift_across_the_epipolar_lines_is_found(size_px, share_of_a):
+    seen = outlines(ring(NORMAL, CENTRE))
+    seen["b"] = seen["b"] + size_px * across_epipolar_lines("b")
+    shifts = epipolar_shift(VIEWS, seen, share_of_a)
+    # Plane B takes its share as it is; what plane A takes is the opposite, in its own pixels.
+    np.testing.assert_allclose(
+        shifts["b"], (1.0 - share_of_a) * size_px * across_epipolar_lines("b"), atol=0.06 * abs(size_px)
+    )
+    scale = VIEWS["b"].millimetres_per_pixel(CENTRE) / VIEWS["a"].millimetres_per_pixel(CENTRE)
+    expected = -share_of_a * size_px * scale * across_epipolar_lines("a")
+    np.testing.assert_allclose(shifts["a"], expected, atol=0.06 * abs(size_px))
+    # Taken out, the planes agree.
+    after = epipolar_shift(VIEWS, {name: seen[name] - shifts[name] for name in "ab"}, share_of_a)
+    assert max(np.linalg.norm(shift) for shift in after.values()) < 0.05 * abs(size_px)
+
+
+def test_a_shift_along_the_epipolar_lines_is_depth_and_not_seen():
+    seen = outlines(ring(NORMAL, CENTRE))
+    across = across_epipolar_lines("b")
+    seen["b"] = seen["b"] + 6.0 * np.array([-across[1], across[0]])
+    for shift in epipolar_shift(VIEWS, seen, 0.5).values():
+        assert np.linalg.norm(shift) < 0.3
+
+
+def test_shifts_on_mirrored_and_scaled_planes_are_the_same():
+    seen = outlines(ring(NORMAL, CENTRE))
+    seen["b"] = seen["b"] + 4.0 * across_epipolar_lines("b")
+    here = epipolar_shift(VIEWS, seen, 0.5)
+    views = {"a": Projection(-3.0 * VIEWS["a"].matrix, 1024, 1024), "b": flipped(VIEWS["b"])}
+    there = epipolar_shift(views, {"a": seen["a"], "b": flip_pixels(seen["b"], VIEWS["b"])}, 0.5)
+    np.testing.assert_allclose(there["a"], here["a"], atol=1e-6)
+    np.testing.assert_allclose(there["b"] * [-1.0, 1.0], here["b"], atol=1e-6)
+
+
+def test_shifts_between_views_nearly_the_same_are_refused():
+    views = {"a": VIEWS["a"], "b": plane(-29.0)}
+    with pytest.raises(ReconstructionError, match="look from"):
+        epipolar_shift(views, outlines(ring(NORMAL, CENTRE), views), 0.5)
