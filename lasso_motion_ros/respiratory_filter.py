@@ -31,14 +31,14 @@ HARMONICS = np.array([1, 2, 3])
 SHARES = np.array([1.0, 0.5, 0.4])  # standard deviation of each harmonic, of the first
 
 TIME_SCALE_S = 1.2  # of breathing: inspiration sets in faster than its period suggests
-FIRST_SPREAD_MM = 10.0  # of breathing along an axis, before any has been seen; counts as one measurement
+FIRST_SPREAD_MM = 12.0  # of breathing along an axis, before any has been seen; counts as one measurement
 SMALLEST_SPREAD_MM = 0.5
 COHERENCE_S = 60.0  # by phase, a beat looks like those so long ago
 COHERENCE_UNTIMED_S = 15.0  # without R peaks, the beats' own irregularity counts too
 EVIDENCE_S = 30.0  # rates are judged by the measurements of this time: the heart's rate changes
 STEP_HZ = 0.05  # between the rates tried
 SMALLEST_NOISE_MM = 0.03
-LOG_ODDS = 5.0  # for a heartbeat where there are R peaks: it may be too small to be seen at first
+LOG_ODDS = 10.0  # for a heartbeat where there are R peaks: a few beats show too little of it to be seen
 BREATHING_BAND_HZ = 0.5  # up to here breathing itself has power
 INTERVALS = 9  # of exposures, whose median is the frame rate
 LONGEST_REPLAY = 64  # measurements kept until the first beat's length is known

@@ -50,8 +50,8 @@ def test_the_phase_is_unknown_before_a_beat_is_complete_and_long_after_the_last(
 def test_a_missing_peak_changes_no_phase_after_it() -> None:
     complete, without = peaks(0, 1, 2, 3, 4, 5, 6), peaks(0, 1, 2, 4, 5, 6)
     assert phase(without, 6.3) == phase(complete, 6.3) == 0.3
-    # Half of the intervals doubled: they are beats with a peak missing, too.
-    assert phase(peaks(0, 1, 2, 4, 6, 7), 7.3) == 0.3
+    # Intervals 0.9, 1.0, 1.1 and 2.0: the last is no beat, and 1.0 is the median of the others.
+    assert phase(peaks(0.0, 0.9, 1.9, 3.0, 5.0), 5.3) == 0.3
 
 
 def test_an_extra_peak_is_doubted_until_the_next() -> None:
@@ -65,12 +65,14 @@ def test_an_extra_peak_is_doubted_until_the_next() -> None:
 
 
 def test_a_heart_that_has_become_faster_is_followed() -> None:
-    faster = peaks(0, 1, 2, 3, 4, *(4 + 0.5 * k for k in range(1, 9)))
-    assert phase(faster, 8.25) == 0.5
+    faster = peaks(*range(13), *(12 + 0.5 * k for k in range(1, 9)))
+    assert phase(faster, 16.25) == 0.5
 
 
 def test_late_and_repeated_peaks_give_the_same_phases() -> None:
-    assert phase(peaks(0, 1, 3, 2, 3, 3.01), 3.25) == phase(peaks(0, 1, 2, 3), 3.25) == 0.25
+    in_order, late = peaks(0, 1, 2, 3), peaks(0, 1, 3, 2, 3, 3.01)
+    assert phase(late, 2.5) == phase(in_order, 2.5) == 0.5
+    assert late.phase(round(3.25 * S)) == in_order.phase(round(3.25 * S)) == HeartPhase(3 * S, S)
 
 
 def test_peaks_that_go_back_are_a_new_run() -> None:
@@ -113,6 +115,7 @@ def test_the_gate_is_shut_where_the_phase_is_not_sure() -> None:
     assert not gate_open(gate, 1.6), "a peak is missing: nobody knows where the beat is"
     assert not gate_open(gate, -0.4)
     assert not gate_open(CardiacGate(0.9, 0.1), 1.05)
+    assert not gate_open(CardiacGate(0.9, 0.1), -0.05)
 
 
 def test_a_window_without_width_is_refused() -> None:
