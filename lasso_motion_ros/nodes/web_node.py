@@ -48,7 +48,7 @@ from msg_adapters.topics import (
 CALIBRATION_DEPTH = 32
 GRAPH_PERIOD_S = 0.25
 SERVICE_WAIT_S = 3.0
-HOLD_WAIT_S = 1.0
+HOLD_WAIT_S = 1.5
 KEPT_AFTER_SEED_S = 3.0
 """How long the tracker goes on holding the clicked pair: clicks and services travel on different ways."""
 STATES_OF_A_NEW_RUN = 2
@@ -184,7 +184,7 @@ class WebNode(Node):  # type: ignore[misc]
         with self._holding:
             self._unfreeze_at = None
             if not self._freeze.service_is_ready():
-                self._view.hold()
+                self._view.hold(self._view.whole_pairs())
                 return ""
             stamps: dict[Plane, int] = {}
             complete = threading.Event()
@@ -201,12 +201,14 @@ class WebNode(Node):  # type: ignore[misc]
                 self.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
                 for plane in PLANES
             ]
+            before = self._view.whole_pairs()
             try:
                 answer = self._call(self._freeze, SetBool.Request(data=True), "freeze")
                 frozen.set()
+                pairs = list(dict.fromkeys([*before, *self._view.whole_pairs()]))
                 if answer.success:
                     complete.wait(HOLD_WAIT_S)
-                self._view.hold(stamps if complete.is_set() else None)
+                self._view.hold(pairs, stamps if complete.is_set() else None)
             finally:
                 for one in listening:
                     self.destroy_subscription(one)

@@ -6,7 +6,7 @@ import statistics
 import threading
 import time
 from collections import OrderedDict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -208,23 +208,28 @@ class LiveView:
 
     # Holding a pair to click in.
 
-    def hold(self, stamps: dict[Plane, int] | None = None) -> None:
-        """Keep a whole pair on show: the newest, or the one with these stamps if it is still there.
+    def whole_pairs(self) -> list[FramePair]:
+        """The last pairs with images of both planes, oldest first."""
+        with self._lock:
+            return [seen.pair for seen in self._pairs if seen.pair.a is not None and seen.pair.b is not None]
+
+    def hold(self, pairs: Sequence[FramePair], stamps: Mapping[Plane, int] | None = None) -> None:
+        """Keep one of some pairs on show: the one with these stamps, if it is there, else the last.
 
         Raises:
-            MessageError: there is no pair with images of both planes.
+            MessageError: there is no pair.
         """
         with self._lock:
-            whole = [seen for seen in self._pairs if seen.pair.a is not None and seen.pair.b is not None]
+            whole = list(pairs)
             if stamps:
-                matching = [seen for seen in whole if all(_stamp(seen, plane) == stamps[plane] for plane in stamps)]
+                matching = [pair for pair in whole if all(_stamp(pair, plane) == stamps[plane] for plane in stamps)]
                 whole = matching or whole
             if not whole:
                 raise MessageError(
                     "there is no image pair to click in: both planes' images and calibrations are needed"
                 )
             self._number += 1
-            self._held = replace(whole[-1], number=self._number)
+            self._held = _Seen(whole[-1], self._number, self._clock())
 
     def release(self) -> None:
         """Show what is new again."""
@@ -318,7 +323,7 @@ class LiveView:
         for plane, (stamp_ns, pixels) in self._overlays.items():
             if abs(newest.stamp_ns - stamp_ns) > 1e9 * STOPPED_S:
                 return None
-            seen = next((seen for seen in self._pairs if _stamp(seen, plane) == stamp_ns), None)
+            seen = next((seen for seen in self._pairs if _stamp(seen.pair, plane) == stamp_ns), None)
             frame = None if seen is None else seen.pair.frame(plane)
             loop = None if seen is None or not self.has_pose else self._loops.get(seen.pair.stamp_ns)
             curve = None if loop is None or frame is None else frame.projection.project(loop)
@@ -342,8 +347,8 @@ class LiveView:
         return age if age > min(allowed, 5.0) else None
 
 
-def _stamp(seen: _Seen, plane: Plane) -> int | None:
-    frame = seen.pair.frame(plane)
+def _stamp(pair: FramePair, plane: Plane) -> int | None:
+    frame = pair.frame(plane)
     return None if frame is None else frame.stamp_ns
 
 

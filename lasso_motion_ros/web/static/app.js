@@ -102,7 +102,7 @@ function refresh() {
   get("reference").disabled ||= status?.state !== "TRACKING";
   get("view").disabled = !status?.overlay || clicking;
   get("view").querySelector("span").textContent =
-    view === "overlay" && status?.overlay ? "Showing overlay – switch to film" : "Showing film – switch to overlay";
+    view === "overlay" && status?.overlay && !clicking ? "Hide overlay" : "Show overlay";
   get("drawing").disabled = !status?.drawing;
   if (status?.drawing) get("drawing").value = status.drawing;
   const windowed = live && view === "overlay" && status?.overlay && !clicking;
@@ -115,7 +115,7 @@ function refresh() {
   for (const name of NAMES) {
     const plane = planes[name];
     const silence = live ? status?.stopped_s?.[name] : null;
-    plane.colour = words.colour;
+    plane.doubtful = status?.state === "DEGRADED";
     if (live && (!status?.has_pose || clicking)) plane.loop = null;
     plane.clicking = clicking;
     plane.points = clicking ? clicks.points[name] : [];
@@ -357,6 +357,7 @@ const keys = {
   r: () => press("reset"),
   t: () => press("reference"),
   v: () => press("view"),
+  w: () => press("window-reset"),
   o: () => {
     const box = get("drawing");
     if (box.disabled) return;

@@ -4,6 +4,7 @@ const CLICK_PX = 4;
 const GRAB_PX = 9;
 const LARGEST_ZOOM = 24;
 const CLICK_COLOUR = "#78beff";
+const LOOP_COLOUR = "#ffe240"; // as in the overlay node's pictures
 
 export class Plane {
   /** act: {add, remove, grab, move, choose}: what to do when the user clicks, right-clicks, drags a point, comes here. */
@@ -20,10 +21,14 @@ export class Plane {
     this.note = div("note", "no picture yet");
     this.scale = div("scale");
     this.count.hidden = this.scale.hidden = true;
-    root.append(this.film, this.marks, this.label, this.count, this.note, this.scale);
+    const caption = div("caption");
+    caption.append(this.label, this.count);
+    this.stage = div("stage");
+    this.stage.append(this.film, this.marks, this.note, this.scale);
+    root.append(caption, this.stage);
     this.bitmap = null;
     this.loop = null;
-    this.colour = "#ffffff";
+    this.doubtful = false;
     this.points = [];
     this.curve = null;
     this.clicking = false;
@@ -31,7 +36,7 @@ export class Plane {
     this.zoom = 1;
     this.centre = null;
     this.listen();
-    new ResizeObserver(() => this.resize()).observe(root);
+    new ResizeObserver(() => this.resize()).observe(this.stage);
   }
 
   // What is shown.
@@ -58,8 +63,8 @@ export class Plane {
   resize() {
     const ratio = window.devicePixelRatio || 1;
     for (const one of [this.film, this.marks]) {
-      one.width = Math.max(1, Math.round(this.root.clientWidth * ratio));
-      one.height = Math.max(1, Math.round(this.root.clientHeight * ratio));
+      one.width = Math.max(1, Math.round(this.stage.clientWidth * ratio));
+      one.height = Math.max(1, Math.round(this.stage.clientHeight * ratio));
     }
     this.draw();
   }
@@ -100,7 +105,9 @@ export class Plane {
     marks.lineJoin = marks.lineCap = "round";
     if (this.loop) {
       this.line(marks, this.loop, "#000000", 3.2 * ratio, 0.45);
-      this.line(marks, this.loop, this.colour, 1.6 * ratio, 1);
+      marks.setLineDash(this.doubtful ? [7 * ratio, 5 * ratio] : []);
+      this.line(marks, this.loop, LOOP_COLOUR, 1.8 * ratio, 1);
+      marks.setLineDash([]);
     }
     if (this.curve) this.line(marks, this.curve, CLICK_COLOUR, 1.3 * ratio, 0.9);
     this.points.forEach((point, index) => this.drawPoint(marks, point, index, ratio));
@@ -136,7 +143,7 @@ export class Plane {
 
   drawCross(marks, point, ratio) {
     const [x, y] = this.toCanvas(point);
-    marks.strokeStyle = "#ffe240";
+    marks.strokeStyle = "#ffffff";
     marks.lineWidth = ratio;
     marks.beginPath();
     for (const [dx, dy] of [[1, 0], [-1, 0], [0, 1], [0, -1]]) {

@@ -1,6 +1,7 @@
 // The motion of the last 30 s, three axes. Gaps are times without a pose.
 
 const SPAN_S = 30;
+const HEIGHT_PX = 176;
 const GAP_S = 2.5; // longer without a pose is no line
 const COLOURS = ["#ff7b72", "#7ee787", "#79c0ff"];
 
@@ -11,10 +12,10 @@ export class Trace {
     this.plot = new uPlot(
       {
         width: Math.max(200, root.clientWidth),
-        height: 168,
+        height: HEIGHT_PX,
         legend: { show: false },
         cursor: { show: false },
-        padding: [8, 6, 0, 0],
+        padding: [8, 16, 0, 0],
         scales: {
           x: { time: false, range: () => [-SPAN_S, 0] },
           // At least ±5 mm, so that noise is not blown up to look like breathing.
@@ -29,7 +30,7 @@ export class Trace {
       [[], [], [], []],
       root,
     );
-    new ResizeObserver(() => this.plot.setSize({ width: Math.max(200, root.clientWidth), height: 168 })).observe(root);
+    new ResizeObserver(() => this.plot.setSize({ width: Math.max(200, root.clientWidth), height: HEIGHT_PX })).observe(root);
   }
 
   /** rows: [time (server's clock, s), x, y, z (mm, or null)]. */

@@ -1,0 +1,247 @@
+"""The page in a real browser, with the real tracker behind it: clicks, loop, loss, silence."""
+
+from __future__ import annotations
+
+import itertools
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+pytest.importorskip("aiohttp", reason="needs the web extra")
+pytest.importorskip("selenium", reason="needs the dev extra")
+
+from browser import Page, open_page, require_browser
+from drawn_recording import SIDE, loop, projections, shift
+from method_inputs import draw_curve
+from node_harness import Graph
+from selenium.webdriver.common.keys import Keys
+
+from lasso_motion_ros.transforms import apply
+from msg_adapters import topics
+from msg_adapters.calibrations import encode_camera_info
+from msg_adapters.images import encode_image
+from msg_adapters.markers import ADD
+from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
+
+PERIOD_S = 0.125
+START_NS = 1_760_000_000_000_000_000
+BREATH_MM = 7.0
+
+
+class Stream:
+    """Both planes' images of a ring that breathes, published until told otherwise."""
+
+    def __init__(self, graph: Graph) -> None:
+        self._outlets = {
+            topic.name: graph.publisher(topic)
+            for plane in "ab"
+            for topic in (topics.image_topic(plane), topics.camera_info_topic(plane))
+        }
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._pairs = itertools.count()
+        self._noise = np.random.default_rng(5).normal(0.0, 2.0, (SIDE, SIDE))
+        self._phases = itertools.cycle(range(24))
+        self._pictures: dict[tuple[str, int], np.ndarray] = {}
+        self.visible = True
+        self.last_ns, self.last_mm = 0, 0.0
+
+    def start(self) -> None:
+        self._stop.clear()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._stop.wait(PERIOD_S):
+            phase = next(self._phases) if self.visible else -1
+            self.last_ns = START_NS + next(self._pairs) * round(PERIOD_S * 1e9)
+            self.last_mm = z_of(phase)
+            for plane in "ab":
+                header = header_fields(self.last_ns, f"detector_{plane}")
+                self._send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
+                self._send(topics.image_topic(plane), encode_image(self._picture(plane, phase), header))
+
+    def _picture(self, plane: str, phase: int) -> np.ndarray:
+        if (plane, phase) not in self._pictures:
+            curve = projections()[plane].project(apply(shift(z_of(phase)), loop()))
+            empty = np.full((SIDE, SIDE), 180.0)
+            clean = draw_curve(curve, (SIDE, SIDE), background=180.0) if phase >= 0 else empty
+            self._pictures[plane, phase] = np.clip(clean + self._noise, 0, 255).astype(np.uint8)
+        return self._pictures[plane, phase]
+
+    def _send(self, topic: topics.Topic, fields: dict) -> None:
+        self._outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
+
+
+def z_of(phase: int) -> float:
+    return BREATH_MM * np.sin(2 * np.pi * phase / 24) if phase >= 0 else 0.0
+
+
+class Stage:
+    """Tracker, page and stream."""
+
+    def __init__(self, graph: Graph, page: Page, stream: Stream) -> None:
+        self.graph, self.page, self.stream = graph, page, stream
+
+    def click_along_the_loop(self) -> None:
+        """Hold a pair and click the ring as it lies in the pictures; the held pair's phase is not known, so look."""
+        self.page.press("s")
+        self.page.wait_for(lambda: "Picture held" in self.page.text("alarm"), "a held picture")
+        self.page.wait_for(lambda: self.ring("a") is not None, "the held picture's ring")
+        for plane in "ab":
+            for point in self.ring(plane)[::20]:
+                self.page.click(plane, point, SIDE)
+
+    def ring(self, plane: str) -> np.ndarray | None:
+        """The ring's points at the phase whose ring is darkest in the page's own film."""
+        film = self.page.pixels(plane, "film")[..., 0].astype(float)
+        factor = min(film.shape) / SIDE
+        curves = [projections()[plane].project(apply(shift(z_of(phase)), loop()))[:-1] for phase in range(24)]
+        means = []
+        for curve in curves:
+            x, y = ((curve - (SIDE - 1) / 2) * factor + np.array(film.shape[::-1]) / 2).T.astype(int)
+            means.append(film[y, x].mean())
+        return curves[int(np.argmin(means))] if min(means) < np.median(film) - 20 else None
+
+    def settled_loop(self) -> np.ndarray:
+        """Stop the images and give back the loop that the tracker published for the last pair, (N, 3)."""
+        self.stream.stop()
+        markers = self.graph.heard.messages["catheter"]
+        self.graph.heard.wait_for(lambda: stamp_to_ns(markers[-1].header.stamp) == self.stream.last_ns)
+        assert markers[-1].action == ADD
+        return np.array([[point.x, point.y, point.z] for point in markers[-1].points])
+
+
+def homogeneous(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Projection by the matrix as it stands in the message, without the package's own geometry."""
+    pixels = np.column_stack([points, np.ones(len(points))]) @ np.asarray(matrix).reshape(3, 4).T
+    return pixels[:, :2] / pixels[:, 2:]
+
+
+def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
+    """Of each point to the nearest of a curve's, which is made dense first."""
+    steps = np.linspace(0.0, 1.0, 16, endpoint=False)[:, None, None]
+    dense = (curve[:-1] + steps * (curve[1:] - curve[:-1])).reshape(-1, 2)
+    return np.linalg.norm(points[:, None] - dense[None], axis=2).min(axis=1)
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
+    require_browser()
+    directory = tmp_path_factory.mktemp("page")
+    with Graph((topics.CATHETER, topics.STATE), directory) as graph:
+        graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker")
+        graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
+        graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
+        url = graph.processes.log("web").partition("the page is at ")[2].split()[0]
+        stream = Stream(graph)
+        with open_page(url, directory / "profile") as page:
+            stream.start()
+            try:
+                yield Stage(graph, page, stream)
+            finally:
+                stream.stop()
+
+
+def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage) -> None:
+    page, stream = stage.page, stage.stream
+    page.wait_for_state("WAITING FOR SEED")
+    page.wait_for(lambda: page.driver.find_element("id", "hold").is_enabled(), "images of both planes")
+    stage.click_along_the_loop()
+    assert page.text("alarm") == "Picture held. Enter starts the tracking."
+    page.press(Keys.ENTER)
+    page.wait_for_state("TRACKING")
+    places = []
+    for _ in range(2):
+        points = stage.settled_loop()
+        for plane in "ab":
+            expected = homogeneous(encode_camera_info(projections()[plane], {})["p"], points)
+            true = projections()[plane].project(apply(shift(stream.last_mm), loop()))
+            page.wait_for(
+                lambda p=plane, e=expected: near(page.loop_pixels(p, SIDE), e),
+                f"the loop of plane {plane} in its place",
+            )
+            drawn = page.loop_pixels(plane, SIDE)
+            assert distances(expected, drawn).max() < 2.0  # all of it is drawn, not a part
+            assert distances(drawn, true).mean() < 1.5  # and that is where the ring is
+        places.append((stream.last_mm, page.loop_pixels("a", SIDE).mean(axis=0)))
+        now_mm = stream.last_mm
+        stream.start()
+        page.wait_for(lambda now=now_mm: abs(stream.last_mm - now) > BREATH_MM, "another phase")
+    (first_mm, first), (second_mm, second) = places
+    assert abs(second_mm - first_mm) > 3.0
+    moved = second - first
+    centre = np.array([[0.0, 0.0, 1e-3 * mm] for mm in (first_mm, second_mm)])
+    np.testing.assert_allclose(moved, np.diff(projections()["a"].project(centre), axis=0)[0], atol=1.5)
+    assert float(page.text("shift-z").replace("−", "-").replace("+", "")) == pytest.approx(0.0, abs=2 * BREATH_MM + 1)
+    assert page.complaints() == []
+
+
+def near(drawn: np.ndarray, expected: np.ndarray) -> bool:
+    return len(drawn) > 100 and float(distances(drawn, expected).max()) < 1.5
+
+
+def test_a_loss_takes_the_loop_away_and_says_so(stage: Stage) -> None:
+    page, stream = stage.page, stage.stream
+    page.wait_for_state("TRACKING")
+    stream.visible = False
+    page.wait_for_state("LOST")
+    page.wait_for(lambda: len(page.loop_pixels("a", SIDE)) == 0, "no loop")
+    assert "Nothing is compensated" in page.text("detail")
+    stream.visible = True
+    page.wait_for_state("TRACKING")
+    page.wait_for(lambda: len(page.loop_pixels("b", SIDE)) > 100, "the loop again")
+
+
+def test_silence_is_said_and_ends(stage: Stage) -> None:
+    stage.stream.stop()
+    stage.page.wait_for(lambda: stage.page.text("alarm").startswith("No images for"), "the silence")
+    assert "old" in stage.page.driver.find_element("id", "plane-a").get_attribute("class")
+    stage.stream.start()
+    stage.page.wait_for(lambda: stage.page.text("alarm") == "", "the end of the silence")
+
+
+def test_keys_alone_set_and_undo_clicks(stage: Stage) -> None:
+    page = stage.page
+    page.press("s")
+    page.wait_for(lambda: "Picture held" in page.text("alarm"), "a held picture")
+    page.press("b", Keys.ARROW_RIGHT, " ", Keys.ARROW_DOWN, " ", "a", Keys.ARROW_UP, " ")
+    counts = [element.text for element in page.driver.find_elements("css selector", ".plane .count")]
+    assert counts == ["1 of 6", "2 of 6"]
+    page.press("z", "z")
+    counts = [element.text for element in page.driver.find_elements("css selector", ".plane .count")]
+    assert counts == ["0 of 6", "1 of 6"]
+    assert not page.driver.find_element("id", "send").is_enabled()
+    page.press("+", "+")
+    assert page.driver.find_element("css selector", "#plane-a .scale").text == "1.6×"
+    page.press("0", Keys.ESCAPE)
+    page.wait_for(lambda: page.text("alarm") == "", "the live picture")
+
+
+def test_reset_asks_twice(stage: Stage) -> None:
+    page = stage.page
+    page.wait_for_state("TRACKING", "DEGRADED")
+    page.press("r")
+    assert page.text("reset") == "R Press again"
+    page.press("r")
+    page.wait_for_state("WAITING FOR SEED")
+
+
+def test_the_server_gone_is_said(stage: Stage, tmp_path: Path) -> None:
+    import signal
+
+    stage.graph.processes.send("web", signal.SIGINT)
+    assert stage.graph.wait_for_end("web") == 0
+    stage.page.wait_for_state("NO SERVER")
+    assert "Connection to the server lost" in stage.page.text("alarm")
