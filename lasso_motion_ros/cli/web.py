@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 from pathlib import Path
 
+from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
@@ -65,7 +67,7 @@ def _annotate(args: argparse.Namespace) -> int:
 
     if args.output is None:
         raise LassoMotionError("--annotate needs -o OUT.mcap, the copy to draw into")
-    return annotate(
+    damage = annotate(
         args.annotate,
         args.output,
         host=args.host,
@@ -75,6 +77,10 @@ def _annotate(args: argparse.Namespace) -> int:
         overwrite=args.overwrite,
         quiet=args.quiet,
     )
+    if damage is not None:
+        print(f"lasso-motion web: {damage}", file=sys.stderr)
+        return EXIT_PART
+    return EXIT_DONE
 
 
 def _yaml(value: str | int) -> str:

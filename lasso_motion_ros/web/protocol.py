@@ -92,13 +92,13 @@ def parse(text: str) -> Look | Shown | Request:
     raise MessageError(f"type: unknown: {kind!r}")
 
 
-def points(body: Mapping[str, Any], plane: Plane, fewest: int = 0) -> Array:
-    """The points of one plane, (N, 2) pixels, in a command's body.
+def points(body: Mapping[str, Any], plane: Plane, fewest: int = 0, key: str = "") -> Array:
+    """The points of one plane, (N, 2) pixels, in a command's body, under the plane's name or another key.
 
     Raises:
         MessageError: not a list of pairs of finite numbers, too few, or absurdly many.
     """
-    found = body.get(plane)
+    found = body.get(key or plane)
     if not isinstance(found, list) or len(found) > MAX_POINTS:
         raise MessageError(f"plane {plane.upper()}: expected a list of at most {MAX_POINTS} points")
     if len(found) < fewest:
