@@ -14,13 +14,16 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline
 
+from lasso_motion_ros.appearance import HALF_WIDTH, strip_along
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.curves import resample
+from lasso_motion_ros.errors import ReconstructionError, SeedError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.line_filter import sato
 from lasso_motion_ros.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
 from lasso_motion_ros.seeding import is_bright, line_sigma_px, outlines, require_both_planes
+from lasso_motion_ros.working_image import working_image
 
 Array = npt.NDArray[np.float64]
 
@@ -37,6 +40,10 @@ BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
 BEND_SIGMA_MM = 0.35  # of the spline coefficients' second differences
 SNAP_REACH_MM = 1.0
 SNAP_STEP_MM = 0.1
+# Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
+# below 0.5 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
+SMALLEST_CONTRAST = 0.5
+DOUBTFUL_CONTRAST = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,12 +82,47 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
     """The loop's curve from the clicks.
 
     Raises:
-        SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
+        SeedError: clicks that are too few, outside the image or beside any catheter, or a pair that lacks a plane.
         ReconstructionError: no 3-D loop explains the clicks.
     """
+    require_both_planes(pair)
+    bright = is_bright(pair, seed, config)
+    model = _build(pair, seed, config, bright=bright)
+    contrast = _contrast(pair, model)
+    if config.polarity == "auto" and contrast < DOUBTFUL_CONTRAST:
+        # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
+        try:
+            other = _build(pair, seed, config, bright=not bright)
+        except ReconstructionError:
+            pass
+        else:
+            if _contrast(pair, other) > contrast:
+                model, contrast = other, _contrast(pair, other)
+    if contrast < SMALLEST_CONTRAST:
+        raise SeedError(
+            f"no catheter is seen along the clicks: contrast {contrast:.1f} times the noise, "
+            f"expected at least {SMALLEST_CONTRAST}"
+        )
+    return model
+
+
+def _contrast(pair: FramePair, model: LoopModel) -> float:
+    """How far the model's curve stands out from what lies beside it, mean of both planes, in units of local noise."""
+    contrasts = []
+    for plane in PLANES:
+        frame = pair.frame(plane)
+        if frame is not None:
+            image = working_image(frame, model.centre, bright=model.bright, shift=model.shifts[plane])
+            profile = strip_along(model.points, image.projection).sample(image).mean(axis=0)
+            contrasts.append(
+                profile[HALF_WIDTH - 1 : HALF_WIDTH + 2].mean() - 0.5 * (profile[:3].mean() + profile[-3:].mean())
+            )
+    return float(np.mean(contrasts))
+
+
+def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> LoopModel:
     projections = require_both_planes(pair)
     frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
-    bright = is_bright(pair, seed, config)
     paths = outlines(pair, seed, config, bright=bright)
     simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < SIMULTANEOUS_S * 1e9
     share_of_a = 0.5 if simultaneous else 0.0

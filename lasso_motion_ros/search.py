@@ -87,7 +87,7 @@ def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Arra
 def join_peaks(
     peaks: dict[Plane, Peaks], expected: dict[Plane, Array], covariance: Array, slack_m: float, count: int
 ) -> list[SearchCandidate]:
-    """Candidates from the peaks of one or two planes, best first.
+    """Candidates from the peaks of one or two planes, best first; none without a plane.
 
     Args:
         peaks: the planes that take part.
@@ -97,6 +97,8 @@ def join_peaks(
         count: how many to return at most.
     """
     found: list[SearchCandidate] = []
+    if not peaks:
+        return found
     if len(peaks) == 1:
         (plane, only), *_ = peaks.items()
         for score, pixel in zip(only.scores, only.pixels, strict=True):

@@ -14,6 +14,7 @@ from lasso_motion_ros.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.loop_model import POINTS, build_loop_model
 from lasso_motion_ros.phantom.scenario import scenario_from_values
+from lasso_motion_ros.seeding import is_bright
 from lasso_motion_ros.suite_run import Sequence, render_sequence
 
 CONFIG = TrackerConfig()
@@ -169,6 +170,40 @@ def test_bright_catheters_give_the_same_model():
     dark, bright = build_loop_model(drawn(), seed, CONFIG), build_loop_model(drawn(bright=True), seed, CONFIG)
     assert bright.bright
     np.testing.assert_allclose(bright.points, dark.points, atol=2e-5)
+
+
+@pytest.mark.parametrize("bright", [False, True])
+def test_a_polarity_that_the_clicks_mistake_shows_along_the_loop(bright):
+    # Between the loop and a bright copy of it 2 mm higher, where the clicks are: each by itself is nearer to the copy.
+    curve = lasso_curve(1.0)
+    seed = clicks(curve, 10, 0.5)
+    wrong = {}
+    for name in "ab":
+        pixels = drawn(bright=bright).frame(name).pixels.copy()
+        for x, y in np.rint(seed.points(name)).astype(int):
+            pixels[y - 3 : y + 4, x + 3 : x + 5] = 0 if bright else 255  # a stroke of the other polarity
+        wrong[name] = Frame(0, pixels, VIEWS[name])
+    pair = FramePair(0, wrong["a"], wrong["b"])
+    assert is_bright(pair, seed, CONFIG) != bright
+    model = build_loop_model(pair, seed, CONFIG)
+    assert model.bright == bright
+    assert one_way_mm(model, curve) < 0.4
+
+
+@pytest.mark.parametrize("polarity", ["dark", "bright"])
+def test_a_configured_polarity_is_not_doubted(polarity):
+    config = dataclasses.replace(CONFIG, polarity=polarity)
+    seed = clicks(lasso_curve(1.0))
+    assert build_loop_model(drawn(bright=polarity == "bright"), seed, config).bright == (polarity == "bright")
+    with pytest.raises(SeedError, match="no catheter is seen along the clicks"):
+        build_loop_model(drawn(bright=polarity == "dark"), seed, config)
+
+
+@pytest.mark.parametrize("away_mm", [[20.0, 15.0, -30.0], [-30.0, 0.0, 20.0], [0.0, 30.0, -30.0]])
+def test_clicks_beside_any_catheter_are_refused(away_mm):
+    away = np.array(away_mm) * 1e-3
+    with pytest.raises(SeedError, match=r"contrast 0\.\d times the noise, expected at least 0\.5"):
+        build_loop_model(drawn(), clicks(lasso_curve(1.0) + away), CONFIG)
 
 
 def test_scale_sign_and_mirror_mean_nothing():

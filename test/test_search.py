@@ -235,3 +235,4 @@ def test_nothing_found_gives_no_candidates():
     empty = {name: Peaks(np.zeros(0), np.zeros((0, 2)), BLANK[name]) for name in "ab"}
     assert joined(empty) == []
     assert joined({"a": empty["a"]}) == []
+    assert joined({}) == []
