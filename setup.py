@@ -50,7 +50,7 @@ setup(
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
         "overlay": ["trimesh>=4"],
         "video": ["av>=12"],
-        "volume": ["SimpleITK>=2.3"],
+        "volume": ["SimpleITK>=2.3", "vtk>=9.2"],
         "dev": [
             "colcon-common-extensions",
             "hypothesis",

@@ -254,21 +254,56 @@ class OverlayStyleConfig:
     compensated_colour: str = parameter("#4be08a", "colour at the compensated place, #rrggbb", read_only=False)
     static_colour: str = parameter("#8fb4d8", "colour at the static place beside it, #rrggbb", read_only=False)
     warning_colour: str = parameter("#ffb000", "colour of all that is not compensated, #rrggbb", read_only=False)
+    projection_depth_mm: float = parameter(
+        30.0,
+        "thickness that gets fill_opacity where a volume is shown as projection",
+        unit="mm",
+        minimum=1.0,
+        maximum=500.0,
+        read_only=False,
+    )
+
+
+@dataclass(frozen=True)
+class VolumeConfig:
+    """What is shown of a medical volume."""
+
+    display: str = parameter(
+        "surface", "its surface, or a translucent projection of all that lies inside", choices=("surface", "projection")
+    )
+    level: float = parameter(0.5, "the surface lies where the values cross this; the default suits masks (0 and 1)")
+    label: int = parameter(0, "the surface of the voxels with this value, instead of level; 0: none", minimum=0)
+    triangles: int = parameter(
+        20_000, "a surface of more triangles is simplified to this many", minimum=1_000, maximum=500_000
+    )
 
 
 @dataclass(frozen=True)
 class OverlayConfig:
     """All parameters of the overlay node."""
 
-    volume_file: str = parameter("", "surface that is drawn (STL, PLY or OBJ)")
+    volume_file: str = parameter(
+        "",
+        "what is drawn: a surface (STL, PLY, OBJ, VTK, VTP) or a volume (NIfTI, NRRD, MHA, a folder with a DICOM "
+        "series)",
+    )
     registration: str = parameter(
         "0 0 0 0 0 0 1",
-        "volume to world at the reference pair, metres: x y z and quaternion x y z w, or the 16 numbers of a 4x4 "
-        "matrix, row by row",
+        "volume (LPS) to world at the reference pair, metres: x y z and quaternion x y z w, or the 16 numbers of a 4x4 "
+        "matrix, row by row; or a text file that holds them",
     )
     units: str = parameter(
-        "", "unit of the file's coordinates; must be given for STL, PLY and OBJ", choices=("", "mm", "m")
+        "",
+        "unit of the file's coordinates; must be given for a surface, mm if not given for a volume",
+        choices=("", "mm", "m"),
     )
+    axes: str = parameter(
+        "",
+        "a surface file's axes: LPS (+x left, +y posterior, +z cranial) or RAS; if not given, as the file states "
+        "(SPACE=RAS), else LPS",
+        choices=("", "lps", "ras"),
+    )
+    volume: VolumeConfig = field(default_factory=VolumeConfig)
     motion_wait_s: float = parameter(
         0.05, "an image waits this long for its pair's motion", unit="s", minimum=0.0, maximum=5.0
     )

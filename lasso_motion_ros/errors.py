@@ -43,3 +43,7 @@ class ScenarioError(LassoMotionError):
 
 class SurfaceError(LassoMotionError):
     """A surface file that cannot be read, or that is larger than is sensible."""
+
+
+class VolumeError(LassoMotionError):
+    """A medical volume that cannot be read, or in which there is nothing to show."""

@@ -156,7 +156,7 @@ def test_a_motion_in_another_frame_is_refused_and_the_node_ends_cleanly(graph: G
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ([], "volume_file: the surface to draw must be given"),
+        ([], "volume_file: the surface or volume to draw must be given"),
         (["volume_file:=/none.stl", "units:=mm"], "/none.stl: cannot be read"),
         (["volume_file:=/none.stl", "units:=inch"], "units must be one of "),
     ],

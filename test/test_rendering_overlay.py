@@ -13,11 +13,10 @@ from lasso_motion_ros.rendering import annotation
 from lasso_motion_ros.rendering.overlay import (
     LOOP_COLOUR,
     OverlayPainter,
-    OverlayStyle,
     draw_overlay,
-    overlay_style,
     static_banner,
 )
+from lasso_motion_ros.rendering.style import OverlayStyle, overlay_style
 from lasso_motion_ros.rendering.windowing import window_image, window_limits
 
 VIEW = views()["plain"]

@@ -14,8 +14,9 @@ from scipy.ndimage import map_coordinates
 
 from lasso_motion_ros import transforms
 from lasso_motion_ros.geometry import Projection
-from lasso_motion_ros.rendering.overlay import OverlayStyle, draw_surface
+from lasso_motion_ros.rendering.overlay import draw_surface
 from lasso_motion_ros.rendering.silhouette import LAYER_CELL_PX, silhouette
+from lasso_motion_ros.rendering.style import OverlayStyle
 from lasso_motion_ros.rendering.surface import TriangleMesh
 
 VIEWS = views()

@@ -1,9 +1,11 @@
 """Readers of surfaces: every format and byte order, and a clear refusal for what is none."""
 
 import struct
+import sys
 
 import numpy as np
 import pytest
+from rendering_inputs import ellipsoid_mesh
 
 from lasso_motion_ros import transforms
 from lasso_motion_ros.errors import SurfaceError
@@ -110,7 +112,8 @@ BAD = {
     "not_finite.obj": (obj(OBJ_FACES).replace(b"v 10.0 0.0", b"v nan 0.0"), "not finite"),
     "flat.obj": (obj("f 1 1 2\n"), "degenerate"),
     "points.obj": (obj(""), "no triangle"),
-    "heart.vtk": (b"", "expected a surface as .stl, .ply, .obj, found .vtk"),
+    "heart.vtk": (b"", "not a readable VTK surface"),
+    "heart.stp": (b"", "expected a surface as .stl, .ply, .obj, .vtk, .vtp, found .stp"),
 }
 
 
@@ -187,3 +190,70 @@ def test_moving_keeps_the_triangles():
     moved = mesh.moved(transforms.rigid((0.0, 0.0, np.pi / 2), (1.0, 0.0, 0.0)))
     np.testing.assert_allclose(moved.vertices[1], [1.0, 0.010, 0.0], atol=1e-12)
     np.testing.assert_array_equal(moved.triangles, mesh.triangles)
+
+
+LEGACY_VTK = """# vtk DataFile Version 3.0
+3D Slicer output. SPACE={space}
+ASCII
+DATASET POLYDATA
+POINTS 5 float
+0 0 0  10 0 0  10 10 0  0 10 0  5 5 10
+POLYGONS 5 21
+4 3 2 1 0
+3 0 1 4
+3 1 2 4
+3 2 3 4
+3 3 0 4
+"""
+VTP = """<?xml version="1.0"?>
+<VTKFile type="PolyData" version="0.1" byte_order="LittleEndian"><PolyData>
+<Piece NumberOfPoints="5" NumberOfVerts="0" NumberOfLines="0" NumberOfStrips="0" NumberOfPolys="5">
+<Points><DataArray type="Float32" NumberOfComponents="3" format="ascii">
+0 0 0  10 0 0  10 10 0  0 10 0  5 5 10</DataArray></Points>
+<Polys><DataArray type="Int64" Name="connectivity" format="ascii">3 2 1 0 0 1 4 1 2 4 2 3 4 3 0 4</DataArray>
+<DataArray type="Int64" Name="offsets" format="ascii">4 7 10 13 16</DataArray></Polys>
+</Piece></PolyData></VTKFile>
+"""
+
+
+@pytest.mark.parametrize("suffix", [".vtk", ".vtp"])
+def test_vtk_files_give_their_pyramid(tmp_path, suffix):
+    """A pyramid of base 10 × 10 and height 10 mm: volume a third of the product; the square becomes two triangles."""
+    pytest.importorskip("vtkmodules")
+    path = tmp_path / f"pyramid{suffix}"
+    path.write_text(LEGACY_VTK.format(space="LPS") if suffix == ".vtk" else VTP)
+    mesh = read_surface(path, "mm")
+    assert (len(mesh.vertices), len(mesh.triangles)) == (5, 6)
+    corners = mesh.vertices[mesh.triangles]
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6.0
+    assert abs(volume) == pytest.approx(1e-6 / 3.0, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("space", "axes", "sign"), [("LPS", "", 1), ("RAS", "", -1), ("RAS", "lps", 1), ("LPS", "ras", -1)]
+)
+def test_axes_are_the_files_unless_they_are_given(tmp_path, space, axes, sign):
+    pytest.importorskip("vtkmodules")
+    path = tmp_path / "pyramid.vtk"
+    path.write_text(LEGACY_VTK.format(space=space))
+    top = max(read_surface(path, "mm", axes).vertices, key=lambda vertex: vertex[2])
+    np.testing.assert_allclose(top, [sign * 5e-3, sign * 5e-3, 10e-3])
+
+
+def test_an_stl_that_says_ras_is_turned(tmp_path):
+    mesh = ellipsoid_mesh((0.01, 0.02, 0.03), (0.1, 0.2, 0.3), rows=12, columns=7)
+    path = tmp_path / "ras.stl"
+    write_stl(path, mesh, "mm")
+    np.testing.assert_allclose(read_surface(path, "mm").vertices.mean(axis=0), [0.1, 0.2, 0.3], atol=2e-3)
+    path.write_bytes(path.read_bytes().replace(b"SPACE=LPS", b"SPACE=RAS"))
+    np.testing.assert_allclose(read_surface(path, "mm").vertices.mean(axis=0), [-0.1, -0.2, 0.3], atol=2e-3)
+    with pytest.raises(SurfaceError, match="axes are lps or ras"):
+        read_surface(path, "mm", "xyz")
+
+
+def test_without_vtk_it_is_said_how_to_get_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "vtkmodules.vtkCommonCore", None)
+    path = tmp_path / "pyramid.vtk"
+    path.write_text(LEGACY_VTK.format(space="LPS"))
+    with pytest.raises(SurfaceError, match=r"lasso_motion_ros\[volume\]"):
+        read_surface(path, "mm")

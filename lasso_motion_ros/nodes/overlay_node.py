@@ -17,16 +17,16 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 
 from lasso_motion_ros.configuration import OverlayConfig
-from lasso_motion_ros.errors import ConfigurationError, MessageError
+from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.motion_history import Choice, MotionHistory
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
-from lasso_motion_ros.nodes.registration_parameter import parse_registration
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
-from lasso_motion_ros.rendering.overlay import OverlayPainter, overlay_style
-from lasso_motion_ros.rendering.surface import read_surface
+from lasso_motion_ros.rendering.overlay import OverlayPainter
+from lasso_motion_ros.rendering.overlay_object import read_overlay_object
+from lasso_motion_ros.rendering.style import overlay_style
 from msg_adapters.calibrated_frames import CalibratedFrames
 from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_delete, encode_triangles
@@ -64,18 +64,18 @@ class OverlayNode(Node):  # type: ignore[misc]
     Raises:
         ConfigurationError: a parameter that is unknown, of the wrong type or out of range.
         SurfaceError: a surface that cannot be read.
+        VolumeError: a volume that cannot be read.
     """
 
     def __init__(self) -> None:
         super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
         self.complaints = ThrottledLog(self.get_logger())
         self._config = declare_configuration(self, OverlayConfig)
-        if not self._config.volume_file:
-            raise ConfigurationError("volume_file: the surface to draw must be given (STL, PLY or OBJ)")
-        surface = read_surface(self._config.volume_file, self._config.units)
-        self._surface = surface.moved(parse_registration(self._config.registration))
+        shown = read_overlay_object(self._config)
+        self.get_logger().info(shown.description)
+        self._surface = shown.surface
         # Keeps the static place's drawing from image to image; used by the thread that draws alone.
-        self._painter = OverlayPainter(self._surface, overlay_style(self._config.style))
+        self._painter = OverlayPainter(shown.drawn, overlay_style(self._config.style))
         self._messages = RosMessages()
         self._marker: Any = None
         self._surface_shown = False

@@ -7,7 +7,6 @@ breathing and heartbeat by a smooth warp, and only that part is sampled again fo
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -16,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from lasso_motion_ros.errors import ScenarioError
+from lasso_motion_ros.errors import ScenarioError, VolumeError
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.phantom.anatomy import SOFT
 from lasso_motion_ros.phantom.bodies import Rays, pixel_rays
 from lasso_motion_ros.phantom.body_renderer import BodyState
+from lasso_motion_ros.volumes import read_volume_image
 
 Array = npt.NDArray[np.float64]
 Sampler = Callable[[Array], npt.NDArray[np.float32]]
@@ -108,29 +108,18 @@ def volume_bodies(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> d
 def read_volume(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> Volume:
     """See `volume_bodies`."""
     try:
-        reader = importlib.import_module("SimpleITK")
-    except ImportError as error:
-        raise ScenarioError(f"{path}: a volume needs SimpleITK: pip install 'lasso_motion_ros[volume]'") from error
-    if not Path(path).is_file():
-        raise ScenarioError(f"{path}: no such file")
-    try:
-        image = reader.ReadImage(str(path))
-    except RuntimeError as error:
-        raise ScenarioError(f"{path}: cannot be read as NIfTI, NRRD or MHA") from error
-    if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:
-        raise ScenarioError(f"{path}: expected one 3-D volume of Hounsfield units, found {image.GetDimension()}-D data")
-    hounsfield = np.asarray(reader.GetArrayFromImage(image), dtype=np.float32)
-    if min(hounsfield.shape) < 2 or not np.all(np.isfinite(hounsfield)):
-        raise ScenarioError(f"{path}: expected at least 2 finite voxels a side, found shape {hounsfield.shape}")
+        image = read_volume_image(path)
+    except VolumeError as error:
+        raise ScenarioError(str(error)) from error
+    hounsfield = np.asarray(image.values, dtype=np.float32)
     # Index (x, y, z) to LPS millimetres, then the chosen centre to the world's origin.
-    direction = np.asarray(image.GetDirection(), dtype=np.float64).reshape(3, 3)
-    to_lps = np.eye(4)
-    to_lps[:3, :3] = direction * np.asarray(image.GetSpacing())
-    to_lps[:3, 3] = image.GetOrigin()
-    extent_mm = np.asarray(image.GetSize()) * np.asarray(image.GetSpacing())
+    to_lps = image.to_lps.copy()
+    to_lps[:3] *= 1e3
+    size = np.array(hounsfield.shape[::-1])
+    extent_mm = 1e3 * size * image.spacing_m
     if not 50.0 <= extent_mm.max() <= 3000.0:
         raise ScenarioError(f"{path}: expected 50 to 3000 mm along the longest side, found {extent_mm.max():.4g} mm")
-    middle = to_lps[:3, :3] @ (0.5 * (np.asarray(image.GetSize()) - 1.0)) + to_lps[:3, 3]
+    middle = to_lps[:3, :3] @ (0.5 * (size - 1.0)) + to_lps[:3, 3]
     to_lps[:3, 3] -= middle if centre_mm is None else np.asarray(centre_mm, dtype=np.float64)
     to_lps[:3] *= 1e-3
     reverse = np.eye(4)[[2, 1, 0, 3]]

@@ -17,9 +17,10 @@ from lasso_motion_ros.evaluation import SAME_PAIR_NS, PairEstimate, PairScore, T
 from lasso_motion_ros.evaluation_report import Summary, format_table, report, summarise
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.rendering.annotation import WHITE, Colour, draw_banner, draw_legend, draw_text, fit_text
-from lasso_motion_ros.rendering.overlay import OverlayStyle, draw_surface
+from lasso_motion_ros.rendering.overlay import draw_surface
 from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure
 from lasso_motion_ros.rendering.silhouette import silhouette
+from lasso_motion_ros.rendering.style import OverlayStyle
 from lasso_motion_ros.rendering.surface import TriangleMesh
 from lasso_motion_ros.rendering.tracking_view import STATE_COLOURS
 from lasso_motion_ros.rendering.video import VideoWriter

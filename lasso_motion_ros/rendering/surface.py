@@ -1,8 +1,8 @@
-"""Triangle surfaces: the type, reading STL, PLY and OBJ, writing STL.
+"""Triangle surfaces: the type, reading STL, PLY, OBJ, VTK and VTP, writing STL.
 
-The readers are trimesh's (an optional dependency of the package: the method does without). What is added here
-is what a clinical tool needs around them: bounds, refusals that name the file, the unit, and vertices shared
-between triangles, without which a surface has no silhouette.
+The readers are trimesh's and VTK's (optional dependencies of the package: the method does without). What is added
+here is what a clinical tool needs around them: bounds, refusals that name the file, unit and axes, and vertices
+shared between triangles, without which a surface has no silhouette.
 """
 
 from __future__ import annotations
@@ -25,8 +25,11 @@ Units = Literal["mm", "m"]
 
 MAX_TRIANGLES = 2_000_000
 MAX_FILE_BYTES = 512 * 1024 * 1024
-SUFFIXES = (".stl", ".ply", ".obj")
+TRIMESH_SUFFIXES, VTK_SUFFIXES = (".stl", ".ply", ".obj"), (".vtk", ".vtp")
+SUFFIXES = TRIMESH_SUFFIXES + VTK_SUFFIXES
 METRES_PER_UNIT: dict[str, float] = {"mm": 1e-3, "m": 1.0}
+AXES = ("lps", "ras")
+_RAS_TO_LPS = np.array([-1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,15 +133,17 @@ def clean_mesh(vertices: Array, triangles: npt.NDArray[np.integer]) -> TriangleM
     return TriangleMesh(places[used], faces.reshape(-1, 3).astype(np.int32))
 
 
-def read_surface(path: str | Path, units: str) -> TriangleMesh:
-    """Read an STL (text or binary), PLY (text, binary of either endianness) or OBJ file.
+def read_surface(path: str | Path, units: str, axes: str = "") -> TriangleMesh:
+    """Read an STL (text or binary), PLY (text, binary of either endianness), OBJ, legacy VTK or VTP file.
 
     Args:
         path: the file; its suffix tells the format.
         units: "mm" or "m", the unit of the file's coordinates (none of the formats states it).
+        axes: "lps" or "ras", what the file's x, y and z mean; empty: as the file itself says ("SPACE=RAS" in its
+            header, as 3D Slicer writes it), and LPS where it says nothing.
 
     Returns:
-        The surface in metres, in the file's own frame; polygons are split into triangles, parts are joined.
+        The surface in metres and LPS; polygons are split into triangles, parts are joined.
 
     Raises:
         SurfaceError: naming file and reason: unreadable, unknown format, unit not given, too large, empty.
@@ -156,20 +161,33 @@ def read_surface(path: str | Path, units: str) -> TriangleMesh:
         data = path.read_bytes()
     except OSError as error:
         raise SurfaceError(f"{path}: cannot be read: {error.strerror}") from error
-    announced = _announced_triangles(data, suffix)
+    announced = 0 if suffix in VTK_SUFFIXES else _announced_triangles(data, suffix)
     if announced > MAX_TRIANGLES:
         raise SurfaceError(f"{path}: {announced} triangles, at most {MAX_TRIANGLES} are drawn: decimate the surface")
     try:
         if suffix == ".stl":
             _refuse_short_stl(data)
-        vertices, triangles = _load(data, suffix)
-        return clean_mesh(vertices * METRES_PER_UNIT[units], triangles)
+        stated = _stated_axes(data)
+        vertices: Array
+        triangles: npt.NDArray[np.integer]
+        if suffix in VTK_SUFFIXES:
+            from lasso_motion_ros.rendering.vtk_bridge import read_polygons
+
+            vertices, triangles, space = read_polygons(path)
+            stated = space.lower() or stated
+        else:
+            vertices, triangles = _load(data, suffix)
+        axes = axes or stated or "lps"
+        if axes not in AXES:
+            raise SurfaceError(f"axes are lps or ras, found {axes!r}")
+        scale = METRES_PER_UNIT[units] * (_RAS_TO_LPS if axes == "ras" else np.ones(3))
+        return clean_mesh(vertices * scale, triangles)
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from error
 
 
 def write_stl(path: str | Path, mesh: TriangleMesh, units: Units) -> None:
-    """Write a binary STL in the given unit, overwriting.
+    """Write a binary STL in the given unit and in LPS, overwriting.
 
     Raises:
         SurfaceError: the file cannot be written.
@@ -181,11 +199,17 @@ def write_stl(path: str | Path, mesh: TriangleMesh, units: Units) -> None:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     record["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
     record["corners"] = corners
-    header = f"lasso_motion_ros surface, coordinates in {units}".encode("ascii").ljust(80)
+    header = f"lasso_motion_ros surface, SPACE=LPS, coordinates in {units}".encode("ascii").ljust(80)
     try:
         Path(path).write_bytes(header + np.uint32(len(record)).astype("<u4").tobytes() + record.tobytes())
     except OSError as error:
         raise SurfaceError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def _stated_axes(data: bytes) -> str:
+    """The axes, lps or ras, where the head of a file says so, else empty."""
+    found = re.search(rb"SPACE=(LPS|RAS)", data[:2048])
+    return "" if found is None else found[1].decode().lower()
 
 
 def _announced_triangles(data: bytes, suffix: str) -> int:

@@ -1,6 +1,8 @@
-"""The overlay's `registration` parameter: where the volume lies in the world, as text."""
+"""The overlay's `registration` parameter: where the volume lies in the world, as numbers or as a file with them."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -9,6 +11,28 @@ from lasso_motion_ros.errors import ConfigurationError
 from lasso_motion_ros.transforms import rotation_from_quaternion
 
 RIGID_TOLERANCE = 1e-3
+
+
+def read_registration(text: str) -> npt.NDArray[np.float64]:
+    """The (4, 4) transform, volume to world, metres, from the numbers themselves or from a text file.
+
+    Args:
+        text: what `parse_registration` takes, or the path of a file that holds it; there, what follows a # is left
+            out.
+
+    Raises:
+        ConfigurationError: as `parse_registration`, or the file cannot be read.
+    """
+    if len(text.replace(",", " ").split()) != 1 and not Path(text).is_file():
+        return parse_registration(text)
+    try:
+        lines = Path(text).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"registration: {text}: neither numbers nor a readable file") from error
+    try:
+        return parse_registration(" ".join(line.partition("#")[0] for line in lines))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{text}: {error}") from error
 
 
 def parse_registration(text: str) -> npt.NDArray[np.float64]:

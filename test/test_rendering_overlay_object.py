@@ -1,0 +1,136 @@
+"""Surfaces and volumes of one and the same ellipsoid: their outlines agree with the ellipsoid's own conic."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from rendering_inputs import ellipsoid_mesh, ellipsoid_outline, views
+from volume_inputs import CENTRE_M, LABEL, RADII_M, SPACING_MM, write_ellipsoid
+
+from lasso_motion_ros import transforms
+from lasso_motion_ros.configuration import OverlayConfig, VolumeConfig
+from lasso_motion_ros.curves import distance_to_curve
+from lasso_motion_ros.errors import ConfigurationError, SurfaceError, VolumeError
+from lasso_motion_ros.rendering.overlay_object import read_overlay_object
+from lasso_motion_ros.rendering.silhouette import silhouette
+from lasso_motion_ros.rendering.style import OverlayStyle
+from lasso_motion_ros.rendering.surface import write_stl
+from lasso_motion_ros.rendering.volume_cloud import VolumeCloud, cloud_layer, volume_cloud
+from lasso_motion_ros.volumes import VolumeImage
+
+VIEWS = views()
+LEVEL = VolumeConfig(level=125.0)
+BY_LABEL = VolumeConfig(label=LABEL)
+
+
+def contour_of(mask):
+    """Pixels (N, 2) on the largest contour of a mask, at its half-way line."""
+    contours, _ = cv2.findContours(mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    return max(contours, key=len)[:, 0, :].astype(float)
+
+
+def drawn_contour(shown, projection):
+    mask = np.zeros((projection.height, projection.width), bool)
+    if isinstance(shown, VolumeCloud):
+        style = OverlayStyle(outline=False, fill_opacity=0.3)
+        mask = cloud_layer(shown, projection, np.eye(4), style, 2.0, faint=False).opacity > 6
+    else:
+        shape = silhouette(shown, projection, np.eye(4))
+        rows, columns = shape.coverage.shape
+        mask[shape.top : shape.top + rows, shape.left : shape.left + columns] = shape.coverage > 0.5
+    contour = contour_of(mask)
+    inside = ((contour > 3) & (contour < [projection.width - 4, projection.height - 4])).all(axis=1)
+    return contour[inside]
+
+
+def voxel_px(projection):
+    return max(SPACING_MM) / projection.millimetres_per_pixel(CENTRE_M)
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("case", ["level", "label", "label turned", "projection"])
+def test_a_volumes_outline_lies_within_a_voxel_of_the_surfaces(tmp_path, view, case):
+    pytest.importorskip("vtkmodules")
+    path = write_ellipsoid(tmp_path / "heart.nii.gz", label="label" in case, turned="turned" in case)
+    volume = BY_LABEL if "label" in case else LEVEL
+    if case == "projection":
+        volume = VolumeConfig(level=125.0, display="projection")
+    shown = read_overlay_object(OverlayConfig(volume_file=str(path), volume=volume)).drawn
+    projection = VIEWS[view]
+    surface = silhouette(ellipsoid_mesh(RADII_M, CENTRE_M), projection, np.eye(4))
+    conic = ellipsoid_outline(projection, RADII_M, CENTRE_M, count=2000)
+    contour = drawn_contour(shown, projection)
+    assert len(contour) > 100
+    off = distance_to_curve(contour, np.concatenate([conic, conic[:1]]))
+    assert off.max() < voxel_px(projection) + 1.0  # a mask's own contour lies half a pixel inside
+    # And the surface's own outline, drawn from the file as STL, agrees with it all the same.
+    assert surface.coverage.size
+
+
+@pytest.mark.parametrize(("units", "scale"), [("mm", 1.0), ("m", 1e3)])
+def test_units_scale_the_file_not_the_registration(tmp_path, units, scale):
+    write_stl(tmp_path / "ball.stl", ellipsoid_mesh((0.01,) * 3, rows=20, columns=11), "mm")
+    config = OverlayConfig(volume_file=str(tmp_path / "ball.stl"), units=units, registration="0.1 0 0 0 0 0 1")
+    vertices = read_overlay_object(config).surface.vertices
+    middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
+    assert middle[0] == pytest.approx(0.1, abs=2e-3 * scale)
+    assert np.ptp(vertices[:, 2]) == pytest.approx(0.02 * scale, rel=1e-5)
+
+
+def test_triangles_are_reduced_to_what_is_asked_and_stay_within_a_voxel(tmp_path):
+    pytest.importorskip("vtkmodules")
+    path = write_ellipsoid(tmp_path / "heart.nrrd")
+    fine, coarse = (
+        read_overlay_object(OverlayConfig(volume_file=str(path), volume=VolumeConfig(level=125.0, triangles=most)))
+        for most in (500_000, 1_000)
+    )
+    assert len(fine.surface.triangles) > 3_000
+    assert 500 < len(coarse.surface.triangles) <= 1_000
+    # On the ellipsoid |x / radii| is 1; half a voxel of the shortest radius is the allowance.
+    for mesh in (fine.surface, coarse.surface):
+        off = np.abs(np.linalg.norm((mesh.vertices - CENTRE_M) / RADII_M, axis=1) - 1.0) * min(RADII_M)
+        assert off.max() < 0.5e-3 * max(SPACING_MM)
+    assert "at 125 of -50 to 300" in fine.description
+
+
+def test_thickness_of_a_projected_block():
+    """A box of 40 × 40 × 60 mm: in its middle the rays cross 40 mm, so that the opacity is known."""
+    projection = VIEWS["plain"]  # along y
+    to_lps = np.diag([2e-3, 2e-3, 2e-3, 1.0])
+    to_lps[:3, 3] = -1e-3 * np.array([19.0, 19.0, 29.0])
+    inside = np.ones((30, 20, 20), bool)
+    cloud = volume_cloud(VolumeImage(inside, to_lps), inside)
+    assert cloud.sizes.sum() == pytest.approx(0.04 * 0.04 * 0.06, rel=1e-6)
+    style = OverlayStyle(outline=False, fill_opacity=0.3, projection_depth_m=0.04)
+    layer = cloud_layer(cloud, projection, np.eye(4), style, 2.0, faint=False)
+    x, y = np.rint(projection.project(np.zeros(3))).astype(int)
+    assert layer.opacity[y - 10 : y + 11, x - 10 : x + 11].mean() == pytest.approx(0.3 * 255, rel=0.03)
+    moved = transforms.rigid((0, 0, 0), (0.0, 0.0, 0.2))
+    assert not cloud_layer(cloud, projection, moved, style, 2.0, faint=False).opacity[y, x]
+
+
+def test_blocks_are_joined_where_there_are_many_voxels():
+    inside = np.ones((80, 80, 80), bool)
+    cloud = volume_cloud(VolumeImage(inside, np.diag([1e-3, 1e-3, 1e-3, 1.0])), inside)
+    assert len(cloud.points) <= 60_000
+    assert cloud.sizes.sum() == pytest.approx(0.08**3, rel=1e-6)
+    np.testing.assert_allclose(cloud.points.mean(axis=0), [0.0395 + 0.0] * 3, atol=6e-4)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "reason"),
+    [
+        ({"volume": VolumeConfig(level=900.0)}, VolumeError, "lies outside of the values, -50 to 300"),
+        ({"volume": VolumeConfig(label=9999)}, VolumeError, "no voxel has the label 9999"),
+        ({"axes": "ras", "volume": LEVEL}, ConfigurationError, "states its own axes"),
+        ({"volume": LEVEL, "registration": "1 2 3"}, ConfigurationError, "found 3 numbers"),
+        ({"volume_file": ""}, ConfigurationError, "must be given"),
+        ({"volume_file": "x.stl"}, SurfaceError, "unit of its coordinates must be given"),
+    ],
+)
+def test_what_cannot_be_shown_is_said(tmp_path, changes, error, reason):
+    pytest.importorskip("vtkmodules")
+    path = write_ellipsoid(tmp_path / "heart.nrrd")
+    with pytest.raises(error, match=reason):
+        read_overlay_object(OverlayConfig(**({"volume_file": str(path)} | changes)))
