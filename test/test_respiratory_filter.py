@@ -183,9 +183,19 @@ def test_lost_r_peaks_are_said_and_what_was_learned_by_them_is_dropped() -> None
     lost = [one for one, t in zip(told, sequence.times_s[1:], strict=True) if 15.5 < t < 20.0]
     assert not any(one.separated for one in lost)
     assert "too few" in lost[0].text
-    assert told[-1].separated
+    before = next(one for one, t in zip(told, sequence.times_s[1:], strict=True) if t > 11.5)
+    after = next(one for one, t in zip(told, sequence.times_s[1:], strict=True) if t > 20.0 and one.separated)
+    assert np.all(after.variance_mm2 > 2.0 * before.variance_mm2)
 
 
 def test_a_range_of_rates_upside_down_is_refused() -> None:
     with pytest.raises(ConfigurationError, match="slowest_bpm must be below fastest_bpm, found 120 and 60"):
         RespiratoryFilter(2.0, 1.0)
+
+
+def test_a_gap_does_not_change_the_frame_rate() -> None:
+    filter_ = RespiratoryFilter()
+    filter_.start(ns(0.0), None)
+    for time_s in (0.25, 0.5, 1.5, 1.75, 2.0):
+        filter_.separate(ns(time_s), np.zeros(3), np.zeros(3), None)
+    assert filter_.rate_hz == pytest.approx(4.0)
