@@ -16,6 +16,7 @@ from lasso_motion_ros.errors import LassoMotionError
 
 NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
 LOG_PERIOD_S = 5.0
+KIND_LENGTH = 40
 ERROR_PAUSE_S = 0.005
 """After an error of the executor itself: one that comes at once again must not take the whole processor."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -77,6 +78,11 @@ class ThrottledLog:
             self.complain("input", str(error))
         else:
             self.complain(type(error).__name__, str(error))
+
+
+def kind_of(text: str) -> str:
+    """What tells one complaint from another, though the numbers in it change: its first letters."""
+    return "".join(letter for letter in text if not letter.isdigit())[:KIND_LENGTH]
 
 
 class RunnableNode(Protocol):

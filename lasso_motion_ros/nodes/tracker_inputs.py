@@ -89,8 +89,8 @@ class TrackerInputs:
             self._node.destroy_subscription(subscription)
 
     def reliable(self, plane: Plane) -> bool | None:
-        """Whether a plane's images are subscribed reliably; None while no publisher is known."""
-        return self._images[plane].reliable
+        """Whether a plane's images are subscribed reliably; None while nobody publishes them."""
+        return self._images[plane].reliable if self._images[plane].publishers() else None
 
     def offers(self) -> dict[Plane, Offer]:
         """What is published on images and calibrations now."""

@@ -17,7 +17,7 @@ from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
-from lasso_motion_ros.nodes.running import ThrottledLog, guarded
+from lasso_motion_ros.nodes.running import ThrottledLog, guarded, kind_of
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
 from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
@@ -242,7 +242,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def _complain(self) -> None:
         if self._pipeline is not None:
             for problem in self._pipeline.take_problems():
-                self.complaints.complain(problem.topic or "stream", problem.text)
+                self.complaints.complain(problem.topic or "stream", problem.text, kind=kind_of(problem.text))
 
     @guarded
     def _on_timer(self) -> None:
@@ -256,7 +256,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             time.monotonic(), self._inputs.offers(), statistics.calibrated, statistics.pairing["a"].paired
         )
         for subject, text in complaints:
-            self.complaints.complain(subject, text, kind=text[-20:], period_s=STREAM_COMPLAINT_PERIOD_S)
+            self.complaints.complain(subject, text, kind=kind_of(text), period_s=STREAM_COMPLAINT_PERIOD_S)
 
     @guarded
     def _publish_diagnostics(self) -> None:

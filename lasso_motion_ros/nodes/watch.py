@@ -16,6 +16,7 @@ SILENCE_S = 2.0
 """So long may a topic have no publisher, or images no calibration, before it is said."""
 REMEMBERED = 60
 ENOUGH = 20
+LAGS = 15
 MISSING_SHARE = 0.1
 LARGEST_OFFSET_S = 0.2
 PROFILE_CURE = (
@@ -29,8 +30,9 @@ class _Arrivals:
     """Stamps and times of receipt (both ns) of one plane's last images."""
 
     stamps: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    lags: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    lags: deque[int] = field(default_factory=lambda: deque(maxlen=LAGS))
     count: int = 0
+    count_before: int = 0
     uncalibrated_since_s: float | None = None
 
 
@@ -134,8 +136,10 @@ class StreamWatch:
         offset_s = self.clock_offset_s()
         stalled = whole_pairs == self._whole_pairs
         self._whole_pairs = whole_pairs
-        enough = all(arrivals.count >= ENOUGH for arrivals in self._arrivals.values())
-        if offset_s is not None and abs(offset_s) > LARGEST_OFFSET_S and stalled and enough:
+        come = [arrivals.count - arrivals.count_before for arrivals in self._arrivals.values()]
+        for arrivals in self._arrivals.values():
+            arrivals.count_before = arrivals.count
+        if offset_s is not None and abs(offset_s) > LARGEST_OFFSET_S and stalled and min(come) > 0:
             yield (
                 "sync",
                 (

@@ -42,7 +42,11 @@ def ring_points() -> Array:
 
 
 def ring_image(
-    plane: Plane, side: int, displacement_mm: Array, generator: np.random.Generator
+    plane: Plane,
+    side: int,
+    displacement_mm: Array,
+    generator: np.random.Generator,
+    projection: Projection | None = None,
 ) -> npt.NDArray[np.uint16]:
     """(side, side) uint16 of 12 bits: the ring with its electrodes, moved, dark on a noisy background.
 
@@ -51,8 +55,9 @@ def ring_image(
         side: pixels.
         displacement_mm: (3,) world millimetres.
         generator: of the noise.
+        projection: another view than `ring_projection`.
     """
-    projection = ring_projection(plane, side)
+    projection = ring_projection(plane, side) if projection is None else projection
     curve = projection.project(ring_points() + 1e-3 * np.asarray(displacement_mm))
     picture = np.full((side, side), BACKGROUND, np.uint8)
     fixed = np.rint(curve * (1 << SUBPIXEL_BITS)).astype(np.int32)
@@ -73,9 +78,10 @@ def ring_pair(side: int, displacement_mm: Array, stamp_ns: int, generator: np.ra
     return FramePair(stamp_ns, frames["a"], frames["b"])
 
 
-def ring_seed(side: int) -> Seed:
-    """Ten clicks a plane on the ring that has not moved."""
-    clicks = {plane: ring_projection(plane, side).project(ring_points())[:-1:18] for plane in PLANES}
+def ring_seed(side: int, displacement_mm: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Seed:
+    """Ten clicks a plane on the ring, moved by world millimetres."""
+    moved = ring_points() + 1e-3 * np.asarray(displacement_mm, dtype=np.float64)
+    clicks = {plane: ring_projection(plane, side).project(moved)[:-1:18] for plane in PLANES}
     return Seed(clicks["a"], clicks["b"])
 
 

@@ -1,0 +1,158 @@
+"""A live stream of a drawn ring whose motion is known, good or spoilt on purpose, for the tests of faults."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from node_harness import Graph
+from std_srvs.srv import Trigger
+
+from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
+from lasso_motion_ros.share import share_file
+from msg_adapters import topics
+from msg_adapters.calibrations import encode_camera_info
+from msg_adapters.images import encode_image
+from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.poses import decode_pose
+from msg_adapters.seeds import encode_polygon
+
+START_NS = 1_760_000_000_000_000_000
+PERIOD_NS = 100_000_000
+SIDE = 256
+RIGHT_MM, WRONG_MM = 0.5, 2.0
+HEARD = (topics.DIAGNOSTICS, *(topic for topic in topics.OUTPUTS if topic is not topics.STATE), topics.STATE)
+Spoil = Callable[[dict[str, Any]], dict[str, Any] | None]
+"""Fields of a message in, other fields out; None: it is not sent."""
+
+
+def stamp(number: int) -> int:
+    return START_NS + number * PERIOD_NS
+
+
+def displacement_mm(stamp_ns: int) -> np.ndarray:
+    return breath_mm(1e-9 * (stamp_ns - START_NS))
+
+
+class RingStream:
+    """Publishes pairs to a tracker and judges what it says."""
+
+    def __init__(self, graph: Graph, *, reliable: bool = True, side: int = SIDE) -> None:
+        self.graph, self._side = graph, side
+        self._generator = np.random.default_rng(5)
+        self.outlets = {
+            topic.name: graph.publisher(topic, reliable=reliable or topic.type_name != topics.IMAGE_TYPE)
+            for plane in PLANES
+            for topic in (topics.image_topic(plane), topics.camera_info_topic(plane), topics.seed_topic(plane))
+        }
+        self.number = 0
+
+    def connect(self) -> None:
+        """Wait until the tracker listens to everything."""
+        self.graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in self.outlets.values()))
+
+    def send(self, topic: topics.Topic, fields: Mapping[str, Any]) -> None:
+        self.outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
+
+    def frame(
+        self,
+        plane: Plane,
+        number: int,
+        *,
+        spoil_image: Spoil = dict,
+        spoil_info: Spoil = dict,
+        stamp_ns: int | None = None,
+        projection: Any = None,
+        said: Any = None,
+    ) -> None:
+        """One plane's calibration and image: drawn by `projection`, said to be `said`."""
+        projection = ring_projection(plane, self._side) if projection is None else projection
+        said = projection if said is None else said
+        header = header_fields(stamp(number) if stamp_ns is None else stamp_ns, f"detector_{plane}")
+        pixels = ring_image(plane, self._side, displacement_mm(stamp(number)), self._generator, projection)
+        info, image = spoil_info(encode_camera_info(said, header)), spoil_image(encode_image(pixels, header))
+        if info is not None:
+            self.send(topics.camera_info_topic(plane), info)
+        if image is not None:
+            self.send(topics.image_topic(plane), image)
+
+    def pairs(self, count: int, **spoils: Any) -> list[int]:
+        """So many pairs more; keywords as in `frame`, `a_…` or `b_…` for one plane only. Returns their stamps."""
+        stamps = []
+        for _ in range(count):
+            for plane in PLANES:
+                keywords = {name: value for name, value in spoils.items() if not name.startswith(("a_", "b_"))}
+                keywords |= {name[2:]: value for name, value in spoils.items() if name.startswith(f"{plane}_")}
+                self.frame(plane, self.number, **keywords)
+            stamps.append(stamp(self.number))
+            self.number += 1
+        return stamps
+
+    def clicks(self, at_ns: Mapping[Plane, int] | int, off_px: float = 0.0) -> None:
+        """Clicks on the ring as it is at a stamp (0: as it is in the next pair), or beside it."""
+        for plane in PLANES:
+            stamp_ns = at_ns if isinstance(at_ns, int) else at_ns[plane]
+            shown = displacement_mm(stamp_ns or stamp(self.number))
+            points = ring_seed(self._side, shown).points(plane) + off_px
+            self.send(topics.seed_topic(plane), encode_polygon(points, header_fields(stamp_ns)))
+
+    def seeded(self) -> None:
+        """A pair that is clicked, and two more, tracked."""
+        first, *_, last = self.pairs(1) + self.pairs(2)
+        self.clicks(first)
+        self.expect([first, last])
+
+    def expect(self, stamps: list[int]) -> None:
+        """Wait for the poses of these pairs, each right."""
+        for at in stamps:
+            self.graph.heard.wait_for(lambda at=at: at in self.errors_mm())
+            error = self.errors_mm()[at]
+            assert error <= RIGHT_MM, f"{error:.2f} mm off at pair {(at - START_NS) // PERIOD_NS}"
+
+    def errors_mm(self) -> dict[int, float]:
+        """How far each pose is off, by its stamp: against the truth since the reference that held when it came."""
+        errors: dict[int, float] = {}
+        reference_mm = np.zeros(3)
+        for name, message in self.graph.heard.order:
+            if name == topics.REFERENCE.name:
+                reference_mm = displacement_mm(stamp_to_ns(message.stamp))
+            elif name == topics.MOTION.name:
+                at = stamp_to_ns(message.header.stamp)
+                motion_mm = 1e3 * decode_pose(message)[:3, 3]
+                errors[at] = float(np.linalg.norm(motion_mm - (displacement_mm(at) - reference_mm)))
+        return errors
+
+    def nothing_wrong(self) -> None:
+        """No pose that ever came was wrong."""
+        wrong = {at: error for at, error in self.errors_mm().items() if error > WRONG_MM}
+        assert not wrong, wrong
+
+    def states(self) -> list[str]:
+        return [message.data for message in self.graph.heard.messages["state"]]
+
+    def values(self, part: str) -> dict[str, str]:
+        """What the diagnostics said last of `tracker`, `plane_a` or `plane_b`; its words under the key `message`."""
+        for message in reversed(self.graph.heard.messages["/diagnostics"]):
+            for status in message.status:
+                if status.name == f"/lasso_tracker: {part}":
+                    return {entry.key: entry.value for entry in status.values} | {"message": status.message}
+        return {}
+
+    def said(self, text: str) -> None:
+        """Wait until the tracker's log has a text."""
+        self.graph.wait_until(lambda: text in self.graph.processes.log("tracker", 500))
+
+    def reset(self) -> None:
+        assert self.graph.call(Trigger, "/lasso_tracker/reset", Trigger.Request()).success
+        self.graph.heard.wait_for(lambda: self.states()[-1] == "WAITING_FOR_SEED")
+
+
+def start_tracker(graph: Graph, *parameters: str, name: str = "tracker") -> None:
+    """Start a tracker and wait until it says a state."""
+    words = [word for parameter in parameters for word in ("-p", parameter)]
+    arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
+    before = len(graph.heard.messages["state"])
+    graph.processes.start(name, "lasso_motion_ros.nodes.lasso_tracker", arguments)
+    graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > before)
