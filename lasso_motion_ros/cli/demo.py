@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lasso_motion_ros.cli.main import EXIT_DONE
+from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation import Truth
@@ -28,7 +29,8 @@ from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
 from msg_adapters.topics import camera_info_topic, image_topic, overlay_topic
 
 HELP = """Play a recording in real time to the tracker and the overlay, each a process of its own, over DDS on this
-machine, and write what comes over the wire: a video of the overlay, plots, and a table of the errors."""
+machine, and write what comes over the wire: a video of the overlay, plots, and a table of the errors. With --web:
+play it over and over instead, with a page in the browser to look at it and to click."""
 
 LIMITS: Mapping[str, float] = {
     "missing": 0,
@@ -48,6 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("demo_output"), metavar="DIR", help="where to write (default: demo_output)"
     )
     parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+    parser.add_argument("--web", action="store_true", help="a page in the browser; plays over and over until stopped")
+    parser.add_argument(
+        "--port", type=port, default=DEFAULT_PORT, help=f"with --web: TCP port (default {DEFAULT_PORT})"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -57,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
 
     recording: Path = args.bag or bundled_recording()
     configuration: Path = args.config or share_file("config/tracker.yaml")
+    if args.web:
+        return _run_page(args, recording, configuration)
     pairs = read_pairs(recording, load_configuration(configuration, ProductConfig))
     truth = _truth(recording)
     surface = demo_surface(truth)
@@ -85,6 +93,24 @@ def run(args: argparse.Namespace) -> int:
     exceeded = exceeded_limits(artefacts.summary) if args.bag is None else []
     if exceeded:
         raise LassoMotionError(f"the table is above its limits: {'; '.join(exceeded)}")
+    return EXIT_DONE
+
+
+def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) -> int:
+    from lasso_motion_ros.nodes.page_demonstration import PageInput, run_page
+
+    check_tracking_topics(RecordingReader(recording).topics)
+    load_configuration(configuration, ProductConfig)
+    truth = _truth(recording)
+    surface_file: Path | None = None
+    args.out.mkdir(parents=True, exist_ok=True)
+    if truth is not None and truth.loop is not None:
+        surface_file = args.out / "left_atrium.stl"
+        write_stl(surface_file, demo_surface(truth), "mm")
+    elif not args.quiet:
+        print("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
+    # The address is a result: without it --quiet would start a page that nobody finds.
+    run_page(PageInput(recording, configuration, surface_file, DEFAULT_HOST, args.port, args.out), print)
     return EXIT_DONE
 
 

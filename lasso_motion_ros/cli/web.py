@@ -24,7 +24,7 @@ DEFAULT_PORT = 8080
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("--host", default=DEFAULT_HOST, help=f"address to listen on (default {DEFAULT_HOST})")
-    parser.add_argument("--port", type=_port, default=DEFAULT_PORT, help=f"TCP port (default {DEFAULT_PORT}; 0: any)")
+    parser.add_argument("--port", type=port, default=DEFAULT_PORT, help=f"TCP port (default {DEFAULT_PORT}; 0: any)")
     parser.add_argument(
         "--allow-host", action="append", default=[], metavar="NAME", help="a further name browsers may ask for it by"
     )
@@ -87,7 +87,8 @@ def _yaml(value: str | int) -> str:
     return f"'{value}'" if isinstance(value, str) else str(value)
 
 
-def _port(text: str) -> int:
+def port(text: str) -> int:
+    """A TCP port, from an argument."""
     value = int(text)
     if not 0 <= value <= 65535:
         raise argparse.ArgumentTypeError(f"expected 0 to 65535, found {text}")

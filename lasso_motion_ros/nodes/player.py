@@ -27,7 +27,10 @@ from msg_adapters.topics import (
     INPUTS,
     OUTPUTS,
     OVERLAY_SURFACE,
+    PLANE_NAMES,
+    image_topic,
     overlay_topic,
+    seed_topic,
     tracking_topic,
 )
 
@@ -35,6 +38,7 @@ DEPTH = 32
 READ_AHEAD = 16
 CLOCK_PERIOD_S = 0.01
 ACKNOWLEDGE_WAIT_S = 10.0
+SEED_WAIT_S = 0.2
 OUTPUT_NAMES = frozenset(
     topic.recorded_name
     for topic in (
@@ -44,6 +48,8 @@ OUTPUT_NAMES = frozenset(
     )
 )
 LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
+IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANE_NAMES)
+SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANE_NAMES)
 
 
 @dataclass(frozen=True)
@@ -200,6 +206,11 @@ class Player:
                 return
 
     def _publish(self, message: RawMessage) -> None:
+        if message.topic in SEED_NAMES:
+            # Clicks are small and would overtake their image; at the start of another round they would then be taken
+            # for clicks on the last round's, which has the same stamp.
+            for image in IMAGE_NAMES & self._publishers.keys():
+                self._publishers[image].wait_for_all_acked(Duration(seconds=SEED_WAIT_S))
         self._publishers[message.topic].publish(message.data)
         self._summary.published[message.topic] = self._summary.published.get(message.topic, 0) + 1
 

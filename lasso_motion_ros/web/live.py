@@ -78,7 +78,7 @@ class LiveView:
         self._pairs: deque[_Seen] = deque(maxlen=PAIRS_KEPT)
         self._held: _Seen | None = None
         self._loops: OrderedDict[int, Array | None] = OrderedDict()
-        self._received: OrderedDict[int, float] = OrderedDict()
+        self._received: OrderedDict[int, float | None] = OrderedDict()
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=8) for plane in PLANES}
         self._overlays: dict[Plane, tuple[int, npt.NDArray[np.uint8]]] = {}
         self._overlay_number = 0
@@ -100,7 +100,10 @@ class LiveView:
             self._arrivals[plane].append(now)
             stamp_ns = stamp_to_ns(message.header.stamp)
             if plane == "a":
-                _keep(self._received, stamp_ns, now)
+                if self._received and stamp_ns < next(reversed(self._received)):
+                    self._received.clear()  # another run: its stamps may be those of the last
+                # A pair that waits for clicks is answered when they come: that says nothing about speed.
+                _keep(self._received, stamp_ns, now if self.has_pose else None)
             self._pair(plane, self._frames[plane].add_image(message))
             return self._frames[plane].take_complaints()
 
