@@ -9,7 +9,7 @@ import pytest
 
 from lasso_motion_ros.configuration import HeartbeatConfig
 from lasso_motion_ros.errors import ConfigurationError
-from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, PublishedMotion
+from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, PublishedMotion, _noise_mm
 from lasso_motion_ros.tracker import TrackerState, TrackResult
 from lasso_motion_ros.transforms import apply, rigid
 
@@ -146,14 +146,33 @@ def test_filtered_at_too_few_pairs_motion_is_what_was_tracked_and_it_is_said() -
 
 def test_a_rotation_stays_and_the_centre_is_what_is_filtered() -> None:
     line = separation(mode="filter")
-    turned = rigid((0, 0, 0.1), (0, 0, 0), CENTRE)  # about the loop's centre, which rests
-    for k, time_s in enumerate(TIMES_S[:60]):
+    waiting = list(PEAKS_S)
+    for k, time_s in enumerate(TIMES_S):
+        while waiting and waiting[0] <= time_s:
+            line.add_r_peak(ns(waiting.pop(0)))
         line.add_pair(ns(time_s), new_run=False)
-        motion = np.eye(4) if k == 0 else turned
-        published = line.publish(result(time_s, 0.0, motion=motion), is_new=k == 0)
-    assert published is not None
-    np.testing.assert_allclose(published.motion, turned, atol=1e-5)
-    assert np.array_equal(published.motion[:3, :3], turned[:3, :3])
+        # It turns with the heartbeat about the loop's centre, which rests.
+        turned = rigid((0, 0, 0.05 * (beat_mm(time_s) - beat_mm(0.0))), (0, 0, 0), CENTRE)
+        published = line.publish(result(time_s, 0.0, motion=turned), is_new=k == 0)
+        assert published is not None
+        np.testing.assert_allclose(published.motion, turned, atol=1e-5)
+
+
+def test_the_noise_is_that_of_the_loops_place() -> None:
+    covariance = np.diag([4e-8, 0.0, 0.0, 0.0, 0.0, 9e-6])
+    # 0.2 mm along x; 3 mrad about z move a place 0.1 m off along x by 0.3 mm along y.
+    np.testing.assert_allclose(_noise_mm(covariance, np.array([0.1, 0.0, 0.0])), [0.2, 0.3, 0.0], atol=1e-12)
+    np.testing.assert_allclose(_noise_mm(np.diag([0, 0, 0, 0, 4e-6, 0.0]), np.array([0.1, 0.0, 0.0])), [0, 0, 0.2])
+    np.testing.assert_allclose(_noise_mm(np.diag([0, 0, 0, 1e-6, 0, 0.0]), np.array([0.0, 0.0, 0.1])), [0, 0.1, 0])
+
+
+def test_a_new_run_does_not_count_from_the_r_peaks_of_the_last() -> None:
+    line = separation(mode="gate")
+    for peak_s in (100.0, 101.0, 102.0):
+        line.add_r_peak(ns(peak_s))
+    line.add_pair(ns(50.0), new_run=True)
+    line.add_pair(ns(102.6), new_run=False)
+    assert line.publish(result(102.6, 1.0, reference_s=50.0), is_new=False) is None
 
 
 def test_a_new_reference_is_zero_again() -> None:

@@ -263,6 +263,10 @@ def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_non
     heartbeat = line.statistics().heartbeat
     assert heartbeat is not None
     assert heartbeat.values["poses in the window"] == "4 of 8"
+    line.reset()
+    heartbeat = line.statistics().heartbeat
+    assert heartbeat is not None
+    assert heartbeat.text == "no pose yet"
 
 
 def test_filtered_motion_differs_from_raw_motion_only_where_the_heart_can_be_told() -> None:
