@@ -111,13 +111,15 @@ TURNS_DEG = [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [-2.0, 1.5, 2.0]
 
 @pytest.mark.parametrize("turn_deg", TURNS_DEG)
 def test_the_rings_own_turn_is_recovered(turn_deg):
-    # Tilt about any axis, and spin, which the electrodes show.
-    found = align(images(clean_images(turn=np.radians(turn_deg))), appearances(), ARMS, START, LOOSE)
-    np.testing.assert_allclose(np.degrees(found.turn), turn_deg, atol=0.5)
-    error = found.turn - np.radians(turn_deg)
-    assert error @ np.linalg.solve(found.turn_covariance, error) < 11.3  # 99 % for three
-    for fit in found.planes.values():
-        assert np.abs(across_mm(fit, LOOP.centre)).max() < 0.03
+    # Tilt about any axis, and spin, which the electrodes show; where the shift is right from the start, too.
+    for seed in (1, 2):
+        turned = images(clean_images(turn=np.radians(turn_deg)), seed)
+        found = align(turned, appearances(), ARMS, START, LOOSE)
+        np.testing.assert_allclose(np.degrees(found.turn), turn_deg, atol=0.5)
+        error = found.turn - np.radians(turn_deg)
+        assert error @ np.linalg.solve(found.turn_covariance, error) < 11.3  # 99 % for three
+        for fit in found.planes.values():
+            assert np.abs(across_mm(fit, LOOP.centre)).max() < 0.03
 
 
 @pytest.mark.parametrize("stretch", [-0.03, 0.03])
@@ -136,8 +138,14 @@ def test_priors_hold_turn_and_stretch():
     np.testing.assert_allclose(np.sqrt(np.diag(held.turn_covariance)), 1e-6, rtol=1e-3)
 
 
+def test_priors_pull_back_what_started_elsewhere():
+    turn = np.radians([3.0, 0.0, 0.0])
+    found = align(images(clean_images(turn=turn)), appearances(), ARMS, START, RingPrior(1e-4, 1e-4), turn=turn)
+    np.testing.assert_allclose(np.degrees(found.turn), 0.0, atol=0.05)
+
+
 def test_the_ring_can_start_from_where_it_was():
-    turn = np.radians([6.0, -5.0, 3.0])
+    turn = np.radians([14.0, -11.0, 8.0])
     turned = images(clean_images(turn=turn, stretch=0.02))
     found = align(turned, appearances(), ARMS, START, RingPrior(0.2, 0.1), turn=turn, stretch=0.02)
     np.testing.assert_allclose(np.degrees(found.turn), np.degrees(turn), atol=0.5)
@@ -202,12 +210,13 @@ def test_a_place_without_the_loop_is_given_up():
     empty = {n: np.full((512, 512), 150, np.uint8) for n in "ab"}
     fits = []
     for seed in range(4):
-        found = align(images(empty, seed), appearances(), ARMS, START, PRIOR)
+        found = align(images(empty, seed), appearances(), ARMS, START, RingPrior(1.0, 0.02))
         for plane, fit in found.planes.items():
             assert not is_seen(fit, JudgementConfig())
             assert fit.correlation < 0.4
             fits.append(np.linalg.norm(across_mm(fit, START[plane])))
-    # After two steps, of at most 0.4 mm in each direction, it is left where it is.
+        # After two steps, of at most 0.4 mm and 0.03 rad in each direction, it is left where it is.
+        assert np.abs(found.turn).max() <= 0.06 + 1e-9
     assert max(fits) <= 2.0 * 0.4 * np.sqrt(2.0) + 1e-6
 
 

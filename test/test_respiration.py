@@ -1,9 +1,7 @@
 import numpy as np
 import pytest
 from method_inputs import biplane
-from scipy.linalg import expm, solve_continuous_lyapunov
 
-from lasso_motion_ros import matern, respiration
 from lasso_motion_ros.respiration import Observation, RespiratoryMotion
 
 SIGHT = {name: -view.source / np.linalg.norm(view.source) for name, view in biplane().items()}
@@ -47,21 +45,6 @@ def run(count, late_s, moved=breathing, seed=0, learn=True):
         errors.append(motion.at_a.displacement - moved(index * INTERVAL_S))
         covariances.append(motion.at_a.covariance)
     return motion, np.array(errors), np.array(covariances)
-
-
-@pytest.mark.parametrize("interval_s", [1e-3, 0.1, 0.333, 1.0, 4.0])
-def test_transition_against_the_matrix_exponential(interval_s):
-    # Hartikainen and Särkkä 2010: x‴ + 3λx″ + 3λ²x′ + λ³x = white noise, λ = √5 / time scale.
-    lam = np.sqrt(5.0) / respiration.TIME_SCALE_S
-    feedback = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-(lam**3), -3.0 * lam**2, -3.0 * lam]])
-    np.testing.assert_allclose(
-        matern.transition(interval_s, respiration.TIME_SCALE_S), expm(interval_s * feedback), rtol=1e-9, atol=1e-12
-    )
-    np.testing.assert_array_equal(matern.transition(0.0, respiration.TIME_SCALE_S), np.eye(3))
-    # Its stationary covariance solves F P + P Fᵀ + q e₃e₃ᵀ = 0 with q = 16/3 σ² λ⁵.
-    stationary = solve_continuous_lyapunov(feedback, -np.diag([0.0, 0.0, 16.0 / 3.0 * lam**5]))
-    spread = np.diag([1.0, 4.0, 9.0])
-    np.testing.assert_allclose(respiration._stationary(spread), np.kron(stationary, spread), rtol=1e-9, atol=1e-9)
 
 
 def test_it_starts_at_zero_exactly():
