@@ -31,10 +31,9 @@ UNFORESEEN_SPEED_M_S = 0.03
 HEARTBEAT_SPEED_M_S = 0.006
 # A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
-# What one plane shows while the other shows nothing is the lasso only if it correlates nearly as well as it used to.
-USUAL_SHARE = 0.85
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
+FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 USUAL_MEMORY = 0.2
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
@@ -153,6 +152,10 @@ class AppearanceTracker:
                 loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop)
             return self._result(pair, TrackerState.LOST, departure, None)
+        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._turn)))
+        if not followed and turned_deg > FOUND_AGAIN_TURN_DEG:
+            reason = f"found again, but turned by {turned_deg:.0f} degrees: moved?"
+            return self._result(pair, TrackerState.LOST, reason, None)
         if not followed and (share := self._share_of_usual(finding)) < FOUND_AGAIN_SHARE:
             reason = f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
             return self._result(pair, TrackerState.LOST, reason, None)
@@ -185,8 +188,9 @@ class AppearanceTracker:
         other = "B" if plane == "a" else "A"
         if not followed:
             return f"plane {other} does not show the lasso: after a loss both have to"
-        if pair.frame("b" if plane == "a" else "a") is not None and self._share_of_usual(finding) < USUAL_SHARE:
-            return f"plane {plane.upper()} shows the lasso less clearly than it used to, plane {other} not at all"
+        if pair.frame("b" if plane == "a" else "a") is not None:
+            # Hidden, moved or hard to see there: what the other plane shows cannot tell which.
+            return f"plane {other} does not show the lasso"
         return ""
 
     def _share_of_usual(self, finding: _Finding) -> float:

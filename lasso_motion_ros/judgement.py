@@ -15,6 +15,10 @@ LONGEST_TRAJECTORY = 600  # accepted pairs kept
 FIRST_AXIS_SPREAD_M = 0.003  # motion seen before its axis is believed
 FIRST_BREATH_REACH_M = 0.040  # along that axis, before a whole breath has been seen
 CURVE_WIDTH_SHARE = 0.6
+# Of the deepest and fastest breath, 32 mm in 3 s: 4 (π / 3 s)² times its depth (Lujan's sin⁴). Further than this times
+# the interval squared from where its motion would carry it, the loop was moved.
+LARGEST_ACCELERATION_MM_S2 = 140.0
+FORESEEN_WITHIN_MM = 3.0  # besides, for the heartbeat and the errors of three displacements
 REVERSAL_SHARE = 0.3  # of the range so far: a turn of the breathing, not a jitter
 
 
@@ -70,6 +74,7 @@ class BreathingEnvelope:
         self._last_time_s = self._first_time_s = self._complete_time_s = time_s
         self._complete = False
         self._last = self._points[-1]
+        self._velocity, self._last_interval_s = np.zeros(3), 0.0  # of the last two accepted; 0: not yet two
         self._widest_mm = 0.0  # the curve's scatter across its axis, once complete
 
     def reconfigure(self, config: JudgementConfig) -> None:
@@ -90,6 +95,12 @@ class BreathingEnvelope:
             moved = 1e3 * float(np.linalg.norm(displacement - self._last))
             if moved > config.largest_speed_mm_s * interval + config.jump_allowance_mm:
                 return f"jumped {moved:.0f} mm in {interval:.2f} s, faster than breathing"
+            if self._last_interval_s > 0.0:
+                leap = 1e3 * float(np.linalg.norm(displacement - self._last - interval * self._velocity))
+                # What a bounded acceleration adds to the mean velocity of the interval before.
+                reach = LARGEST_ACCELERATION_MM_S2 * interval * 0.5 * (interval + self._last_interval_s)
+                if leap > reach + config.jump_allowance_mm + FORESEEN_WITHIN_MM:
+                    return f"{leap:.0f} mm from where its motion led {interval:.2f} s before, which no breath does"
         mean = self._points.mean(axis=0)
         if not self._complete and _principal_axis(self._points)[1] < FIRST_AXIS_SPREAD_M:
             distance = 1e3 * float(np.linalg.norm(displacement - mean))
@@ -134,6 +145,8 @@ class BreathingEnvelope:
 
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m at a time as breathing."""
+        self._last_interval_s = max(time_s - self._last_time_s, 1e-3)
+        self._velocity = (displacement - self._last) / self._last_interval_s
         self._last_time_s, self._last = time_s, np.array(displacement)
         if self._complete:
             # What only just passes must not widen the curve: else a slow departure would carry it along.

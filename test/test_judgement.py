@@ -144,8 +144,16 @@ def test_a_jump_counts_from_the_last_pair_accepted():
     stream = Stream()
     stream.breathe(1.8)  # now about 12 mm up
     here = wave(stream.time_s)
-    assert stream.judge(here - 21.4 * UP) == ""
     assert stream.judge(here - 21.6 * UP).startswith("jumped")
+
+
+def test_a_leap_by_hand():
+    # Where the last two lead in 0.3 s, ± 140 · 0.3 · 0.3 + 2 + 3 = 17.6 mm.
+    stream = Stream()
+    stream.breathe(1.8)
+    led = 2.0 * wave(stream.time_s) - wave(stream.time_s - INTERVAL_S)
+    assert stream.judge(led - 17.5 * UP) == ""
+    assert stream.judge(led - 17.7 * UP) == "18 mm from where its motion led 0.30 s before, which no breath does"
 
 
 def test_before_any_motion_the_loop_may_go_four_centimetres_in_any_direction():
