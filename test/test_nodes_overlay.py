@@ -19,10 +19,11 @@ from rcl_interfaces.srv import ListParameters
 
 from lasso_motion_ros.rendering.overlay import draw_overlay
 from lasso_motion_ros.rendering.surface import TriangleMesh, read_surface, write_stl
+from lasso_motion_ros.transforms import apply
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
-from msg_adapters.markers import ADD, DELETE
+from msg_adapters.markers import ADD, DELETE, encode_line_strip
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose_stamped
 
@@ -48,6 +49,7 @@ class Bench:
         inputs = [
             *(make(plane) for plane in "ab" for make in (topics.image_topic, topics.camera_info_topic)),
             topics.MOTION,
+            topics.CATHETER,
             topics.STATE,
         ]
         self._outlets = {topic.name: graph.publisher(topic, latched=topic.latched) for topic in inputs}
@@ -83,10 +85,15 @@ class Bench:
         assert (message.encoding, message.header.frame_id) == ("rgb8", f"detector_{plane}")
         return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
 
-    def expected(self, plane: str, z_mm: float | None, status: str = "") -> np.ndarray:
+    def catheter(self, pair: int, loop: np.ndarray) -> None:
+        header = header_fields(stamp(pair), "patient_table")
+        self.send(topics.CATHETER, encode_line_strip(loop, header, "catheter"))
+
+    def expected(self, plane: str, z_mm: float | None, status: str = "", loop: np.ndarray | None = None) -> np.ndarray:
         """What must be drawn: the surface at its registration, moved, or static with words."""
         surface = read_surface(self._surface, "mm").moved(REGISTRATION)
-        return draw_overlay(IMAGE, projections()[plane], surface, None if z_mm is None else shift(z_mm), status)
+        motion = None if z_mm is None else shift(z_mm)
+        return draw_overlay(IMAGE, projections()[plane], surface, motion, status, loop=loop)
 
 
 @pytest.fixture
@@ -110,6 +117,21 @@ def test_an_image_is_drawn_with_its_own_motion(graph: Graph, tmp_path: Path) -> 
     assert (marker.action, len(marker.points)) == (ADD, 12)
     np.testing.assert_allclose(decode_pose(marker.pose), shift(6.0), atol=1e-12)
     assert max(point.z for point in marker.points) == pytest.approx(0.034)
+
+
+def test_the_lasso_of_the_same_pair_is_drawn(graph: Graph, tmp_path: Path) -> None:
+    bench = Bench(graph, tmp_path, "motion_wait_s:=5.0")
+    bench.state("TRACKING")
+    angle = np.linspace(0.0, 2.0 * np.pi, 65)
+    ring = 0.012 * np.stack([np.cos(angle), 0.0 * angle, np.sin(angle)], axis=1)
+    for pair, z_mm in enumerate((0.0, 6.0)):
+        bench.motion(pair, z_mm)
+        bench.catheter(pair, apply(shift(z_mm), ring))
+        bench.fence()
+        bench.image("a", pair)
+    expected = bench.expected("a", 6.0, loop=apply(shift(6.0), ring))
+    assert (expected != bench.expected("a", 6.0)).any()
+    np.testing.assert_array_equal(bench.picture("a", 1), expected)
 
 
 def test_without_its_motion_it_is_drawn_with_the_last_and_its_age_then_static(graph: Graph, tmp_path: Path) -> None:

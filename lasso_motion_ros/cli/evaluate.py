@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import json
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
@@ -14,11 +13,12 @@ import cv2
 import numpy as np
 
 from lasso_motion_ros.cli.evaluation_runs import evaluated_file, evaluated_tracking, worst_frames
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.evaluated import Evaluated, mean_groups, row_names
-from lasso_motion_ros.evaluation import DETECTOR_M, PairScore
+from lasso_motion_ros.evaluation import DETECTOR_M
 from lasso_motion_ros.evaluation_report import format_table, report, summarise
 from lasso_motion_ros.share import share_file, version
 from msg_adapters.evaluation_input import read_truth
@@ -103,24 +103,12 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         print(FOOTNOTE)
     if args.json is not None:
-        write_json(args.json, scores)
+        write_json(args.json, report(scores))
     if args.report is not None:
         page = _write_report(args.report, results, args.worst, args.quiet)
         if not args.quiet:
             print(f"\nreport: {page}")
     return EXIT_DONE if complete else EXIT_PART
-
-
-def write_json(path: Path, scores: Mapping[str, Sequence[PairScore]]) -> None:
-    """Write all measures of all recordings.
-
-    Raises:
-        RecordingError: the file cannot be written.
-    """
-    try:
-        path.write_text(json.dumps(report(scores), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def versions() -> dict[str, str]:

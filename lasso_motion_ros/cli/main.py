@@ -43,6 +43,7 @@ COMMANDS = (
     Command("check", "look at a live graph or a recording: what is wrong, and how to mend it", "check"),
     Command("web", "a page in the browser: see it live, click to start, draw centrelines", "web"),
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
+    Command("render", "the overlay offline: a video or frames from a recording and a result", "render"),
     Command("suite", "many random phantom sequences: render, track, score", "suite"),
     Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),
 )

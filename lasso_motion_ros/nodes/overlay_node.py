@@ -15,11 +15,12 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
+from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.configuration import OverlayConfig
 from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import PLANES, Frame, Plane
-from lasso_motion_ros.nodes.motion_history import Choice, MotionHistory
+from lasso_motion_ros.motion_history import Choice, MotionHistory
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
@@ -29,10 +30,11 @@ from lasso_motion_ros.rendering.overlay_object import read_overlay_object
 from lasso_motion_ros.rendering.style import overlay_style
 from msg_adapters.calibrated_frames import CalibratedFrames
 from msg_adapters.images import encode_image
-from msg_adapters.markers import encode_delete, encode_triangles
+from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose
 from msg_adapters.topics import (
+    CATHETER,
     IMAGE_TYPE,
     MOTION,
     OVERLAY_SURFACE,
@@ -93,6 +95,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         """Listen and draw."""
         self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
         self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
+        self.create_subscription(Marker, CATHETER.name, self._on_catheter, qos(depth=CATHETER.depth))
         self._inputs = [
             make
             for plane in PLANES
@@ -154,6 +157,15 @@ class OverlayNode(Node):  # type: ignore[misc]
         self._publish_surface(stamp_to_ns(message.header.stamp), motion)
 
     @guarded
+    def _on_catheter(self, message: Marker) -> None:
+        if message.action == DELETE or message.header.frame_id != self._config.world_frame:
+            return
+        loop = decode_points(message)
+        with self._changed:
+            self._history.add_loop(stamp_to_ns(message.header.stamp), loop)
+            self._changed.notify()
+
+    @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
         self._take(plane, self._frames[plane].add_camera_info(message))
 
@@ -205,7 +217,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         publisher = self._pictures[plane]
         if publisher.get_subscription_count() == 0:
             return
-        picture = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status)
+        picture = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status, loop=choice.loop)
         header = header_fields(frame.stamp_ns, self._frame_ids[plane])
         publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
 

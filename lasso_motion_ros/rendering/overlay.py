@@ -89,6 +89,14 @@ class OverlayPainter:
             draw_text(picture, line, (12, int(12 + 26 * scale)), style.warning, scale)
         return picture
 
+    def draw_static(self, image: GreyImage, projection: Projection) -> RgbImage:
+        """The object at its static place alone, in that place's colour: what one has without compensation."""
+        picture = grey_to_rgb(window_image(image))
+        width = line_width(picture, self.style.outline_width_px)
+        blend(picture, self._still_layer(projection, self.style, width, faint=False), self.style.static)
+        draw_legend(picture, [("static", self.style.static)])
+        return picture
+
     def _layer(self, projection: Projection, motion: Array, style: OverlayStyle, width: float, faint: bool) -> Layer:
         if isinstance(self.shown, VolumeCloud):
             return cloud_layer(self.shown, projection, motion, style, width, faint)

@@ -10,7 +10,6 @@ from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -22,6 +21,7 @@ from lasso_motion_ros.evaluation_axes import axis_errors, displacements_mm, resi
 from lasso_motion_ros.evaluation_report import BLOCKS, Columns, Values, mean_row, summarise
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure
+from lasso_motion_ros.rendering.png import write_png
 from lasso_motion_ros.rendering.report_figures import axis_figure, comparison_figure, compensation_figure, timing_figure
 from lasso_motion_ros.rendering.worst_frames import WorstFrame, error_mm
 
@@ -225,10 +225,7 @@ class _Page:
         parts = ["<h3>Worst frames</h3>"]
         for place, frame in enumerate(self._worst[number], start=1):
             path = self._directory / f"{slug}_worst_{place}.png"
-            done, encoded = cv2.imencode(".png", cv2.cvtColor(frame.picture, cv2.COLOR_RGB2BGR))
-            if not done:
-                raise RecordingError(f"{path}: the picture cannot be encoded")
-            path.write_bytes(encoded.tobytes())
+            write_png(path, frame.picture)
             parts.append(_image(path, _worst_caption(frame.score)))
         return "\n".join(parts)
 

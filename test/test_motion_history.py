@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.configuration import OverlayConfig, SyncConfig
-from lasso_motion_ros.nodes.motion_history import MotionHistory
+from lasso_motion_ros.motion_history import MotionHistory
 
 MS = 1_000_000
 PERIOD = 300 * MS
@@ -95,3 +95,23 @@ def test_a_new_run_forgets_the_motions_of_the_last() -> None:
     made = history()
     made.add_motion(PERIOD - 2000 * MS, shift(5))
     assert not made.answered("a", PERIOD)
+
+
+def test_the_loop_is_that_of_the_motion_and_is_waited_for_once_loops_come() -> None:
+    made = history()
+    assert made.choose("a", PERIOD).loop is None
+    loops = [np.full((64, 3), float(index)) for index in range(2)]
+    made.add_loop(0, loops[0])
+    assert made.answered("a", 0)
+    assert not made.answered("a", PERIOD)
+    made.add_loop(PERIOD, loops[1])
+    assert made.answered("a", PERIOD)
+    np.testing.assert_array_equal(made.choose("a", PERIOD).loop, loops[1])
+    np.testing.assert_array_equal(
+        made.choose("a", 2 * PERIOD).loop, loops[1]
+    )  # drawn with the last motion, and its loop
+    made.add_state("LOST")
+    made.add_state("TRACKING")
+    made.add_motion(2 * PERIOD, shift(2))
+    assert made.answered("a", 2 * PERIOD)
+    assert made.choose("a", 2 * PERIOD).loop is None

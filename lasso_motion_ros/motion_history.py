@@ -27,10 +27,12 @@ class Choice:
     Attributes:
         motion: (4, 4) T with p_now = T · p_reference; None where none may be trusted.
         status: words for the picture: a remark on the motion, or why there is none.
+        loop: (N, 3) the catheter that belongs to the motion, world metres; None where there is none.
     """
 
     motion: Array | None
     status: str
+    loop: Array | None = None
 
 
 class MotionHistory:
@@ -49,6 +51,7 @@ class MotionHistory:
         self._offset_ns = round(offset_s * NANOSECONDS) if offset_s >= 0.0 else None
         self._timeout_ns = round(config.motion_timeout_s * NANOSECONDS)
         self._motions: deque[tuple[int, Array]] = deque(maxlen=KEPT)
+        self._loops: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._state = ""
         self._last_a_ns: int | None = None
         self._period_ns: int | None = None
@@ -57,13 +60,17 @@ class MotionHistory:
         """Take a `state`. One without a pose ends the validity of every motion before it."""
         self._state = state
         if not self.has_pose:
-            self._motions.clear()
+            self._forget()
 
     def add_motion(self, stamp_ns: int, motion: Array) -> None:
         """Take a `motion`."""
         if self._motions and stamp_ns < self._motions[-1][0] - NEW_RUN_NS:
-            self._motions.clear()
+            self._forget()
         self._motions.append((stamp_ns, motion))
+
+    def add_loop(self, stamp_ns: int, loop: Array) -> None:
+        """Take a `catheter`, (N, 3) world metres. Once one came, an image waits for its motion's loop too."""
+        self._loops.append((stamp_ns, loop))
 
     def add_image(self, plane: Plane, stamp_ns: int) -> None:
         """Take note of an image's stamp: plane A's frame period is learnt from them."""
@@ -75,7 +82,8 @@ class MotionHistory:
 
     def answered(self, plane: Plane, stamp_ns: int) -> bool:
         """Whether the motion of the image's own pair is there."""
-        return self._own(plane, stamp_ns) is not None
+        own = self._own(plane, stamp_ns)
+        return own is not None and (not self._loops or self._loop(own[0]) is not None)
 
     def choose(self, plane: Plane, stamp_ns: int) -> Choice:
         """What to draw an image with, now."""
@@ -84,7 +92,7 @@ class MotionHistory:
         remark = "" if self._state == TrackerState.TRACKING.value else self._state
         own = self._own(plane, stamp_ns)
         if own is not None:
-            return Choice(own, remark)
+            return Choice(own[1], remark, self._loop(own[0]))
         earlier = [(at, motion) for at, motion in self._motions if at <= stamp_ns + self._jitter_ns]
         if not earlier:
             return Choice(None, NOT_YET)
@@ -92,14 +100,21 @@ class MotionHistory:
         age_s = (stamp_ns - at) / NANOSECONDS
         if stamp_ns - at > self._timeout_ns:
             return Choice(None, f"{age_s:.1f} s old")
-        return Choice(motion, f"{remark}, motion {age_s:.2f} s old".removeprefix(", "))
+        return Choice(motion, f"{remark}, motion {age_s:.2f} s old".removeprefix(", "), self._loop(at))
 
     @property
     def has_pose(self) -> bool:
         """Whether the tracker says that there is a pose."""
         return self._state in (TrackerState.TRACKING.value, TrackerState.DEGRADED.value)
 
-    def _own(self, plane: Plane, stamp_ns: int) -> Array | None:
+    def _forget(self) -> None:
+        self._motions.clear()
+        self._loops.clear()
+
+    def _loop(self, stamp_ns: int) -> Array | None:
+        return next((loop for at, loop in reversed(self._loops) if at == stamp_ns), None)
+
+    def _own(self, plane: Plane, stamp_ns: int) -> tuple[int, Array] | None:
         for at, motion in reversed(self._motions):
             later_ns = stamp_ns - at
             if plane == "a":
@@ -110,5 +125,5 @@ class MotionHistory:
                 half_ns = self._period_ns // 2 if self._period_ns is not None else 0
                 belongs = -self._jitter_ns <= later_ns <= max(half_ns, self._jitter_ns)
             if belongs:
-                return motion
+                return at, motion
         return None

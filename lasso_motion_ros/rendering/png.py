@@ -1,0 +1,25 @@
+"""PNG files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+
+from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.rendering.windowing import RgbImage
+
+
+def write_png(path: Path, picture: RgbImage) -> None:
+    """Write a picture (H, W, 3) uint8 RGB, overwriting.
+
+    Raises:
+        RecordingError: the file cannot be written.
+    """
+    done, encoded = cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    if not done:
+        raise RecordingError(f"{path}: the picture cannot be encoded")
+    try:
+        path.write_bytes(encoded.tobytes())
+    except OSError as error:
+        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
