@@ -316,6 +316,16 @@ def test_planes_that_disagree_are_noticed(tracker):
     assert centre_error_mm(after, moved(WARM + 2)) < 0.2
 
 
+def test_a_disagreement_at_the_seed_is_the_calibrations_and_absorbed():
+    other = AppearanceTracker(CONFIG)
+    other.initialise(lifted_pair(0, 1.2), lasso_seed())
+    for index in range(1, 5):
+        result = other.track(lifted_pair(index, 1.2))
+        assert result.state is TRACKING
+        # As motion is counted from there, nothing of it remains.
+        assert 1e3 * np.linalg.norm(result.motion[:3, 3] - moved(index)) < 0.2
+
+
 def test_planes_that_have_nothing_in_common_are_not_joined(tracker):
     # Of 5 mm no pair of places is made; what one plane shows by itself may carry the pose for a while.
     result = tracker.track(lifted_pair(WARM, 5.0))

@@ -265,6 +265,15 @@ def test_a_shift_across_the_epipolar_lines_is_found(size_px, share_of_a):
     assert max(np.linalg.norm(shift) for shift in after.values()) < 0.05 * abs(size_px)
 
 
+def test_a_loop_that_looks_larger_in_one_plane_is_not_shifted():
+    # Both tangents count: what is a fifth larger lies a tenth of its height too high above and too low below.
+    seen = outlines(ring(NORMAL, CENTRE), count=200)
+    middle = VIEWS["b"].project(CENTRE)
+    seen["b"] = middle + 1.2 * (seen["b"] - middle)
+    for shift in epipolar_shift(VIEWS, seen, 0.5).values():
+        np.testing.assert_allclose(shift, 0.0, atol=0.15)
+
+
 def test_a_shift_along_the_epipolar_lines_is_depth_and_not_seen():
     seen = outlines(ring(NORMAL, CENTRE))
     across = across_epipolar_lines("b")
