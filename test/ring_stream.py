@@ -134,11 +134,11 @@ class RingStream:
 
     def values(self, part: str) -> dict[str, str]:
         """What the diagnostics said last of `tracker`, `plane_a` or `plane_b`; its words under the key `message`."""
-        for message in reversed(self.graph.heard.messages["/diagnostics"]):
-            for status in message.status:
-                if status.name == f"/lasso_tracker: {part}":
-                    return {entry.key: entry.value for entry in status.values} | {"message": status.message}
-        return {}
+        return diagnosed(self.graph, part)
+
+    def await_count(self, part: str, key: str, count: int) -> None:
+        """Wait until the diagnostics have counted so far."""
+        self.graph.heard.wait_for(lambda: int(self.values(part).get(key, 0)) >= count)
 
     def said(self, text: str) -> None:
         """Wait until the tracker's log has a text."""
@@ -147,6 +147,15 @@ class RingStream:
     def reset(self) -> None:
         assert self.graph.call(Trigger, "/lasso_tracker/reset", Trigger.Request()).success
         self.graph.heard.wait_for(lambda: self.states()[-1] == "WAITING_FOR_SEED")
+
+
+def diagnosed(graph: Graph, part: str) -> dict[str, str]:
+    """What the diagnostics said last of a part of the tracker."""
+    for message in reversed(graph.heard.messages["/diagnostics"]):
+        for status in message.status:
+            if status.name == f"/lasso_tracker: {part}":
+                return {entry.key: entry.value for entry in status.values} | {"message": status.message}
+    return {}
 
 
 def start_tracker(graph: Graph, *parameters: str, name: str = "tracker") -> None:

@@ -6,7 +6,6 @@ One tracker process goes through all of it: each fault hits a stream that is bei
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -189,7 +188,7 @@ def test_clocks_that_disagree_are_measured_and_named(stream: RingStream) -> None
                 stream.frame(plane, stream.number, stamp_ns=stamp(stream.number) + shift)
             stream.number += 1
         sent += 6
-        stream.graph.heard.wait_for(lambda: int(stream.values("plane_b").get("images", 0)) >= sent)
+        stream.await_count("plane_b", "images", sent)
     stream.said("sync: no image of plane B belongs to one of plane A: B's stamps are +")
     assert float(stream.values("plane_b")["stamps ahead of plane A's on arrival (s)"]) == pytest.approx(5.0, abs=0.3)
     stream.number += ahead_ns // PERIOD_NS  # B's stamps go on from where they were

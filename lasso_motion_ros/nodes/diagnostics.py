@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -79,6 +80,8 @@ def plane_status(
     if plane == "b" and offset_s is not None:
         values["stamps ahead of plane A's on arrival (s)"] = f"{offset_s:.3f}"
     name = f"{node_name}: plane_{plane}"
+    if silence_s := watch.silence_s(plane, time.monotonic()):
+        return _status(name, WARN, f"no images for {silence_s:.0f} s", values)
     if reliable is None:
         return _status(name, WARN, "nobody publishes images", values)
     return _status(name, OK, "images", {**values, "subscribed": "reliable" if reliable else "best effort"})

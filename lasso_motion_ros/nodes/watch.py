@@ -33,6 +33,7 @@ class _Arrivals:
     lags: deque[int] = field(default_factory=lambda: deque(maxlen=LAGS))
     count: int = 0
     count_before: int = 0
+    last_s: float | None = None
     uncalibrated_since_s: float | None = None
 
 
@@ -80,6 +81,12 @@ class StreamWatch:
         arrivals.stamps.append(stamp_ns)
         arrivals.lags.append(stamp_ns - now_ns)
         arrivals.count += 1
+        arrivals.last_s = now_ns / NANOSECONDS
+
+    def silence_s(self, plane: Plane, now_s: float) -> float:
+        """For how long images that came before have stopped coming; 0 while they come, or have never come."""
+        last_s = self._arrivals[plane].last_s
+        return now_s - last_s if last_s is not None and now_s - last_s >= SILENCE_S else 0.0
 
     def clock_offset_s(self) -> float | None:
         """By how much B's stamps are ahead of A's, images that come together compared; None while it is not known."""
@@ -123,6 +130,9 @@ class StreamWatch:
                     f"{', '.join(offer.best_effort)} publishes best effort, image_reliability asks for reliable:",
                 )
                 " nothing will be received; set image_reliability to auto"
+            # A publisher that was killed stays known for 20 s: its silence tells earlier.
+            if silence_s := self.silence_s(plane, now_s):
+                yield images, f"no image for {silence_s:.0f} s"
             yield from self._uncalibrated(plane, arrivals, plane in calibrated, now_s)
             missing, expected = self.missing(plane)
             if missing > MISSING_SHARE * expected and offer.best_effort:
@@ -148,9 +158,10 @@ class StreamWatch:
                 ),
             )
 
-    @staticmethod
-    def _uncalibrated(plane: Plane, arrivals: _Arrivals, calibrated: bool, now_s: float) -> Iterator[tuple[str, str]]:
-        if calibrated or arrivals.count == 0:
+    def _uncalibrated(
+        self, plane: Plane, arrivals: _Arrivals, calibrated: bool, now_s: float
+    ) -> Iterator[tuple[str, str]]:
+        if calibrated or arrivals.count == 0 or self.silence_s(plane, now_s) > 0.0:
             arrivals.uncalibrated_since_s = None
             return
         if arrivals.uncalibrated_since_s is None:

@@ -1,0 +1,268 @@
+"""What can go wrong with processes, parameters and publishers around the tracker; each in a graph of its own."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from geometry_msgs.msg import Point
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState, GetState
+from node_harness import Graph
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
+from ring_stream import HEARD, SIDE, RingStream, diagnosed, displacement_mm, stamp, start_tracker
+from std_srvs.srv import SetBool, Trigger
+
+from lasso_motion_ros.phantom.drawn_ring import ring_seed
+from msg_adapters import topics
+from msg_adapters.messages import stamp_to_ns
+
+pytestmark = pytest.mark.ros
+PICTURES = tuple(topics.tracking_topic(plane) for plane in "ab")
+
+
+def test_a_tracker_that_is_killed_and_restarted_waits_for_a_seed(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph, name="killed")
+        stream.connect()
+        stream.seeded()
+        graph.processes.send("killed", signal.SIGKILL)
+        assert graph.wait_for_end("killed") == -signal.SIGKILL
+        before = {name: len(graph.heard.messages[name]) for name in ("motion", "reference", "state")}
+        # The dead one's subscriptions stay known for 20 s.
+        known = {name: outlet.get_subscription_count() for name, outlet in stream.outlets.items()}
+        start_tracker(graph)
+        graph.wait_until(lambda: all(o.get_subscription_count() > known[n] for n, o in stream.outlets.items()))
+        stream.pairs(3)
+        graph.heard.wait_for(lambda: stream.states()[-1] == "WAITING_FOR_SEED")
+        assert set(stream.states()[before["state"] :]) <= {
+            "INACTIVE", "WAITING_FOR_CALIBRATION", "WAITING_FOR_SEED",
+        }  # fmt: skip
+        assert len(graph.heard.messages["motion"]) == before["motion"]
+        assert len(graph.heard.messages["reference"]) == before["reference"]
+        stream.seeded()
+        stream.nothing_wrong()
+
+
+def test_a_publisher_that_is_killed_and_comes_again(tmp_path: Path) -> None:
+    """Its stamps begin anew: a new run, which needs a seed of its own, and has one."""
+    from drawn_recording import stamp as recorded_stamp
+    from drawn_recording import write_input
+
+    motions = [0.0, 1.0, 3.0, 5.0, 6.0, 5.0, 3.0, 1.0, 0.0, 1.0]
+    recording = write_input(tmp_path / "ring.mcap", motions, truth=False)
+    played = ["play", str(recording), "--wait", "30"]
+    with Graph(HEARD, tmp_path) as graph:
+        start_tracker(graph)
+        heard = graph.heard.messages["motion"]
+        graph.processes.start("killed", "lasso_motion_ros.cli.main", played)
+        graph.heard.wait_for(lambda: len(heard) >= 6)
+        graph.processes.send("killed", signal.SIGKILL)
+        assert graph.wait_for_end("killed") == -signal.SIGKILL
+        graph.heard.wait_for(lambda: diagnosed(graph, "plane_a")["message"].startswith("no images for "))
+        before = len(heard)
+        graph.processes.start("player", "lasso_motion_ros.cli.main", played)
+        graph.heard.wait_for(lambda: len(heard) >= before + len(motions))
+        assert graph.wait_for_end("player") == 0
+        assert "a new run, which needs a seed of its own" in graph.processes.log("tracker", 100)
+        again = graph.heard.messages["motion"][-len(motions) :]
+        assert [stamp_to_ns(message.header.stamp) for message in again] == [
+            recorded_stamp(pair) for pair in range(len(motions))
+        ]
+        np.testing.assert_allclose([1e3 * message.pose.position.z for message in again], motions, atol=0.5)
+
+
+def test_images_without_a_stamp_are_tracked_by_their_arrival(tmp_path: Path) -> None:
+    def unstamped(fields: dict) -> dict:
+        return fields | {"header": fields["header"] | {"stamp": {"sec": 0, "nanosec": 0}}}
+
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph, "stamp_source:=arrival")
+        stream.connect()
+        stream.clicks(0)
+        motions = graph.heard.messages["motion"]
+        for number in range(6):
+            # One after the other: what comes together has no time of its own to be told apart by.
+            stream.pairs(1, spoil_image=unstamped, spoil_info=unstamped)
+            graph.heard.wait_for(lambda number=number: len(motions) == number + 1)
+        for number, message in enumerate(motions):
+            position = message.pose.position
+            expected = displacement_mm(stamp(number)) - displacement_mm(stamp(0))
+            np.testing.assert_allclose(1e3 * np.array([position.x, position.y, position.z]), expected, atol=0.5)
+        stamps = [stamp_to_ns(message.header.stamp) for message in motions]
+        assert stamps == sorted(set(stamps))
+
+
+def test_a_best_effort_publisher_that_loses_images_is_named_with_the_cure(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph, reliable=False)
+        start_tracker(graph)
+        stream.connect()
+        graph.heard.wait_for(lambda: stream.values("plane_a").get("subscribed") == "best effort")
+        for number in range(48):  # all but every third are lost on the way
+            lost = {"spoil_image": lambda fields: None, "spoil_info": lambda fields: None} if number % 3 == 1 else {}
+            stream.pairs(1, **lost)
+            if number % 6 == 5:
+                stream.await_count("plane_a", "images", stream.number // 2)
+        stream.said("of the last ")
+        said = graph.processes.log("tracker", 100)
+        assert "images are missing: /lasso_listener publishes best effort" in said
+        assert "FASTRTPS_DEFAULT_PROFILES_FILE" in said
+
+
+def test_a_reliable_subscription_to_a_best_effort_publisher_is_named(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        RingStream(graph, reliable=False)
+        start_tracker(graph, "image_reliability:=reliable")
+        graph.wait_until(
+            lambda: "plane_a/image_raw: /lasso_listener publishes best effort" in graph.processes.log("tracker", 100)
+        )
+
+
+def test_what_nobody_publishes_and_what_has_no_calibration_is_named(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        start_tracker(graph)
+        graph.wait_until(lambda: "plane_b/camera_info: nobody publishes it" in graph.processes.log("tracker", 100))
+        said = graph.processes.log("tracker", 100)
+        assert all(f"plane_{plane}/image_raw: nobody publishes it" in said for plane in "ab")
+        stream = RingStream(graph)
+        stream.connect()
+        for _ in range(4):
+            stream.pairs(1, spoil_info=lambda fields: None)
+            stream.await_count("plane_a", "images", stream.number)
+        stream.said("plane_a/camera_info: images have come for 2 s without a valid calibration")
+        assert said.count("plane_a/image_raw: nobody publishes it") == 1
+        assert stream.states()[-1] == "WAITING_FOR_CALIBRATION"
+        stream.seeded()
+
+
+def test_a_frozen_pair_is_clicked(tmp_path: Path) -> None:
+    with Graph((*PICTURES, *HEARD), tmp_path) as graph:
+        stream = RingStream(graph)
+        mouse = {plane: graph.publisher(topics.click_topic(plane)) for plane in "ab"}
+        start_tracker(graph, "seed_buffer_pairs:=4")
+        stream.connect()
+        assert "no pair with calibrated images" in freeze(graph, True).message
+        assert "call ~/freeze" in initialize(graph).message
+        stream.pairs(3)
+        graph.heard.wait_for(lambda: len(graph.heard.messages["plane_b/tracking"]) > 0)
+        assert freeze(graph, True).success
+        for _ in range(2):  # further than the buffer reaches: the frozen pair is held nonetheless
+            stream.pairs(5)
+            stream.await_count("tracker", "pairs answered", stream.number)
+        frozen = stamp(2)
+        pictures = graph.heard.messages["plane_a/tracking"]
+        graph.heard.wait_for(lambda: stamp_to_ns(pictures[-1].header.stamp) == frozen)
+
+        click(mouse, [(100.0, 100.0)] * 6)  # on nothing
+        graph.wait_until(lambda: "expected 6 or more clicks" not in initialize(graph).message)
+        refused = initialize(graph)
+        assert not refused.success
+        assert refused.message
+        assert stream.states()[-1] == "WAITING_FOR_SEED"
+
+        assert freeze(graph, True).success  # once more: the newest pair, without clicks
+        frozen = stamp(stream.number - 1)
+        graph.heard.wait_for(lambda: stamp_to_ns(pictures[-1].header.stamp) == frozen)
+        seed, before = ring_seed(SIDE, displacement_mm(frozen)), len(pictures)
+        click(mouse, seed.points_a, planes="a")
+        click(mouse, seed.points_b, planes="b")
+        graph.heard.wait_for(lambda: len(pictures) >= before + 3)  # the clicks are shown
+        stream.pairs(3)
+        graph.wait_until(lambda: initialize(graph).success)
+        graph.heard.wait_for(lambda: stamp_to_ns(graph.heard.messages["reference"][-1].stamp) == frozen)
+        stream.expect([frozen, *stream.pairs(2)])
+        stream.nothing_wrong()
+
+
+def test_clicks_from_a_file_start_an_unattended_run(tmp_path: Path) -> None:
+    seed = ring_seed(SIDE)
+    path = tmp_path / "seeds.yaml"
+    path.write_text(yaml.safe_dump({f"plane_{plane}": {"points": seed.points(plane).tolist()} for plane in "ab"}))
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph, f"seeds_file:={path}")
+        stream.connect()
+        stream.expect(stream.pairs(3))
+
+
+def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph)
+        stream.connect()
+        stream.seeded()
+        (constant,) = set_parameters(graph, seed_buffer_pairs=8)
+        assert not constant.successful
+        assert "read-only" in constant.reason
+        (bad,) = set_parameters(graph, **{"judgement.displaced_mm": 0.1})
+        assert not bad.successful
+        assert "judgement.displaced_mm" in bad.reason
+        both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.smallest_gain": 7.0})
+        assert not both[0].successful
+        assert set_parameters(graph, **{"search.near_mm": 10.0})[0].successful
+        stream.expect(stream.pairs(2))
+
+        for transition, state, says in (
+            (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, "INACTIVE"),
+            (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, "TRACKING"),
+            (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, "INACTIVE"),
+            (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED, "INACTIVE"),
+            (Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED, "INACTIVE"),
+        ):
+            request = ChangeState.Request(transition=Transition(id=transition))
+            assert graph.call(ChangeState, "/lasso_tracker/change_state", request).success
+            assert graph.call(GetState, "/lasso_tracker/get_state", GetState.Request()).current_state.id == state
+            graph.heard.wait_for(lambda says=says: stream.states()[-1] == says)
+        graph.processes.send("tracker", signal.SIGINT)
+        assert graph.wait_for_end("tracker") == 0
+
+
+def test_a_configuration_that_fails_leaves_it_unconfigured(tmp_path: Path) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        start_tracker(graph, "autostart:=false", "seeds_file:=/none.yaml")
+        request = ChangeState.Request(transition=Transition(id=Transition.TRANSITION_CONFIGURE))
+        assert not graph.call(ChangeState, "/lasso_tracker/change_state", request).success
+        state = graph.call(GetState, "/lasso_tracker/get_state", GetState.Request()).current_state.id
+        assert state == State.PRIMARY_STATE_UNCONFIGURED
+        assert "/none.yaml: cannot be read" in graph.processes.log("tracker", 20)
+
+
+def freeze(graph: Graph, on: bool) -> SetBool.Response:
+    return graph.call(SetBool, "/lasso_tracker/freeze", SetBool.Request(data=on))
+
+
+def initialize(graph: Graph) -> Trigger.Response:
+    return graph.call(Trigger, "/lasso_tracker/initialize", Trigger.Request())
+
+
+def click(mouse: dict, points: object, planes: str = "ab") -> None:
+    for plane in planes:
+        for x, y in points:
+            mouse[plane].publish(Point(x=float(x), y=float(y)))
+
+
+def set_parameters(graph: Graph, *, atomically: bool = False, **values: float) -> list:
+    kinds = {
+        int: (ParameterType.PARAMETER_INTEGER, "integer_value"),
+        float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
+    }
+    parameters = []
+    for name, value in values.items():
+        kind, field = kinds[type(value)]
+        parameters.append(Parameter(name=name, value=ParameterValue(type=kind, **{field: value})))
+    if atomically:
+        request = SetParametersAtomically.Request(parameters=parameters)
+        return [graph.call(SetParametersAtomically, "/lasso_tracker/set_parameters_atomically", request).result]
+    return graph.call(
+        SetParameters, "/lasso_tracker/set_parameters", SetParameters.Request(parameters=parameters)
+    ).results
