@@ -141,7 +141,12 @@ def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Finding]:
         )
     rates = a.rate_hz, b.rate_hz
     if rates[0] and rates[1] and not 1 / _RATES_APART < rates[0] / rates[1] < _RATES_APART:
-        yield Finding("warning", "planes", f"plane a has {rates[0]:.3g} images/s, plane b {rates[1]:.3g}", "")
+        yield Finding(
+            "warning",
+            "planes",
+            f"plane a has {rates[0]:.3g} images/s, plane b {rates[1]:.3g}",
+            "expose both planes at one rate: what has no partner says little",
+        )
     _, paired = pairs_of(planes)
     share = min(paired["a"] / len(a.stamps), paired["b"] / len(b.stamps))
     alone = max(len(a.stamps) - paired["a"], len(b.stamps) - paired["b"])
