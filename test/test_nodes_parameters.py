@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 
 from lasso_motion_ros.configuration import ProductConfig, parameter, parameter_table
 from lasso_motion_ros.errors import ConfigurationError
-from lasso_motion_ros.nodes.parameters import current_configuration, declare_configuration
+from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.processes import LOOPBACK, free_domain
 
 pytestmark = pytest.mark.ros
@@ -77,7 +77,6 @@ def test_values_are_taken_and_a_whole_number_serves_as_a_float(make_node: Callab
     node = make_node("{count: 7, word: two, inner: {ratio: 1}, use_sim_time: false}")
     expected = OuterConfig(7, "two", InnerConfig(1.0))
     assert declare_configuration(node, OuterConfig) == expected
-    assert current_configuration(node, OuterConfig) == expected
     assert isinstance(node.get_parameter("inner.ratio").value, float)
 
 
@@ -99,8 +98,25 @@ def test_what_is_wrong_is_refused_by_name(make_node: Callable[..., Node], yaml: 
 
 def test_a_constant_cannot_be_changed_and_a_range_holds_while_it_runs(make_node: Callable[..., Node]) -> None:
     node = make_node()
-    declare_configuration(node, OuterConfig)
+    applied: list[OuterConfig] = []
+    live = LiveParameters(node, declare_configuration(node, OuterConfig), applied.append)
     assert not node.set_parameters([Parameter("count", value=5)])[0].successful
     assert not node.set_parameters([Parameter("inner.ratio", value=2.0)])[0].successful
+    assert applied == []
     assert node.set_parameters([Parameter("inner.ratio", value=0.25)])[0].successful
-    assert current_configuration(node, OuterConfig).inner.ratio == 0.25
+    assert node.set_parameters([Parameter("use_sim_time", value=False)])[0].successful  # rclpy's own
+    assert [config.inner.ratio for config in applied] == [live.config.inner.ratio] == [0.25]
+    assert node.get_parameter("inner.ratio").value == 0.25
+
+
+def test_what_the_node_refuses_changes_nothing(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+
+    def refuse(config: OuterConfig) -> None:
+        raise ConfigurationError(f"not {config.inner.ratio}")
+
+    live = LiveParameters(node, declare_configuration(node, OuterConfig), refuse)
+    refused = node.set_parameters_atomically([Parameter("inner.ratio", value=0.125)])
+    assert (refused.successful, refused.reason) == (False, "not 0.125")
+    assert live.config == OuterConfig()
+    assert node.get_parameter("inner.ratio").value == OuterConfig().inner.ratio

@@ -87,17 +87,6 @@ def declare_configuration(node: Node, config_type: type[Config]) -> Config:
     return configuration_from_values(config_type, values)
 
 
-def current_configuration(node: Node, config_type: type[Config]) -> Config:
-    """The configuration as the node's parameters stand now.
-
-    Raises:
-        ConfigurationError: a value that the table does not allow.
-    """
-    names = [spec.name for spec in parameter_table(config_type)]
-    parameters: list[Parameter] = node.get_parameters(names)
-    return configuration_from_values(config_type, {one.name: one.value for one in parameters})
-
-
 class LiveParameters(Generic[Config]):
     """Keeps a node's configuration as its tuning parameters change: all of a request or, with the reason, nothing.
 

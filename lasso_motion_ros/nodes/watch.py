@@ -125,11 +125,14 @@ class StreamWatch:
                 if offer.calibration_publishers == 0 and plane not in calibrated:
                     yield infos, "nobody publishes it"
             if offer.best_effort and offer.subscribed_reliably:
+                names = ", ".join(offer.best_effort)
                 yield (
                     images,
-                    f"{', '.join(offer.best_effort)} publishes best effort, image_reliability asks for reliable:",
+                    (
+                        f"{names} publishes best effort, image_reliability asks for reliable: nothing will be received;"
+                        " set image_reliability to auto"
+                    ),
                 )
-                " nothing will be received; set image_reliability to auto"
             # A publisher that was killed stays known for 20 s: its silence tells earlier.
             if silence_s := self.silence_s(plane, now_s):
                 yield images, f"no image for {silence_s:.0f} s"

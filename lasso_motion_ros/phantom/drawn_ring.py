@@ -88,4 +88,4 @@ def ring_seed(side: int, displacement_mm: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Se
 def breath_mm(time_s: float, period_s: float = 4.0, depth_mm: float = 12.0) -> Array:
     """(3,) world millimetres: where the ring is in a regular breath that begins at rest."""
     phase = 0.5 - 0.5 * np.cos(2.0 * np.pi * time_s / period_s)
-    return depth_mm * phase * np.array([0.1, 0.3, 0.9])
+    return np.asarray(depth_mm * phase * np.array([0.1, 0.3, 0.9]))

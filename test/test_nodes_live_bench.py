@@ -1,0 +1,45 @@
+"""The live benchmark's figures by hand, and a short run of the real one."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from lasso_motion_ros.cli.main import main
+from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.nodes.live_bench import format_live, summarise
+
+MS = 1_000_000
+
+
+def test_figures_by_hand() -> None:
+    sent = {stamp: 1000 * MS * stamp for stamp in range(1, 5)}
+    bare = {stamp: at + 10 * MS for stamp, at in sent.items() if stamp != 4}
+    poses = {stamp: at + (20 + 2 * stamp) * MS for stamp, at in sent.items() if stamp != 3} | {0: 1}
+    figures = summarise(15.0, 64, sent, bare, poses, {0, 1, 2, 3, 4}, 1, (0.5, 1.0))
+    assert (figures.published, figures.heard, figures.answered, figures.poses, figures.dropped) == (4, 3, 4, 3, 1)
+    assert figures.bare_ms == (10.0, 10.0, 10.0)
+    assert figures.pose_ms[0] == pytest.approx(24.0)
+    assert figures.first_pose_ms == pytest.approx(22.0)
+    assert figures.growth_ms == pytest.approx(6.0)
+    assert figures.within_budget
+    assert "4 of 4 pairs answered, 3 with a pose, 1 left out" in format_live(figures)
+    assert not summarise(15.0, 64, sent, bare, {1: sent[1] + 30 * MS}, {1}, 0, (0, 0)).within_budget
+
+
+def test_no_pose_is_an_error() -> None:
+    with pytest.raises(LassoMotionError, match="of 1 pairs 1 were received and 0 had a pose"):
+        summarise(15.0, 64, {1: 0}, {1: 5}, {}, set(), 0, (0, 0))
+
+
+@pytest.mark.ros
+def test_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "live.json"
+    assert main(["bench", "--live", "--rate", "10", "--pairs", "10", "--side", "256", "--json", str(path)]) == 0
+    (figures,) = json.loads(path.read_text())
+    assert (figures["published"], figures["answered"], figures["poses"]) == (10, 10, 10)
+    assert "added by tracking" in capsys.readouterr().out
