@@ -15,7 +15,7 @@ RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
 UBUNTU = $(UBUNTU_VENV)/.installed
 
-.PHONY: help demo test test-ubuntu lint format config lock clean
+.PHONY: help demo test test-ubuntu soak lint format config lock clean
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
@@ -27,6 +27,9 @@ test: $(DEV) ## all tests, with real ROS processes
 
 test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions of Ubuntu 24.04
 	$(UBUNTU_VENV)/bin/python -m pytest -m "not ros and not packaging" $(ARGS)
+
+soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
+	$(VENV)/bin/python -m lasso_motion_ros.nodes.soak $(ARGS)
 
 lint: $(DEV) ## formatting, style and types
 	$(VENV)/bin/ruff format --check .
