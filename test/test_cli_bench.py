@@ -29,6 +29,11 @@ def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.C
     stages = measured["stages_ms"]
     assert all(stages[name] > 0 for name in ("deserialise", "decode and pair", "tracking", "serialise"))
     assert stages["  features"] + stages["  registration"] < stages["tracking"]
+    overlay = measured["overlay"]
+    assert 19_000 < overlay["triangles"] < 22_000
+    assert overlay["side_px"] == 1024
+    assert 0.0 < overlay["median_ms"] <= overlay["p95_ms"]
+    assert overlay["processor_per_wall"] <= 1.05
     outer = sum(spent for name, spent in stages.items() if not name.startswith(" "))
     assert outer == pytest.approx(1e3 / measured["pairs_per_s"], rel=0.2)
 

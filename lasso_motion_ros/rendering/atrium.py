@@ -50,9 +50,13 @@ _APPENDAGE = (
 )
 
 
-def left_atrium_surface() -> TriangleMesh:
-    """The atrium about the world origin (the centre of its body), metres, closed, some 10,000 triangles."""
-    return _atrium(_LEFT_SUPERIOR)
+def left_atrium_surface(grid_step_mm: float = GRID_STEP_MM) -> TriangleMesh:
+    """The atrium about the world origin (the centre of its body), metres, closed.
+
+    Args:
+        grid_step_mm: how fine it is; the default gives some 10,000 triangles.
+    """
+    return _atrium(_LEFT_SUPERIOR, grid_step_mm)
 
 
 def atrium_at_ostium(centre: npt.ArrayLike, normal: npt.ArrayLike, diameter_m: float) -> TriangleMesh:
@@ -98,12 +102,12 @@ def _bent(usual: Array, wanted: Array) -> tuple[float, float, float]:
     return float(x), float(y), float(z)
 
 
-def _atrium(left_superior: _Tube) -> TriangleMesh:
+def _atrium(left_superior: _Tube, grid_step_mm: float = GRID_STEP_MM) -> TriangleMesh:
     reach = np.array([52.0, 48.0, 46.0])
-    axes = [np.arange(-r, r + GRID_STEP_MM, GRID_STEP_MM) for r in reach]
+    axes = [np.arange(-r, r + grid_step_mm, grid_step_mm) for r in reach]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     distance = _signed_distance(points, left_superior)
-    mesh = iso_surface(distance, 0.0, -1e-3 * reach, np.full(3, 1e-3 * GRID_STEP_MM))
+    mesh = iso_surface(distance, 0.0, -1e-3 * reach, np.full(3, 1e-3 * grid_step_mm))
     # One Newton step puts the vertices, averages of their cells, onto the surface itself.
     at, step = 1e3 * mesh.vertices, 1e-2
     value = _signed_distance(at, left_superior)
