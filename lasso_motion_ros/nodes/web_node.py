@@ -51,8 +51,9 @@ SERVICE_WAIT_S = 3.0
 HOLD_WAIT_S = 1.5
 KEPT_AFTER_SEED_S = 3.0
 """How long the tracker goes on holding the clicked pair: clicks and services travel on different ways."""
-STATES_OF_A_NEW_RUN = 2
-"""The second WAITING_FOR_SEED after a new run is surely of that run; the first may have been on its way before."""
+PAIRS_BEFORE_CLICKS = 3
+"""By the third pair of a new run the tracker knows of that run as well; clicks that come sooner would be taken for
+clicks on the last one."""
 DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
 
@@ -85,7 +86,7 @@ class WebNode(Node):  # type: ignore[misc]
         self._unfreeze_at: float | None = None
         self._sent: dict[Plane, tuple[int, Any]] = {}
         self._waits_for_answer = False
-        self._again: tuple[int, int] | None = None
+        self._again = False
         self._runs = 0
 
     def start(self) -> None:
@@ -229,7 +230,7 @@ class WebNode(Node):  # type: ignore[misc]
             if frame is not None:
                 self._sent[plane] = frame.stamp_ns, clicks[plane]
         self._publish_clicks()
-        self._waits_for_answer, self._again = True, None
+        self._waits_for_answer, self._again = True, False
         self._view.release()
         self._unfreeze_at = time.monotonic() + KEPT_AFTER_SEED_S
         return "The clicks are on their way to the tracker."
@@ -241,7 +242,7 @@ class WebNode(Node):  # type: ignore[misc]
 
     def _trigger(self, name: str) -> str:
         if name == "reset":
-            self._sent, self._again, self._waits_for_answer = {}, None, False
+            self._sent, self._again, self._waits_for_answer = {}, False, False
         answer = self._call(self._trigger_clients[name], Trigger.Request(), name)
         if not answer.success:
             raise TrackingError(answer.message or f"the tracker refused {name}")
@@ -276,7 +277,11 @@ class WebNode(Node):  # type: ignore[misc]
         if self._view.new_runs != self._runs:
             self._runs = self._view.new_runs
             # A recording that is played over and over: clicks on one of its pairs hold for every round.
-            self._again = (self._view.states, STATES_OF_A_NEW_RUN) if self._sent else None
+            self._again = bool(self._sent)
+        waiting = self._view.state == TrackerState.WAITING_FOR_SEED.value
+        if self._again and waiting and self._view.pairs_of_run >= PAIRS_BEFORE_CLICKS:
+            self._again, self._waits_for_answer = False, True
+            self._publish_clicks()
         self._changed()
 
     @guarded
@@ -288,13 +293,7 @@ class WebNode(Node):  # type: ignore[misc]
     def _on_state(self, message: String) -> None:
         self._view.add_state(message.data)
         if self._view.has_pose:
-            self._waits_for_answer, self._again = False, None
-        elif self._again is not None and message.data == TrackerState.WAITING_FOR_SEED.value:
-            since, needed = self._again
-            if self._view.states - since >= needed:
-                self._again = None
-                self._waits_for_answer = True
-                self._publish_clicks()
+            self._waits_for_answer = False
         self._changed()
 
     @guarded

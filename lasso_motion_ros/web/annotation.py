@@ -216,7 +216,10 @@ class Annotation:
         if not pairs:
             raise RecordingError(f"{self._reader.path} has no images")
         return [
-            _Drawing(pair.stamp_ns, {p: stamp for p, stamp in (("a", pair.a), ("b", pair.b)) if stamp is not None})
+            _Drawing(
+                pair.stamp_ns,
+                {plane: stamp for plane in PLANES if (stamp := pair.a if plane == "a" else pair.b) is not None},
+            )
             for pair in pairs
         ]
 

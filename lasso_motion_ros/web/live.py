@@ -61,6 +61,10 @@ class LiveView:
         world_frame: frame of motion and loop.
         answer_wait_s: how long a pair waits for the tracker's answer.
         clock: steady clock, seconds.
+
+    Attributes:
+        new_runs: how many times both planes' stamps have gone back.
+        pairs_of_run: pairs since then.
     """
 
     def __init__(
@@ -78,11 +82,11 @@ class LiveView:
         self._pairs: deque[_Seen] = deque(maxlen=PAIRS_KEPT)
         self._held: _Seen | None = None
         self._loops: OrderedDict[int, Array | None] = OrderedDict()
-        self._received: OrderedDict[int, float | None] = OrderedDict()
+        self._received: OrderedDict[int, tuple[float, bool]] = OrderedDict()
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=8) for plane in PLANES}
         self._overlays: dict[Plane, tuple[int, npt.NDArray[np.uint8]]] = {}
         self._overlay_number = 0
-        self._state, self._reason, self._states = "", "", 0
+        self._state, self._reason = "", ""
         self._tracker_latency_ms: float | None = None
         self._latencies_ms: deque[float] = deque(maxlen=LATENCIES_KEPT)
         self._trace: deque[TracePoint] = deque(maxlen=TRACE_POINTS)
@@ -90,6 +94,7 @@ class LiveView:
         self._centre: Array | None = None
         self._motion: tuple[int, Array] | None = None
         self.new_runs = 0
+        self.pairs_of_run = 0
 
     # What comes in.
 
@@ -103,7 +108,7 @@ class LiveView:
                 if self._received and stamp_ns < next(reversed(self._received)):
                     self._received.clear()  # another run: its stamps may be those of the last
                 # A pair that waits for clicks is answered when they come: that says nothing about speed.
-                _keep(self._received, stamp_ns, now if self.has_pose else None)
+                _keep(self._received, stamp_ns, (now, self.has_pose))
             self._pair(plane, self._frames[plane].add_image(message))
             return self._frames[plane].take_complaints()
 
@@ -121,10 +126,12 @@ class LiveView:
     def _take_pair(self, pair: Pair[Frame]) -> None:
         if pair.new_run:
             self.new_runs += 1
+            self.pairs_of_run = 0
             self._loops.clear()
             self._pairs.clear()
             self._overlays.clear()
         self._number += 1
+        self.pairs_of_run += 1
         self._pairs.append(_Seen(FramePair(pair.stamp_ns, pair.a, pair.b), self._number, self._clock()))
 
     def add_state(self, state: str) -> None:
@@ -134,7 +141,6 @@ class LiveView:
             if state != self._state:
                 self._reason = ""  # it was the former state's; the diagnostics bring the new one's
             self._state = state
-            self._states += 1
             if had_pose and not self.has_pose:
                 self._add_point(None)
 
@@ -150,14 +156,14 @@ class LiveView:
         stamp_ns = stamp_to_ns(message.header.stamp)
         with self._lock:
             self._motion = stamp_ns, motion
-            received = self._received.get(stamp_ns)
-            if received is not None:
-                # The pose may be here before the image, which is larger.
-                self._latencies_ms.append(max(0.0, 1e3 * (self._clock() - received)))
+            # The pose may be here before the image, which is larger.
+            at_s, expected = self._received.get(stamp_ns, (self._clock(), False))
+            if expected:
+                self._latencies_ms.append(1e3 * (self._clock() - at_s))
             # A rotation about the far origin moves the loop too: what counts is where the loop's centre goes.
             at = np.zeros(3) if self._centre is None else self._centre
             shift_mm = 1e3 * (apply(motion, at[None])[0] - at)
-            self._add_point((float(shift_mm[0]), float(shift_mm[1]), float(shift_mm[2])))
+            self._add_point((float(shift_mm[0]), float(shift_mm[1]), float(shift_mm[2])), at_s)
 
     def add_catheter(self, message: Any) -> None:
         """Take a `catheter`: the loop of the pair with its stamp, or that there is none.
@@ -176,7 +182,7 @@ class LiveView:
         with self._lock:
             _keep(self._loops, stamp_ns, loop)
             if loop is not None and len(loop) and self._motion is not None and self._motion[0] == stamp_ns:
-                self._centre = apply(np.linalg.inv(self._motion[1]), loop.mean(axis=0)[None])[0]
+                self._centre = apply(np.asarray(np.linalg.inv(self._motion[1])), loop.mean(axis=0)[None])[0]
 
     def add_diagnostics(self, message: Any) -> None:
         """Take `/diagnostics`: the tracker's reason and latency."""
@@ -257,11 +263,6 @@ class LiveView:
         return self._state in (TrackerState.TRACKING.value, TrackerState.DEGRADED.value)
 
     @property
-    def states(self) -> int:
-        """How many times a state has come."""
-        return self._states
-
-    @property
     def state(self) -> str:
         """The last state heard; empty before the first."""
         return self._state
@@ -335,9 +336,9 @@ class LiveView:
         # Beyond the films' numbers, which are multiples of four and their successors.
         return Picture(4 * (8 * self._overlay_number + loops) + 2, False, planes)
 
-    def _add_point(self, shift_mm: tuple[float, float, float] | None) -> None:
+    def _add_point(self, shift_mm: tuple[float, float, float] | None, at_s: float | None = None) -> None:
         number = self._trace[-1].number + 1 if self._trace else 1
-        self._trace.append(TracePoint(number, self._clock(), shift_mm))
+        self._trace.append(TracePoint(number, self._clock() if at_s is None else at_s, shift_mm))
 
     def _silence(self, plane: Plane) -> float | None:
         """Seconds since the last image, if that is longer than the images' rate explains; else None."""

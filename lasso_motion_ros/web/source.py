@@ -52,7 +52,8 @@ class TracePoint:
 
     Attributes:
         number: counts up from point to point.
-        time_s: when it came (the source's steady clock, seconds).
+        time_s: when its image came (the source's steady clock, seconds). A point no later than the one before replaces
+            it: clicks on a past pair have that pair and those since answered anew.
         shift_mm: displacement of the loop's centre along the world's x, y, z since the reference; None: no pose.
     """
 

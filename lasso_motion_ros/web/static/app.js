@@ -96,7 +96,7 @@ function refresh() {
   get("rate").textContent = drawn.length > 1 ? `${((drawn.length - 1) / ((drawn[drawn.length - 1] - drawn[0]) / 1000)).toFixed(1)} /s` : "–";
   get("click-panel").hidden = !(live && clicking);
   get("draw-panel").hidden = live;
-  get("hold").hidden = clicking;
+  get("live-buttons").hidden = clicking;
   for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && !status?.tracker);
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
   get("reference").disabled ||= status?.state !== "TRACKING";
@@ -170,6 +170,7 @@ function reasonWords() {
 }
 
 function detailWords() {
+  if (status.held) return "The stream goes on behind the held picture; Esc shows it again.";
   if (status.state === "WAITING_FOR_SEED") {
     if (status.sent && sentAt && performance.now() - sentAt > ANSWER_MS)
       return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";

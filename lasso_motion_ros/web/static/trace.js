@@ -39,8 +39,9 @@ export class Trace {
     const lag = performance.now() / 1000 - newest;
     // The smallest lag is the one that waited least; another server has another clock.
     if (this.offset === null || lag < this.offset || Math.abs(lag - this.offset) > SPAN_S) this.offset = lag;
-    if (this.rows.length && newest < this.rows[this.rows.length - 1][0]) this.rows = [];
     for (const row of rows) {
+      // An answer given anew takes the place of the former one and of what followed it.
+      while (this.rows.length && this.rows[this.rows.length - 1][0] >= row[0]) this.rows.pop();
       const last = this.rows[this.rows.length - 1];
       if (last && row[0] - last[0] > GAP_S) this.rows.push([row[0] - 1e-3, null, null, null]);
       this.rows.push(row);
