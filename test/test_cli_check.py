@@ -18,7 +18,6 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from drawn_recording import SIDE, projections
 from node_harness import Graph
 
-from lasso_motion_ros.nodes.processes import LOOPBACK
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, ns_to_stamp
@@ -31,9 +30,7 @@ MESSAGES = RosMessages()
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    for name, value in LOOPBACK.items():
-        monkeypatch.setenv(name, value)
+def graph(tmp_path: Path) -> Any:
     with Graph([], tmp_path) as started:
         yield started
 

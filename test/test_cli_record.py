@@ -19,7 +19,6 @@ from rosbags.highlevel import AnyReader
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.cli.record import live_topics
 from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.nodes.processes import LOOPBACK
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.recording_reader import RecordingReader
@@ -33,9 +32,7 @@ SIDE = 512
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    for name, value in LOOPBACK.items():
-        monkeypatch.setenv(name, value)
+def graph(tmp_path: Path) -> Any:
     with Graph([], tmp_path) as started:
         yield started
 

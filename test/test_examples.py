@@ -15,7 +15,6 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from node_harness import Graph
 
 from lasso_motion_ros.geometry import carm_projection
-from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.phantom.drawn_ring import ring_image, ring_points
 from lasso_motion_ros.share import share_file
 from lasso_motion_ros.transforms import rigid
@@ -71,8 +70,6 @@ def sequence(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    for name, value in LOOPBACK.items():
-        monkeypatch.setenv(name, value)
     monkeypatch.setenv("PYTHONPATH", str(EXAMPLES.parent))
     planes = [make(plane) for plane in "ab" for make in (image_topic, camera_info_topic)]
     with Graph([*planes, *(topic for topic in OUTPUTS if topic is not STATE), STATE], tmp_path) as started:

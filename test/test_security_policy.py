@@ -19,7 +19,6 @@ pytest.importorskip("trimesh", reason="needs the overlay extra")
 from node_harness import Graph
 
 from lasso_motion_ros.cli.record import RECORDED
-from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
 from lasso_motion_ros.share import share_file
 from msg_adapters.messages import RecordedMessages
@@ -32,6 +31,7 @@ from msg_adapters.topics import (
     OVERLAY_SURFACE,
     PLANE_NAMES,
     STATE,
+    click_topic,
     overlay_topic,
     tracking_topic,
 )
@@ -84,9 +84,7 @@ def live_rights(graph: Graph, node: str) -> Rights:
 
 
 @pytest.fixture
-def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
-    for name, value in LOOPBACK.items():
-        monkeypatch.setenv(name, value)
+def graph(tmp_path: Path) -> Any:
     with Graph([], tmp_path) as started:
         yield started
 
@@ -139,7 +137,7 @@ def test_the_commands_do_exactly_what_the_policy_allows(graph: Graph, tmp_path: 
 @pytest.mark.ros
 def test_the_player_does_exactly_what_the_policy_allows(graph: Graph, tmp_path: Path) -> None:
     recording = tmp_path / "all.mcap"
-    pictures = [make(plane) for make in (tracking_topic, overlay_topic) for plane in PLANE_NAMES]
+    pictures = [make(plane) for make in (tracking_topic, overlay_topic, click_topic) for plane in PLANE_NAMES]
     with RecordingWriter(recording) as writer:
         for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH, DIAGNOSTICS, OVERLAY_SURFACE, *pictures):
             message = RecordedMessages().make(topic.type_name, {})

@@ -14,14 +14,23 @@ from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recording_repair import repair_recording
 from msg_adapters.recording_writer import RecordingWriter
-from msg_adapters.topics import DIAGNOSTICS, GROUND_TRUTH, INPUTS, OUTPUTS, PLANE_NAMES, camera_info_topic, image_topic
+from msg_adapters.topics import (
+    DIAGNOSTICS,
+    GROUND_TRUTH,
+    INPUTS,
+    OUTPUTS,
+    PLANE_NAMES,
+    camera_info_topic,
+    click_topic,
+    image_topic,
+)
 
 HELP = """Record the tracker's inputs and outputs (images, calibrations, clicks, motion, state, diagnostics, truth where
 it is published) as they come over the wire, until Ctrl-C. Every half second all of it is handed to the operating
 system: killed at any moment, the file is read by our commands up to there, and --repair makes it whole for other
 readers. Exit status: 0 done; 2 nothing came, or the file cannot be written; 3 recorded, but messages were lost."""
 
-RECORDED = (*INPUTS, *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
+RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANE_NAMES), *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
 NEEDED = tuple(make(plane) for plane in PLANE_NAMES for make in (image_topic, camera_info_topic))
 
 
