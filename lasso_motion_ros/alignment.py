@@ -94,6 +94,7 @@ def align(
     prior: RingPrior,
     turn: Array | None = None,
     stretch: float = 0.0,
+    distinctive: dict[Plane, Image] | None = None,
 ) -> Alignment:
     """Align the loop's appearance with the images.
 
@@ -105,8 +106,10 @@ def align(
         prior: of the ring's own motion.
         turn: (3,) rotation vector to start from.
         stretch: logarithm of size to start from.
+        distinctive: strips by which gain, correlation and visible share are told; the appearances unless given.
     """
-    views = {plane: _View(images[plane], appearances[plane], starts[plane]) for plane in images}
+    told_by = appearances if distinctive is None else distinctive
+    views = {plane: _View(images[plane], appearances[plane], told_by[plane], starts[plane]) for plane in images}
     shared = 2 * len(views)  # the parameters: two shifts a plane, then turn (3) and stretch
     places = [np.r_[2 * i, 2 * i + 1, shared : shared + 4] for i in range(len(views))]
     ring = np.append(np.zeros(3) if turn is None else turn, stretch)
@@ -152,9 +155,10 @@ def _ridge(normal: Array) -> Array:
 class _View:
     """One plane while it is being aligned."""
 
-    def __init__(self, image: WorkingImage, pattern: Image, centre: Array) -> None:
+    def __init__(self, image: WorkingImage, pattern: Image, distinctive: Image, centre: Array) -> None:
         self._image = image
         self._pattern = pattern
+        self._distinctive = distinctive
         self._along = np.gradient(pattern, axis=0)
         self._sideways = np.gradient(pattern, axis=1)
         self._jacobian = np.zeros((pattern.size, 6), dtype=np.float32)
@@ -175,10 +179,11 @@ class _View:
         share = 1.0 - np.square(residual * np.float32(1.0 / (OUTLIER_SIGMAS * noise)))
         np.maximum(share, 0.0, out=share)
         self._weights = weights = density * share * share
-        self.gain = gain = _gain(weights, samples, self._pattern)
-        cross = np.vdot(weights * samples, self._pattern)
-        power = np.vdot(weights * samples, samples) * np.vdot(weights * self._pattern, self._pattern)
-        self.correlation = float(cross / np.sqrt(max(float(power), 1e-12)))
+        gain = _gain(weights, samples, self._pattern)
+        weighted = weights * self._distinctive
+        cross, energy = float(np.vdot(weighted, samples)), float(np.vdot(weighted, self._distinctive))
+        self.gain = cross / max(energy, 1e-9)
+        self.correlation = cross / float(np.sqrt(max(float(np.vdot(weights * samples, samples)) * energy, 1e-12)))
         if renew:
             self._jacobian = self._derivative(strip, points, arms)
         scale = max(gain, 0.3)
@@ -189,8 +194,8 @@ class _View:
 
     def fit(self, covariance: Array) -> PlaneFit:
         """The result, with the share of the loop that looks as expected where it was last sampled."""
-        cross = (self._weights * self._samples * self._pattern).sum(axis=1)
-        energy = (self._weights * self._pattern * self._pattern).sum(axis=1)
+        cross = (self._weights * self._samples * self._distinctive).sum(axis=1)
+        energy = (self._weights * self._distinctive * self._distinctive).sum(axis=1)
         starts = np.linspace(0, len(energy), SEGMENTS, endpoint=False).astype(int)
         cross, energy = np.add.reduceat(cross, starts), np.add.reduceat(energy, starts)
         there = cross > SEGMENT_GAIN * energy

@@ -19,7 +19,7 @@ Array = npt.NDArray[np.float64]
 
 MARGIN_COLUMNS = 2
 MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
-NOISE_SHARE = 0.25  # margins hold background too, which a clear loop must not be shrunk by
+NOISE_SHARE = 0.25  # for alignment: margins hold background too, by which a clear loop must not be shrunk
 HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
 
 
@@ -64,33 +64,45 @@ def strip_along(curve: Array, projection: Projection) -> Strip:
 
 
 class Appearance:
-    """The running mean of a plane's strips, each sampled where the loop was found, less its noise."""
+    """The running mean of a plane's strips, each sampled where the loop was found.
+
+    Attributes:
+        values: (L, 2·HALF_WIDTH + 1) float32 with all that alignment can hold on to, little shrunk.
+        distinctive: the same freed of all that noise and background explain, by which the loop is told from others.
+    """
 
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
 
     def __init__(self, first: Image) -> None:
         self._mean: Image = np.array(first)
         self._count = 1
-        self.values: Image = _without_noise(first)
+        self.values, self.distinctive = _without_noise(self._mean)
 
     def update(self, strip: Image) -> None:
         """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair in which the loop was surely found."""
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
         self._mean = self._mean + (strip - self._mean) * np.float32(1.0 / self._count)
-        self.values = _without_noise(self._mean)
+        self.values, self.distinctive = _without_noise(self._mean)
 
 
-def _without_noise(mean: Image) -> Image:
-    """Shrink a strip towards zero where it holds no more than its margins do (Wiener's filter).
+def _without_noise(mean: Image) -> tuple[Image, Image]:
+    """A mean strip shrunk towards zero, and towards the wire's mean profile, where it holds little more than noise.
 
     The columns farthest from the curve show background and noise. A strip that keeps them would be matched
-    by any other background less well than it should be, and a faint loop be taken for none.
+    by any other background less well than it should be, and a faint loop be taken for none (Wiener's filter).
+    The wire's profile is the same all along the loop, so that its median holds little noise: what stands out
+    from it, electrodes and bends, is what a single noisy strip has to prove.
     """
     smooth = cv2.GaussianBlur(mean, (0, 0), 0.6)
     margins = np.concatenate([smooth[:, :MARGIN_COLUMNS], smooth[:, -MARGIN_COLUMNS:]], axis=1)
     noise = float(np.median(np.square(margins))) / MEDIAN_OF_SQUARED_NORMAL
-    energy = cv2.blur(np.square(smooth), (3, 5), borderType=cv2.BORDER_REFLECT)
-    return np.asarray(smooth * np.maximum(0.0, 1.0 - NOISE_SHARE * noise / np.maximum(energy, 1e-9)), dtype=np.float32)
+    profile = np.median(smooth, axis=0, keepdims=True).astype(np.float32)
+    return _shrunk(smooth, NOISE_SHARE * noise), profile + _shrunk(smooth - profile, noise)
+
+
+def _shrunk(strip: Image, noise: float) -> Image:
+    energy = cv2.blur(np.square(strip), (3, 5), borderType=cv2.BORDER_REFLECT)
+    return np.asarray(strip * np.maximum(0.0, 1.0 - noise / np.maximum(energy, 1e-9)), dtype=np.float32)
 
 
 def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDArray[np.int64]]:

@@ -288,7 +288,7 @@ class AppearanceTracker:
                 shift=model.shifts[plane],
                 reach_mm=reach_mm if near else None,
             )
-            peaks[plane] = find_peaks(images[plane], self._appearances[plane].values, expected[plane], model.arms)
+            peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + 0.004**2 * np.eye(3)
         best: _Finding | None = None
@@ -306,6 +306,7 @@ class AppearanceTracker:
                     self._prior,
                     self._turn,
                     self._stretch,
+                    {plane: self._appearances[plane].distinctive for plane in images},
                 ),
                 images,
                 times,
