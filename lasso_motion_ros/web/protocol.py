@@ -20,9 +20,7 @@ Array = npt.NDArray[np.float64]
 
 MAX_MESSAGE_BYTES = 1 << 18
 MAX_POINTS = 4000
-COMMANDS = frozenset(
-    {"hold", "release", "seed", "reset", "set_reference", "style", "go", "draw", "save"}
-)  # fmt: skip
+COMMANDS = ("hold", "release", "seed", "reset", "set_reference", "style", "go", "draw", "save")
 _LARGEST_COORDINATE = 1e5
 
 
