@@ -27,14 +27,18 @@ def lasso_curve(turns: float = 1.05, rise_m: float = 1e-3, count: int = 400) -> 
 CURVE = lasso_curve()
 
 
+@cache
+def _background(shape: tuple[int, int]) -> np.ndarray:
+    y, x = (np.arange(size)[:, None] / size for size in shape)
+    return 150.0 + 40.0 * np.cos(5.0 * y) * np.sin(7.0 * x.T + 2.0)
+
+
 def lasso_image(curve: np.ndarray, projection: Projection, *, electrodes: int = 10) -> np.ndarray:
     """uint8 image without noise: dark wire, darker electrodes, over a background that varies slowly."""
     shape = (projection.height, projection.width)
-    y, x = np.mgrid[: shape[0], : shape[1]] / np.array(shape)[:, None, None]
-    background = 150.0 + 40.0 * np.sin(7.0 * x + 2.0) * np.cos(5.0 * y)
     pixels = projection.project(curve)
     unit = projection.millimetres_per_pixel(curve.mean(axis=0))
-    image = draw_curve(pixels, shape, sigma_px=WIRE_SIGMA_MM / unit, background=background, depth=WIRE_DEPTH)
+    image = draw_curve(pixels, shape, sigma_px=WIRE_SIGMA_MM / unit, background=_background(shape), depth=WIRE_DEPTH)
     length = np.linalg.norm(np.diff(curve, axis=0), axis=1).sum()
     half = 0.5 * ELECTRODE_LENGTH_MM / 1e3 / length * len(curve)
     for place in (np.arange(electrodes) + 0.4) / max(electrodes, 1) * len(curve):
@@ -55,7 +59,7 @@ def lasso_image(curve: np.ndarray, projection: Projection, *, electrodes: int = 
 
 def noisy(image: np.ndarray, seed: int | list[int], sigma: float = NOISE) -> np.ndarray:
     """A uint8 image with independent normal noise on every pixel."""
-    noise = np.random.default_rng(seed).normal(scale=sigma, size=image.shape)
+    noise = sigma * np.random.default_rng(seed).standard_normal(image.shape, dtype=np.float32)
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 

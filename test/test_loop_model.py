@@ -114,7 +114,7 @@ def test_clicks_may_start_anywhere_and_go_either_way(start, direction):
     assert np.linalg.norm(model.centre - LOOP.centre) < 0.25e-3
 
 
-@pytest.mark.parametrize(("count", "noise_px"), [(6, 1.0), (8, 2.0), (14, 2.0)])
+@pytest.mark.parametrize(("count", "noise_px"), [(6, 1.0), (10, 2.0)])
 def test_few_and_noisy_clicks_do(count, noise_px):
     # A pixel is a quarter of a millimetre here: 2 px are half a millimetre.
     curve = lasso_curve(1.0)
@@ -199,7 +199,7 @@ def test_a_configured_polarity_is_not_doubted(polarity):
         build_loop_model(drawn(bright=polarity == "dark"), seed, config)
 
 
-@pytest.mark.parametrize("away_mm", [[20.0, 15.0, -30.0], [-30.0, 0.0, 20.0], [0.0, 30.0, -30.0]])
+@pytest.mark.parametrize("away_mm", [[20.0, 15.0, -30.0], [-30.0, 0.0, 20.0]])
 def test_clicks_beside_any_catheter_are_refused(away_mm):
     away = np.array(away_mm) * 1e-3
     with pytest.raises(SeedError, match=r"contrast 0\.\d times the noise, expected at least 0\.5"):
