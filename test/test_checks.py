@@ -204,6 +204,12 @@ WRONG: dict[str, tuple[Change, str, str, str]] = {
         B_IMAGE,
         "7 stamps go back in time",
     ),
+    "looped": (
+        lambda one: restamp(one, stamp(one["pair"] % 6)),
+        "note",
+        A_IMAGE,
+        "the stamps start again 1 times, by more than 1 s: as many new runs",
+    ),
     "jitter": (
         images("b", lambda one: restamp(one, stamp(one["pair"]) + one["pair"] % 2 * 80_000_000)),
         "warning",

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from lasso_motion_ros.frames import Plane
 from msg_adapters.checks.finding import Finding, Severity
-from msg_adapters.pairing import Pair, PairSynchroniser
+from msg_adapters.pairing import NEW_RUN_NS, Pair, PairSynchroniser
 from msg_adapters.topics import image_topic
 
 NANOSECONDS = 1e9
@@ -94,7 +94,11 @@ def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Find
         yield Finding(
             "error", name, f"{repeated} stamps repeat the one before", "give each image its own exposure time"
         )
-    back = sum(after < before for before, after in steps if after)
+    runs = sum(after < before - NEW_RUN_NS for before, after in steps if after)
+    if runs:
+        text = f"the stamps start again {runs} times, by more than 1 s: as many new runs"
+        yield Finding("note", name, text, "give each run its own clicks")
+    back = sum(before - NEW_RUN_NS <= after < before for before, after in steps if after)
     if back:
         severity: Severity = "error" if back > count / 10 else "warning"
         yield Finding(severity, name, f"{back} stamps go back in time", "publish in order of exposure, from one clock")
