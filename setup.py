@@ -22,7 +22,7 @@ setup(
     maintainer_email="maintainers@users.noreply.github.com",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={NAME: ["py.typed"], "msg_adapters": ["py.typed"]},
+    package_data={NAME: ["py.typed", "web/static/*.*", "web/static/vendor/*"], "msg_adapters": ["py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "LICENSE"]),
@@ -51,6 +51,7 @@ setup(
         "overlay": ["trimesh>=4"],
         "video": ["av>=12"],
         "volume": ["SimpleITK>=2.3", "vtk>=9.2"],
+        "web": ["aiohttp>=3.9"],
         "dev": [
             "colcon-common-extensions",
             "hypothesis",
@@ -59,6 +60,7 @@ setup(
             "pytest",
             "pytest-timeout",
             "ruff",
+            "selenium",
             "types-PyYAML",
         ],
     },
@@ -67,6 +69,7 @@ setup(
             f"lasso-motion = {NAME}.cli.main:main",
             f"lasso_tracker = {NAME}.nodes.lasso_tracker:main",
             f"lasso_overlay = {NAME}.nodes.lasso_overlay:main",
+            f"lasso_web = {NAME}.nodes.lasso_web:main",
         ]
     },
 )

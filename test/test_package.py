@@ -14,7 +14,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = "lasso_motion_ros"
-EXECUTABLES = {"lasso-motion", "lasso_tracker", "lasso_overlay"}
+EXECUTABLES = {"lasso-motion", "lasso_tracker", "lasso_overlay", "lasso_web"}
 
 
 @pytest.fixture(scope="module")
@@ -69,6 +69,9 @@ def _assert_modules_are_complete(site_packages: Path) -> None:
         installed = {path.relative_to(site_packages) for path in (site_packages / package).rglob("*.py")}
         assert installed == expected
         assert (site_packages / package / "py.typed").is_file()
+    page = Path(PACKAGE) / "web" / "static"
+    files = {path.relative_to(ROOT) for path in (ROOT / page).rglob("*") if path.is_file()}
+    assert {path.relative_to(site_packages) for path in (site_packages / page).rglob("*") if path.is_file()} == files
 
 
 def _version_from(site_packages: Path) -> str:
