@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -190,3 +191,13 @@ def test_late_images_of_alternating_planes(tmp_path: Path) -> None:
     recording = record(tmp_path / "in.mcap", stream(6, offset_ns=166_666_666))
     assert track(recording, "-o", tmp_path / "out.mcap", "--quiet") == 0
     assert motion(tmp_path / "out.mcap") == EXPECTED
+
+
+def test_the_counts_as_json(tmp_path: Path) -> None:
+    figures = tmp_path / "counts.json"
+    recording = record(tmp_path / "in.mcap", list(stream(6))[:-2])  # the last image is missing
+    assert track("--quiet", recording, "-o", tmp_path / "out.mcap", "--json", figures) == 0
+    counts = json.loads(figures.read_text())
+    assert (counts["pairs"], counts["poses"], counts["half_pairs"]) == (6, 6, 1)
+    assert counts["states"] == {"TRACKING": 6}
+    assert counts["damage"] is None

@@ -9,24 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
+from lasso_motion_ros.cli.progress import busy
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation import Truth
-from lasso_motion_ros.evaluation_report import Summary
+from lasso_motion_ros.evaluation_report import Summary, report
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.recorded_pairs import recorded_pairs
 from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surface
 from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
 from lasso_motion_ros.rendering.windowing import RgbImage
 from lasso_motion_ros.share import share_directory, share_file
 from msg_adapters.evaluation_input import read_estimates, read_truth
-from msg_adapters.messages import RecordedMessages, stamp_to_ns
+from msg_adapters.messages import stamp_to_ns
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
-from msg_adapters.topics import camera_info_topic, image_topic, overlay_topic
+from msg_adapters.topics import overlay_topic
 
 HELP = """Play a recording in real time to the tracker and the overlay, each a process of its own, over DDS on this
 machine, and write what comes over the wire: a video of the overlay, plots, and a table of the errors. With --web:
@@ -50,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out", type=Path, default=Path("demo_output"), metavar="DIR", help="where to write (default: demo_output)"
     )
     parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
     parser.add_argument("--web", action="store_true", help="a page in the browser; plays over and over until stopped")
     parser.add_argument(
         "--port", type=port, default=DEFAULT_PORT, help=f"with --web: TCP port (default {DEFAULT_PORT})"
@@ -88,7 +91,10 @@ def run(args: argparse.Namespace) -> int:
         surface=surface,
         truth=truth,
     )
-    artefacts = write_demo_artefacts(demo, args.out)
+    with busy("writing video, plots and table", args.quiet):
+        artefacts = write_demo_artefacts(demo, args.out)
+    if args.json is not None and artefacts.scores:
+        write_json(args.json, report({demo.name: artefacts.scores}))
     _report(demo, artefacts, live)
     exceeded = exceeded_limits(artefacts.summary) if args.bag is None else []
     if exceeded:
@@ -134,18 +140,10 @@ def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:
     """
     reader = RecordingReader(recording)
     check_tracking_topics(reader.topics)
-    images = {image_topic(plane).recorded_name: plane for plane in PLANES}
-    calibrations = {camera_info_topic(plane).recorded_name: plane for plane in PLANES}
-    pipeline = TrackingPipeline(config, RecordedMessages())
-    ready: list[ReadyPair] = []
-    for recorded in reader.messages([*images, *calibrations]):
-        if recorded.topic in images:
-            ready += pipeline.add_image(images[recorded.topic], recorded.message)
-        else:
-            ready += pipeline.add_camera_info(calibrations[recorded.topic], recorded.message)
+    pairs = list(recorded_pairs(reader, config))
     if reader.damage is not None:
         raise RecordingError(f"{reader.damage}: the demonstration needs a whole recording")
-    return [one.pair for one in (*ready, *pipeline.flush())]
+    return pairs
 
 
 def demo_surface(truth: Truth | None) -> TriangleMesh:

@@ -141,7 +141,9 @@ def _write_report(directory: Path, results: Sequence[Evaluated], count: int, qui
     from lasso_motion_ros.rendering.report_page import write_report
 
     worst = [worst_frames(one, count) for one in progress(results, len(results), "worst frames", quiet)]
-    return write_report(directory, results, worst, versions())
+    return write_report(
+        directory, results, worst, versions(), lambda numbers: progress(numbers, len(numbers), "plots", quiet)
+    )
 
 
 def _distinct(files: Sequence[Path]) -> list[str]:

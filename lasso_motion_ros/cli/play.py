@@ -7,8 +7,12 @@ import os
 import signal
 import sys
 import threading
+from dataclasses import asdict
+from pathlib import Path
 
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
+from lasso_motion_ros.cli.progress import counting
 from lasso_motion_ros.cli.track import parse_remap
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.processes import LOOPBACK
@@ -27,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
     parser.add_argument("--start", type=not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was published, and how punctually")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
     parser.add_argument(
         "--remap",
@@ -65,7 +70,10 @@ def run(args: argparse.Namespace) -> int:
         wait_s=args.wait,
         subscribers=args.subscribers,
     )
-    summary = play(reader, options, interrupted)
+    with counting("published", args.quiet) as show:
+        summary = play(reader, options, interrupted, show)
+    if args.json is not None:
+        write_json(args.json, asdict(summary))
     if not args.quiet:
         messages = sum(summary.published.values())
         print(

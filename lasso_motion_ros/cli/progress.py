@@ -1,10 +1,11 @@
-"""A progress bar for people: on a terminal only, and never when asked to be quiet."""
+"""Progress for people: on a terminal only, and never when asked to be quiet."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 
@@ -24,3 +25,45 @@ def progress(iterable: Iterable[Item], total: int | None, label: str, quiet: boo
     from tqdm import tqdm
 
     yield from tqdm(iterable, total=total, desc=label, leave=False, file=sys.stderr)
+
+
+@contextmanager
+def busy(label: str, quiet: bool) -> Iterator[None]:
+    """Say what is being done while a block runs that cannot tell how far it is; the line is taken away at its end.
+
+    Args:
+        label: what is being done, a few words.
+        quiet: True shows nothing.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield
+        return
+    print(f"{label} …", end="", file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        print(f"\r{' ' * (len(label) + 2)}\r", end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def counting(label: str, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """Show a count that grows while a block runs, and for how long it has.
+
+    Args:
+        label: what is counted, a word or two.
+        quiet: True shows nothing.
+
+    Yields:
+        Takes the count so far; to be called as often as one likes.
+    """
+    if quiet or not sys.stderr.isatty():
+        yield lambda count: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(desc=label, leave=False, file=sys.stderr) as bar:
+        yield lambda count: _set(bar, count)
+
+
+def _set(bar: Any, count: int) -> None:
+    bar.update(count - bar.n)

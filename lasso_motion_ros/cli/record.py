@@ -8,8 +8,10 @@ import sys
 import threading
 from pathlib import Path
 
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import not_negative
+from lasso_motion_ros.cli.progress import counting
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recording_repair import repair_recording
@@ -49,6 +51,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--compression", choices=("none", "zstd"), default="none", help="zstd halves the file and costs a core"
     )
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was recorded, lost and dropped")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
 
 
@@ -65,7 +68,11 @@ def run(args: argparse.Namespace) -> int:
     with RecordingWriter(args.output, compression=args.compression, overwrite=args.overwrite) as writer:
         if not args.quiet:
             print(f"recording into {args.output}; Ctrl-C ends it", flush=True)
-        summary = record(writer, live_topics(args.namespace, args.topics), interrupted, args.duration)
+        with counting("recorded", args.quiet) as show:
+            summary = record(writer, live_topics(args.namespace, args.topics), interrupted, args.duration, show)
+    if args.json is not None:
+        figures = {"messages": summary.counts, "seconds": summary.seconds, "lost": summary.lost}
+        write_json(args.json, {**figures, "dropped": dict(summary.dropped), "left_out": summary.left_out})
     if not args.quiet:
         _print_counts(args.output, summary.counts, summary.seconds)
     for topic, type_name in summary.left_out.items():

@@ -12,7 +12,7 @@ import numpy as np
 
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.progress import progress
+from lasso_motion_ros.cli.progress import busy, progress
 from lasso_motion_ros.cli.track import parse_remap
 from lasso_motion_ros.configuration import (
     OverlayConfig,
@@ -91,7 +91,8 @@ def run(args: argparse.Namespace) -> int:
     if args.output.exists() and not args.overwrite and (args.output.is_file() or any(args.output.iterdir())):
         raise RecordingError(f"{args.output} exists: choose another name or add --overwrite")
     config = overlay_configuration(args)
-    shown = read_overlay_object(config)
+    with busy(f"reading {args.volume}", args.quiet):
+        shown = read_overlay_object(config)
     if not args.quiet:
         print(shown.description)
     reader = RecordingReader(args.recording, parse_remap(args.remap))

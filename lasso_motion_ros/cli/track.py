@@ -6,11 +6,12 @@ import argparse
 import sys
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
@@ -64,6 +65,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write the counts of pairs, poses, states, problems")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -86,10 +88,31 @@ def run(args: argparse.Namespace) -> int:
         print(f"lasso-motion track: {summary.damage}", file=sys.stderr)
     if not args.quiet:
         print(f"{args.output}: {describe(summary.statistics)}")
+    if args.json is not None:
+        write_json(args.json, counts(summary))
     if summary.statistics.poses == 0:
         print("lasso-motion track: no pair got a pose", file=sys.stderr)
         return EXIT_BAD_INPUT
     return EXIT_DONE if summary.damage is None else EXIT_PART
+
+
+def counts(summary: TrackSummary) -> dict[str, Any]:
+    """How it went, as JSON values."""
+    statistics = summary.statistics
+    return {
+        "pairs": statistics.pairs,
+        "half_pairs": statistics.half_pairs,
+        "poses": statistics.poses,
+        "states": {state.value: count for state, count in statistics.states.items()},
+        "frames": {plane: asdict(frames) for plane, frames in statistics.frames.items()},
+        "pairing": {plane: asdict(pairing) for plane, pairing in statistics.pairing.items()},
+        "heartbeat": None if statistics.heartbeat is None else statistics.heartbeat.text,
+        "problems": [
+            {"topic": problem.topic, "text": problem.text, "count": count}
+            for problem, count in summary.problems.items()
+        ],
+        "damage": summary.damage,
+    }
 
 
 def describe(statistics: PipelineStatistics) -> str:
@@ -172,7 +195,7 @@ def track_recording(
                     topic = seed_topic(plane)
                     session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
             intake = _intake(pipeline, reader, with_seeds=seeds is None, with_calibration=calibration is None)
-            for recorded in progress(reader.messages(intake), None, "tracking", quiet):
+            for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
                 session.take(intake[recorded.topic](recorded.message))
             session.take(pipeline.flush())
             session.finish()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import rclpy
@@ -103,9 +103,17 @@ class Player:
         reader: the recording.
         options: how to play it.
         interrupted: set it to end early.
+        show: told after each message how many were published.
     """
 
-    def __init__(self, reader: RecordingReader, options: PlayOptions, interrupted: threading.Event) -> None:
+    def __init__(
+        self,
+        reader: RecordingReader,
+        options: PlayOptions,
+        interrupted: threading.Event,
+        show: Callable[[int], None] = lambda count: None,
+    ) -> None:
+        self._show = show
         self._reader = reader
         self._options = options
         self._interrupted = interrupted
@@ -186,6 +194,7 @@ class Player:
                     return
                 self._publish(message)
                 self._summary.latest_s = max(self._summary.latest_s, time.monotonic() - due)
+                self._show(sum(self._summary.published.values()))
         if start_ns is None:
             raise RecordingError(f"{self._reader.path}: no message to play")
         if began is None:
@@ -257,13 +266,19 @@ class ReadAhead:
         self._ready.put(None)
 
 
-def play(reader: RecordingReader, options: PlayOptions, interrupted: threading.Event) -> PlaySummary:
+def play(
+    reader: RecordingReader,
+    options: PlayOptions,
+    interrupted: threading.Event,
+    show: Callable[[int], None] = lambda count: None,
+) -> PlaySummary:
     """Play a recording in this process.
 
     Args:
         reader: the recording.
         options: how.
         interrupted: set it to end early.
+        show: told after each message how many were published.
 
     Raises:
         RecordingError: nothing in it to play, or no subscriber in time.
@@ -271,7 +286,7 @@ def play(reader: RecordingReader, options: PlayOptions, interrupted: threading.E
     use_image_profile()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        player = Player(reader, options, interrupted)
+        player = Player(reader, options, interrupted, show)
         try:
             if options.wait_s > 0.0:
                 player.wait_for_subscribers()

@@ -6,7 +6,7 @@ import queue
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import rclpy
@@ -58,6 +58,7 @@ class _Disk:
         self._thread = threading.Thread(target=self._write_all, name="disk")
         self.dropped: Counter[str] = Counter()
         self.failure: RecordingError | None = None
+        self.taken = 0
         self._thread.start()
 
     def put(self, topic: str, heard: HeardMessage) -> None:
@@ -67,6 +68,7 @@ class _Disk:
                 self.dropped[topic] += 1
                 return
             self._waiting_bytes += len(heard.data)
+            self.taken += 1
         self._waiting.put((topic, heard))
 
     def finish(self) -> None:
@@ -120,6 +122,7 @@ def record(
     topics: Mapping[str, str],
     interrupted: threading.Event,
     duration_s: float | None = None,
+    show: Callable[[int], None] = lambda count: None,
 ) -> RecordSummary:
     """Record live topics in this process until interrupted.
 
@@ -128,6 +131,7 @@ def record(
         topics: full name of a live topic → the name it is recorded under.
         interrupted: set it to end.
         duration_s: end after so many seconds; None: only when interrupted.
+        show: told now and then how many messages are recorded.
 
     Raises:
         RecordingError: the disk is full.
@@ -154,6 +158,7 @@ def record(
                         topic.discover()
                     discovery_due = now + DISCOVERY_PERIOD_S
                 executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
+                show(disk.taken)
         finally:
             summary.seconds = time.monotonic() - began
             executor.shutdown()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -75,6 +75,7 @@ def write_report(
     results: Sequence[Evaluated],
     worst: Sequence[Sequence[WorstFrame]],
     versions: Mapping[str, str],
+    show: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> Path:
     """Write `report.html` and its pictures into a directory, replacing those of an earlier report.
 
@@ -83,6 +84,7 @@ def write_report(
         results: in the order of the rows; several of one recording stand side by side.
         worst: for each result its worst frames, the worst first.
         versions: what the figures were made with, by name.
+        show: goes through the results' numbers and may tell how far it is.
 
     Returns:
         The page.
@@ -92,7 +94,7 @@ def write_report(
     """
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        page = _Page(directory, results, worst)
+        page = _Page(directory, results, worst, show)
         (directory / PAGE).write_text(page.text(versions), encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"{error.filename or directory}: cannot be written: {error.strerror}") from error
@@ -102,7 +104,14 @@ def write_report(
 class _Page:
     """Builds the page part by part; pictures are written as they are placed."""
 
-    def __init__(self, directory: Path, results: Sequence[Evaluated], worst: Sequence[Sequence[WorstFrame]]) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        results: Sequence[Evaluated],
+        worst: Sequence[Sequence[WorstFrame]],
+        show: Callable[[Sequence[int]], Iterable[int]],
+    ) -> None:
+        self._show = show
         self._directory = directory
         self._results = results
         self._worst = worst
@@ -127,10 +136,11 @@ class _Page:
         if len(self._results) > 1:
             keyed = {(one.recording, one.result): s for one, s in zip(self._results, self._summaries, strict=True)}
             parts += ["<h2>Comparison</h2>", self._figure("comparison", comparison_figure(keyed), "Mean errors.")]
+        sections = [self._result(number) for number in self._show(range(len(self._results)))]
         for recording in dict.fromkeys(one.recording for one in self._results):
             numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
             parts.append(f"<h2>{html.escape(recording)}</h2>")
-            parts += ['<div class="beside">', *(self._result(number) for number in numbers), "</div>"]
+            parts += ['<div class="beside">', *(sections[number] for number in numbers), "</div>"]
         parts += [self._timing(), self._configurations(), _versions(versions), "</main></body></html>\n"]
         return "\n".join(part for part in parts if part)
 
