@@ -26,7 +26,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "LICENSE"]),
-        (f"share/{NAME}/config", files("config", ".yaml", ".xml")),
+        (f"share/{NAME}/config", files("config", ".yaml", ".xml", ".rviz", ".json")),
         (f"share/{NAME}/launch", files("launch", ".py")),
         (f"share/{NAME}/bags", files("bags", ".yaml", ".mcap")),
     ],

@@ -1,9 +1,13 @@
-"""Tracker and overlay: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=/path/la.stl units:=mm`."""
+"""Tracker and overlay: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=/path/la.stl units:=mm`.
+
+`rviz:=true` shows it.
+"""
 
 from __future__ import annotations
 
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -27,13 +31,21 @@ def generate_launch_description() -> LaunchDescription:
             default_value=PathJoinSubstitution([share, "config", "tracker.yaml"]),
             description="parameters of the tracker",
         ),
-        DeclareLaunchArgument("volume_file", description="surface to draw: STL, PLY or OBJ"),
-        DeclareLaunchArgument("units", description="unit of the surface's coordinates: mm or m"),
+        DeclareLaunchArgument(
+            "overlay_config",
+            default_value=PathJoinSubstitution([share, "config", "overlay.yaml"]),
+            description="parameters of the overlay: colours, what is shown of a volume",
+        ),
+        DeclareLaunchArgument(
+            "volume_file", description="what to draw: STL, PLY, OBJ, VTK, VTP, NIfTI, NRRD, MHA, DICOM"
+        ),
+        DeclareLaunchArgument("units", default_value="", description="of the file's coordinates: mm or m"),
         DeclareLaunchArgument(
             "registration",
             default_value="0 0 0 0 0 0 1",
             description="volume to world, metres: x y z qx qy qz qw, or 16 numbers of a 4x4 matrix",
         ),
+        DeclareLaunchArgument("rviz", default_value="false", description="show it in RViz"),
     ]
     tracker = Node(
         package=PACKAGE,
@@ -49,12 +61,27 @@ def generate_launch_description() -> LaunchDescription:
         name="lasso_overlay",
         namespace=LaunchConfiguration("namespace"),
         parameters=[
+            LaunchConfiguration("overlay_config"),
             {
                 "volume_file": text("volume_file"),
                 "units": text("units"),
                 "registration": text("registration"),
-            }
+            },
         ],
         output="screen",
     )
-    return LaunchDescription([*arguments, tracker, overlay])
+    shown = IfCondition(LaunchConfiguration("rviz"))
+    # All markers are in patient_table; RViz shows a frame only once somebody speaks of it on /tf_static.
+    frame = Node(
+        package="tf2_ros",
+        executable="static_transform_publisher",
+        arguments=["--frame-id", "map", "--child-frame-id", "patient_table"],
+        condition=shown,
+    )
+    rviz = Node(
+        package="rviz2",
+        executable="rviz2",
+        arguments=["-d", PathJoinSubstitution([share, "config", "lasso_motion.rviz"])],
+        condition=shown,
+    )
+    return LaunchDescription([*arguments, tracker, overlay, frame, rviz])

@@ -198,6 +198,6 @@ def test_the_counts_as_json(tmp_path: Path) -> None:
     recording = record(tmp_path / "in.mcap", list(stream(6))[:-2])  # the last image is missing
     assert track("--quiet", recording, "-o", tmp_path / "out.mcap", "--json", figures) == 0
     counts = json.loads(figures.read_text())
-    assert (counts["pairs"], counts["poses"], counts["half_pairs"]) == (6, 6, 1)
-    assert counts["states"] == {"TRACKING": 6}
+    assert (counts["pairs"], counts["poses"], counts["half_pairs"]) == (6, 5, 1)
+    assert counts["states"] == {"TRACKING": 5, "LOST": 1}
     assert counts["damage"] is None

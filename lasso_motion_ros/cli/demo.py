@@ -146,6 +146,15 @@ def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:
     return pairs
 
 
+def write_demo_surface(recording: Path, path: Path) -> None:
+    """Write the surface that fits a recording (see `demo_surface`) as STL, millimetres.
+
+    Raises:
+        SurfaceError: the file cannot be written.
+    """
+    write_stl(path, demo_surface(_truth(recording)), "mm")
+
+
 def demo_surface(truth: Truth | None) -> TriangleMesh:
     """A left atrium with the lasso in the ostium of a vein; about the world's origin where no truth tells the place."""
     if truth is None or truth.loop is None:

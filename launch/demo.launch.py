@@ -1,0 +1,54 @@
+"""The bundled recording, over and over, with tracker and overlay: `ros2 launch lasso_motion_ros demo.launch.py`.
+
+RViz shows it; `rviz:=false` leaves it out, `bag:=FILE` plays another recording with truth.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_entity import LaunchDescriptionEntity
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
+
+from lasso_motion_ros.cli.demo import write_demo_surface
+from lasso_motion_ros.share import bundled_recording
+
+PACKAGE = "lasso_motion_ros"
+
+
+def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """Player, tracker and overlay, the surface made to fit the recording."""
+    recording = Path(LaunchConfiguration("bag").perform(context))
+    surface = Path(tempfile.mkdtemp(prefix="lasso_motion_")) / "left_atrium.stl"
+    write_demo_surface(recording, surface)
+    system = PathJoinSubstitution([FindPackageShare(PACKAGE), "launch", "lasso_motion.launch.py"])
+    command = PathJoinSubstitution([FindPackagePrefix(PACKAGE), "lib", PACKAGE, "lasso-motion"])
+    return [
+        IncludeLaunchDescription(
+            PythonLaunchDescriptionSource(system),
+            launch_arguments={
+                "volume_file": str(surface),
+                "units": "mm",
+                "rviz": LaunchConfiguration("rviz"),
+            }.items(),
+        ),
+        ExecuteProcess(
+            cmd=[command, "play", str(recording), "--loop", "--wait", "20", "--subscribers", "2"], output="screen"
+        ),
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Three processes, and RViz."""
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument("bag", default_value=str(bundled_recording()), description="recording to play"),
+            DeclareLaunchArgument("rviz", default_value="true", description="show it in RViz"),
+            OpaqueFunction(function=graph),
+        ]
+    )
