@@ -3,7 +3,6 @@
 from contextlib import suppress
 
 import numpy as np
-import rclpy.executors
 import rclpy.node
 from geometry_msgs.msg import PoseStamped
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile
@@ -13,13 +12,14 @@ from msg_adapters.poses import decode_pose
 
 
 class OverlayConsumer(rclpy.node.Node):
-    registration, state, last = np.eye(4), "", (None, np.eye(4))  # volume to world at the reference; newest stamp and T
+    registration, state, last, at = np.eye(4), "", (None, np.eye(4)), None  # volume to world; newest T; its reference
 
     def on_reference(self, reference: Header) -> None:
         if self.last[0] == reference.stamp:  # ~/set_reference: from now on the volume is valid where it lay there
             self.registration, self.last = self.last[1] @ self.registration, (reference.stamp, np.eye(4))
-        elif self.last[0] is not None:  # new clicks: nobody knows how the old reference lies to the new one
+        elif self.at not in (None, reference.stamp):  # new clicks: nobody knows how the old reference lies to the new
             self.get_logger().warning("new reference: register the volume at it again")
+        self.at = reference.stamp
 
     def on_state(self, state: String) -> None:
         self.state = state.data
