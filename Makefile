@@ -15,7 +15,7 @@ RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
 UBUNTU = $(UBUNTU_VENV)/.installed
 
-.PHONY: help demo test test-ubuntu soak lint format config lock clean
+.PHONY: help demo test test-ubuntu soak lint format screenshots config lock clean
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
@@ -39,6 +39,10 @@ lint: $(DEV) ## formatting, style and types
 format: $(DEV) ## put the formatting right
 	$(VENV)/bin/ruff format .
 	$(VENV)/bin/ruff check --fix .
+
+screenshots: $(DEV) ## the pictures in docs/, for the README; needs Chromium
+	$(VENV)/bin/python docs/screenshots.py
+	$(VENV)/bin/python docs/screenshot_web.py
 
 config: $(RUN) ## write config/*.yaml and docs/parameters.md from the parameter table
 	$(VENV)/bin/python -m lasso_motion_ros.parameter_files

@@ -135,7 +135,7 @@ class _Page:
         ]
         if len(self._results) > 1:
             keyed = {(one.recording, one.result): s for one, s in zip(self._results, self._summaries, strict=True)}
-            parts += ["<h2>Comparison</h2>", self._figure("comparison", comparison_figure(keyed), "Mean errors.")]
+            parts += ["<h2>Comparison</h2>", self._figure("comparison", comparison_figure(keyed), "Shorter is better.")]
         sections = [self._result(number) for number in self._show(range(len(self._results)))]
         for recording in dict.fromkeys(one.recording for one in self._results):
             numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
