@@ -37,6 +37,7 @@ FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein i
 USUAL_MEMORY = 0.2
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
+NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
 FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
 EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
@@ -319,6 +320,10 @@ class AppearanceTracker:
         config = self._config.judgement
         seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
         edge_on = all(self._is_edge_on(image) for image in images.values())
+        faint: Plane | None = None
+        if len(seen) < 2 and self._is_near_and_faint(alignment, times):
+            # Where the motion so far puts it, less has to be seen of it than elsewhere.
+            seen, faint = PLANES, min(PLANES, key=lambda p: alignment.planes[p].correlation)
         if len(seen) < 2:
             # What only one plane shows must be clear there.
             clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
@@ -336,11 +341,28 @@ class AppearanceTracker:
         return _Finding(
             alignment,
             seen,
-            None,
+            faint,
             edge_on,
             1e3 * abs(gap),
             max(config.degraded_gap_mm, 2.5 * slack_mm),
             max(config.lost_gap_mm, 4.0 * slack_mm),
+        )
+
+    def _is_near_and_faint(self, alignment: Alignment, times: dict[Plane, float]) -> bool:
+        """Whether both planes show something like the loop near where each is expected to."""
+        if len(times) < 2:
+            return False
+        model, config = self._require_model(), self._config.judgement
+        expected = {
+            "a": self._respiration.predict(times["a"]).displacement,
+            "b": self._respiration.expected_between(times["b"]).displacement,
+        }
+        return all(
+            is_faintly_seen(fit, config)
+            and fit.gain >= config.smallest_gain
+            and fit.visible >= config.smallest_visible
+            and float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
+            for plane, fit in alignment.planes.items()
         )
 
     def _faint_plane(self, alignment: Alignment, clear: tuple[Plane, ...], times: dict[Plane, float]) -> Plane | None:
