@@ -323,7 +323,8 @@ class AppearanceTracker:
         faint: Plane | None = None
         if len(seen) < 2 and self._is_near_and_faint(alignment, times):
             # Where the motion so far puts it, less has to be seen of it than elsewhere.
-            seen, faint = PLANES, min(PLANES, key=lambda p: alignment.planes[p].correlation)
+            weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
+            seen, faint = PLANES, weaker
         if len(seen) < 2:
             # What only one plane shows must be clear there.
             clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))

@@ -256,4 +256,4 @@ def _in_each_axis(blocks: Array) -> Array:
 
 def _stationary(spread: Array) -> Array:
     """(9, 9) stationary covariance of value, slope and curvature for a directional covariance (3, 3)."""
-    return np.kron(matern.stationary(TIME_SCALE_S), spread)
+    return np.kron(matern.stationary(TIME_SCALE_S), spread).astype(np.float64)
