@@ -70,6 +70,7 @@ def test_a_volumes_outline_lies_within_a_voxel_of_the_surfaces(tmp_path, view, c
 
 @pytest.mark.parametrize(("units", "scale"), [("mm", 1.0), ("m", 1e3)])
 def test_units_scale_the_file_not_the_registration(tmp_path, units, scale):
+    pytest.importorskip("trimesh")
     write_stl(tmp_path / "ball.stl", ellipsoid_mesh((0.01,) * 3, rows=20, columns=11), "mm")
     config = OverlayConfig(volume_file=str(tmp_path / "ball.stl"), units=units, registration="0.1 0 0 0 0 0 1")
     vertices = read_overlay_object(config).surface.vertices

@@ -112,7 +112,6 @@ BAD = {
     "not_finite.obj": (obj(OBJ_FACES).replace(b"v 10.0 0.0", b"v nan 0.0"), "not finite"),
     "flat.obj": (obj("f 1 1 2\n"), "degenerate"),
     "points.obj": (obj(""), "no triangle"),
-    "heart.vtk": (b"", "not a readable VTK surface"),
     "heart.stp": (b"", "expected a surface as .stl, .ply, .obj, .vtk, .vtp, found .stp"),
 }
 
@@ -257,3 +256,11 @@ def test_without_vtk_it_is_said_how_to_get_it(tmp_path, monkeypatch):
     path.write_text(LEGACY_VTK.format(space="LPS"))
     with pytest.raises(SurfaceError, match=r"lasso_motion_ros\[volume\]"):
         read_surface(path, "mm")
+
+
+def test_a_vtk_file_that_is_none_is_refused(tmp_path):
+    pytest.importorskip("vtkmodules")
+    for name, text in (("heart.vtk", "no surface"), ("heart.vtp", "<VTKFile"), ("empty.vtk", "")):
+        (tmp_path / name).write_text(text)
+        with pytest.raises(SurfaceError, match=f"{name}: not a readable"):
+            read_surface(tmp_path / name, "mm")
