@@ -262,5 +262,5 @@ def test_a_vtk_file_that_is_none_is_refused(tmp_path):
     pytest.importorskip("vtkmodules")
     for name, text in (("heart.vtk", "no surface"), ("heart.vtp", "<VTKFile"), ("empty.vtk", "")):
         (tmp_path / name).write_text(text)
-        with pytest.raises(SurfaceError, match=f"{name}: not a readable"):
+        with pytest.raises(SurfaceError, match=f"{name}: (not a readable|the surface has no triangle)"):
             read_surface(tmp_path / name, "mm")
