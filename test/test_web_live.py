@@ -167,6 +167,8 @@ def test_the_overlays_pictures_are_shown_while_they_keep_up(bench: Bench) -> Non
     bench.catheter(1, 0.0)
     assert bench.shown("overlay") == (1, True)  # the film, there is nothing else yet
     bench.overlay("a", 1)
+    assert bench.view.picture("overlay").planes["a"].pixels.ndim == 2  # both planes or none
+    bench.overlay("b", 1)
     assert bench.view.picture("overlay").planes["a"].pixels.shape == (SIDE, SIDE, 3)
     assert bench.shown("overlay") == (1, True)
     for pair in range(2, 9):

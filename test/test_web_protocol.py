@@ -97,8 +97,14 @@ def test_a_picture_is_its_header_and_its_files_in_order() -> None:
     header = json.loads(message[4 : 4 + length])
     assert message[4 + length :] == b"AABBB"
     assert header["planes"]["a"] == {
-        "stamp": "1760000000000000001", "width": 3, "height": 2, "kind": "jpeg", "bytes": 2, "loop": [[0.12, 2.0]],
-    }  # fmt: skip
+        "stamp": "1760000000000000001",
+        "width": 3,
+        "height": 2,
+        "kind": "jpeg",
+        "bytes": 2,
+        "drawn": False,
+        "loop": [[0.12, 2.0]],
+    }
     assert (header["planes"]["b"]["bytes"], header["number"], header["held"]) == (3, 9, True)
 
 

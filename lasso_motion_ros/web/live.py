@@ -34,6 +34,7 @@ TRACE_POINTS = 4000
 PAIRS_KEPT = 12
 """Pairs whose pixels are kept: the tracker may hold one that is not the newest."""
 ANSWERS_KEPT = 64
+OVERLAYS_KEPT = 4
 LATENCIES_KEPT = 64
 STOPPED_S = 1.5
 STOPPED_PERIODS = 4.0
@@ -84,7 +85,9 @@ class LiveView:
         self._loops: OrderedDict[int, Array | None] = OrderedDict()
         self._received: OrderedDict[int, tuple[float, bool]] = OrderedDict()
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=8) for plane in PLANES}
-        self._overlays: dict[Plane, tuple[int, npt.NDArray[np.uint8]]] = {}
+        self._overlays: dict[Plane, OrderedDict[int, tuple[int, npt.NDArray[np.uint8]]]] = {
+            plane: OrderedDict() for plane in PLANES
+        }
         self._overlay_number = 0
         self._state, self._reason = "", ""
         self._tracker_latency_ms: float | None = None
@@ -129,7 +132,6 @@ class LiveView:
             self.pairs_of_run = 0
             self._loops.clear()
             self._pairs.clear()
-            self._overlays.clear()
         self._number += 1
         self.pairs_of_run += 1
         self._pairs.append(_Seen(FramePair(pair.stamp_ns, pair.a, pair.b), self._number, self._clock()))
@@ -213,7 +215,8 @@ class LiveView:
             raise MessageError(f"overlay: {data.size} bytes do not make {message.width}×{message.height} pixels")
         with self._lock:
             self._overlay_number += 1
-            self._overlays[plane] = stamp_to_ns(message.header.stamp), data.reshape(message.height, message.width, 3)
+            drawn = self._overlay_number, data.reshape(message.height, message.width, 3)
+            _keep(self._overlays[plane], stamp_to_ns(message.header.stamp), drawn, OVERLAYS_KEPT)
 
     # Holding a pair to click in.
 
@@ -318,23 +321,26 @@ class LiveView:
         return Picture(4 * seen.number + (loop is not None), held, planes)
 
     def _drawn(self) -> Picture | None:
-        """The overlay node's pictures, while they keep up with the images."""
-        newest = self._pairs[-1].pair if self._pairs else None
-        if newest is None or not self._overlays:
-            return None
-        planes: dict[Plane, PlanePicture] = {}
-        loops = 0
-        for plane, (stamp_ns, pixels) in self._overlays.items():
-            if abs(newest.stamp_ns - stamp_ns) > 1e9 * STOPPED_S:
+        """The overlay node's pictures of the newest pair of which it has drawn all, while it keeps up."""
+        for seen in reversed(self._pairs):
+            if self._pairs[-1].pair.stamp_ns - seen.pair.stamp_ns > 1e9 * STOPPED_S:
                 return None
-            seen = next((seen for seen in self._pairs if _stamp(seen.pair, plane) == stamp_ns), None)
-            frame = None if seen is None else seen.pair.frame(plane)
-            loop = None if seen is None or not self.has_pose else self._loops.get(seen.pair.stamp_ns)
-            curve = None if loop is None or frame is None else frame.projection.project(loop)
-            loops += curve is not None
-            planes[plane] = PlanePicture(stamp_ns, pixels, curve)
-        # Beyond the films' numbers, which are multiples of four and their successors.
-        return Picture(4 * (8 * self._overlay_number + loops) + 2, False, planes)
+            frames = {plane: frame for plane in PLANES if (frame := seen.pair.frame(plane)) is not None}
+            if not all(frame.stamp_ns in self._overlays[plane] for plane, frame in frames.items()):
+                continue
+            loop = self._loops.get(seen.pair.stamp_ns) if self.has_pose else None
+            planes = {
+                plane: PlanePicture(
+                    frame.stamp_ns,
+                    self._overlays[plane][frame.stamp_ns][1],
+                    None if loop is None else frame.projection.project(loop),
+                )
+                for plane, frame in frames.items()
+            }
+            # Drawn anew, it is another picture. Films' numbers are multiples of four and their successors.
+            number = max(self._overlays[plane][frame.stamp_ns][0] for plane, frame in frames.items())
+            return Picture(4 * (2 * number + (loop is not None)) + 2, False, planes)
+        return None
 
     def _add_point(self, shift_mm: tuple[float, float, float] | None, at_s: float | None = None) -> None:
         number = self._trace[-1].number + 1 if self._trace else 1
@@ -356,10 +362,10 @@ def _stamp(pair: FramePair, plane: Plane) -> int | None:
     return None if frame is None else frame.stamp_ns
 
 
-def _keep(store: OrderedDict[int, Any], key: int, value: Any) -> None:
+def _keep(store: OrderedDict[int, Any], key: int, value: Any, count: int = ANSWERS_KEPT) -> None:
     store[key] = value
     store.move_to_end(key)
-    while len(store) > ANSWERS_KEPT:
+    while len(store) > count:
         store.popitem(last=False)
 
 

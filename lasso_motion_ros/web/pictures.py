@@ -65,7 +65,7 @@ def encode_plane(picture: PlanePicture, window: Window, *, lossless: bool) -> En
         raise LassoMotionError(f"a picture of {pixels.shape} {pixels.dtype} cannot be encoded")
     height, width = pixels.shape[:2]
     return EncodedPlane(
-        picture.stamp_ns, width, height, "png" if lossless else "jpeg", data.tobytes(), picture.loop
+        picture.stamp_ns, width, height, "png" if lossless else "jpeg", data.tobytes(), picture.loop, pixels.ndim == 3
     )  # fmt: skip
 
 

@@ -138,6 +138,8 @@ class EncodedPlane:
     kind: Literal["jpeg", "png"]
     data: bytes
     loop: Array | None
+    drawn: bool = False
+    """Whether an overlay is drawn in it."""
 
 
 def encode_picture(number: int, held: bool, view: View, planes: Mapping[Plane, EncodedPlane]) -> bytes:
@@ -153,6 +155,7 @@ def encode_picture(number: int, held: bool, view: View, planes: Mapping[Plane, E
             "height": one.height,
             "kind": one.kind,
             "bytes": len(one.data),
+            "drawn": one.drawn,
             "loop": None if one.loop is None else np.round(one.loop, 2).tolist(),
         }
     header = encode("picture", number=number, held=held, view=view, planes=described).encode()

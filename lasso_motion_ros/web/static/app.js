@@ -68,6 +68,7 @@ function takePicture(header, bitmaps) {
     if (bitmaps[name]) planes[name].show(bitmaps[name], header.planes[name].loop);
     else planes[name].loop = null;
     planes[name].missing = !bitmaps[name];
+    planes[name].drawn = Boolean(header.planes[name]?.drawn);
   }
   const now = performance.now();
   drawn.push(now);
@@ -124,9 +125,9 @@ function refresh() {
     plane.root.classList.toggle("clicking", clicking);
     plane.root.classList.toggle("chosen", clicking && chosen === name);
     plane.root.classList.toggle("old", !connected || (live && !clicking && typeof silence === "number"));
-    plane.count.hidden = !clicking;
-    plane.count.textContent = live ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
-    plane.count.classList.toggle("enough", plane.points.length >= fewest());
+    if (!clicking) plane.count.textContent = plane.bitmap ? (plane.drawn ? "overlay" : "film") : "";
+    else plane.count.textContent = live ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
+    plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest());
     plane.say(remark(plane, name, live, silence));
     plane.drawMarks();
   }

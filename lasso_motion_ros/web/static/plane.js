@@ -20,7 +20,7 @@ export class Plane {
     this.count = div("count");
     this.note = div("note", "no picture yet");
     this.scale = div("scale");
-    this.count.hidden = this.scale.hidden = true;
+    this.scale.hidden = true;
     const caption = div("caption");
     caption.append(this.label, this.count);
     this.stage = div("stage");
