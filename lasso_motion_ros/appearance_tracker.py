@@ -34,7 +34,9 @@ LARGEST_ONE_PLANE_SIGMA_MM = 2.0
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
+CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
+BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
@@ -60,9 +62,9 @@ class _Finding:
 
     @property
     def rank(self) -> tuple[int, float]:
-        """More planes that agree is better, then higher correlation."""
-        agreed = len(self.seen) if self.gap_mm <= self.lost_gap_mm else 0
-        return agreed, sum(self.alignment.planes[p].correlation for p in self.seen)
+        """Two planes that agree are best, then two that do not, then one; then higher correlation."""
+        worth = 2 * len(self.seen) - (1 if self.gap_mm > self.lost_gap_mm else 0)
+        return worth, sum(self.alignment.planes[p].correlation for p in self.seen)
 
 
 class AppearanceTracker:
@@ -119,7 +121,7 @@ class AppearanceTracker:
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
         finding = None if self._lost else self._find(pair, near=True)
         self._lost = False
-        if finding is None or finding.rank[0] < 2:
+        if finding is None or finding.rank[0] < BOTH_AGREE:
             anywhere = self._find(pair, near=False)
             if finding is None or (anywhere is not None and anywhere.rank > finding.rank):
                 finding = anywhere
@@ -157,7 +159,7 @@ class AppearanceTracker:
         if not followed and turned_deg > FOUND_AGAIN_TURN_DEG:
             reason = f"found again, but turned by {turned_deg:.0f} degrees: moved?"
             return self._result(pair, TrackerState.LOST, reason, None)
-        if not followed and (share := self._share_of_usual(finding)) < FOUND_AGAIN_SHARE:
+        if not followed and (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
             reason = f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
             return self._result(pair, TrackerState.LOST, reason, None)
         self._displaced = ""
@@ -194,9 +196,9 @@ class AppearanceTracker:
             return f"plane {other} does not show the lasso"
         return ""
 
-    def _share_of_usual(self, finding: _Finding) -> float:
-        """Correlation in the planes that show the loop, relative to what it was while tracking; 1 if not known yet."""
-        known = [plane for plane in finding.seen if plane in self._usual]
+    def _share_of_usual(self, finding: _Finding, planes: tuple[Plane, ...]) -> float:
+        """Correlation in some of the planes, relative to what it was while tracking; 1 if not known yet."""
+        known = [plane for plane in planes if plane in self._usual]
         usual = sum(self._usual[plane] for plane in known)
         found = sum(finding.alignment.planes[plane].correlation for plane in known)
         return found / usual if usual > 0.0 else 1.0
@@ -296,7 +298,7 @@ class AppearanceTracker:
         count = self._config.search.candidates // (2 if near else 1)
         best_score = 0.0
         for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
-            if best is not None and best.rank[0] == len(times) and candidate.score < RIVAL_SCORE * best_score:
+            if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
                 break  # found, and no rival comes near it
             finding = self._judge(
                 align(
@@ -406,6 +408,15 @@ class AppearanceTracker:
             if alone_s > config.one_plane_s:
                 return TrackerState.LOST, f"plane {other} {missing} for {alone_s:.1f} s"
             return TrackerState.DEGRADED, f"plane {other} {missing}: depth from the breathing so far"
+        turn_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn)))
+        if turn_deg > config.degraded_turn_deg:
+            lost = turn_deg > config.lost_turn_deg
+            reason = f"the lasso is turned by {turn_deg:.0f} degrees: moved C-arm without a new calibration?"
+            return (TrackerState.LOST if lost else TrackerState.DEGRADED), reason
+        for plane in finding.seen:
+            if self._share_of_usual(finding, (plane,)) < CHANGED_SHARE:
+                text = f"plane {plane.upper()} shows the lasso otherwise than before"
+                return TrackerState.DEGRADED, text + ": moved C-arm without a new calibration?"
         if finding.faint is not None:
             return TrackerState.DEGRADED, f"plane {finding.faint.upper()} shows the lasso only faintly"
         if finding.edge_on:

@@ -171,11 +171,18 @@ class JudgementConfig:
     smallest_visible: float = tuning(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
     full_visible: float = tuning(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
     faint_gain: float = tuning(0.3, "enough where the other plane and the motion agree", minimum=0.0, maximum=1.0)
-    faint_correlation: float = tuning(0.25, "likewise", minimum=0.0, maximum=1.0)
+    faint_correlation: float = tuning(0.2, "likewise", minimum=0.0, maximum=1.0)
     clear_correlation: float = tuning(0.55, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
     one_plane_s: float = tuning(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
     degraded_gap_mm: float = tuning(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)
     lost_gap_mm: float = tuning(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)
+    degraded_turn_deg: float = parameter(
+        6.0,
+        "turn of the ring since the reference, as a C-arm that moved unsaid makes it: DEGRADED",
+        unit="deg",
+        minimum=1.0,
+    )
+    lost_turn_deg: float = parameter(8.0, "likewise: LOST", unit="deg", minimum=1.0)
     largest_speed_mm_s: float = tuning(65.0, "faster is a jump, not a breath", unit="mm/s", minimum=1.0)
     jump_allowance_mm: float = tuning(2.0, "moved at once without being a jump", unit="mm", minimum=0.0)
     longest_jump_interval_s: float = tuning(1.5, "pause after which speed tells nothing", unit="s", minimum=0.0)

@@ -19,6 +19,9 @@ PEAKS = 24  # per plane
 PEAK_RADIUS_CELLS = 3
 SCORE_CEILING = 25.0  # so that neither plane can drown the other
 RAY_TOLERANCE_M = 0.002
+LARGEST_DISAGREEMENT_M = 0.03
+DISAGREEMENT_PENALTY = 6.0  # in units of score,
+DISAGREEMENT_SCALE_M = 0.005  # and one more for each of these
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +126,10 @@ def join_peaks(
         distance = np.einsum("ijk,kl,ijl->ij", middle, np.linalg.inv(covariance), middle)
         score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
         score = score - np.minimum(0.1 * distance, 2.0)
-        score = np.where(gap < RAY_TOLERANCE_M + slack_m, score, -np.inf)
+        # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
+        excess = np.maximum(gap - RAY_TOLERANCE_M - slack_m, 0.0)
+        score = np.where(excess == 0.0, score, score - DISAGREEMENT_PENALTY - excess / DISAGREEMENT_SCALE_M)
+        score = np.where(excess < LARGEST_DISAGREEMENT_M, score, -np.inf)
         for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
             i, j = np.unravel_index(int(index), score.shape)
             if np.isfinite(score[i, j]):
