@@ -24,6 +24,7 @@ Array = npt.NDArray[np.float64]
 
 MOST_POINTS = 60_000
 _NEAREST_DEPTH_M = 0.05
+_RIM_BLOCKS = 2.0
 _SMALLEST_CELL_PX, _LARGEST_CELL_PX = 2, 32
 
 
@@ -79,30 +80,35 @@ def volume_cloud(image: VolumeImage, inside: npt.NDArray[np.bool_]) -> VolumeClo
 def cloud_layer(
     cloud: VolumeCloud, projection: Projection, transform: Array, style: OverlayStyle, width_px: float, faint: bool
 ) -> Layer:
-    """The projection of a cloud that was moved by `transform`, as opacity over the whole picture.
+    """The projection of a cloud that was moved by `transform`, as opacity.
 
     Args:
         cloud: in the frame that `transform` maps to the world.
         projection: world to pixels.
         transform: (4, 4) rigid.
-        style: what is drawn; the outline is that of all that is at least half as thick as the cloud's spacing.
+        style: what is drawn; the outline is where rays begin to cross two of the cloud's spacings.
         width_px: the outline's width in this picture, pixels.
         faint: drawn thinner, to stand behind another.
     """
     cell, thickness = _thickness(cloud, projection, transform)
-    size = (thickness.shape[1] * cell, thickness.shape[0] * cell)
-    full = cv2.resize(thickness, size, interpolation=cv2.INTER_LINEAR)[: projection.height, : projection.width]
+    rows, columns = np.flatnonzero(thickness.any(axis=1)), np.flatnonzero(thickness.any(axis=0))
+    if rows.size == 0:
+        return Layer(np.zeros((0, 0), dtype=np.uint8), 0, 0)
+    # Empty cells about what is seen, so that it fades out as it would in the whole picture.
+    top, left = max(0, int(rows[0]) - 2), max(0, int(columns[0]) - 2)
+    seen = thickness[top : int(rows[-1]) + 3, left : int(columns[-1]) + 3]
+    full = cv2.resize(seen, (seen.shape[1] * cell, seen.shape[0] * cell), interpolation=cv2.INTER_LINEAR)
     opacity = np.zeros(full.shape, dtype=np.uint8)
     if style.fill:
-        top = 2.0 * style.fill_opacity * (FAINT_FILL_SHARE if faint else 1.0)
+        densest = 2.0 * style.fill_opacity * (FAINT_FILL_SHARE if faint else 1.0)
         shade = cv2.exp(full * np.float32(-np.log(2.0) / style.projection_depth_m))
-        opacity = cv2.convertScaleAbs(np.minimum(top * (1.0 - shade), DENSEST), alpha=255.0)
+        opacity = cv2.convertScaleAbs(np.minimum(densest * (1.0 - shade), DENSEST), alpha=255.0)
     if style.outline:
-        # Where the cloud begins, its neighbours' shares fade over one cell: the middle of that is the edge.
-        coverage = np.clip(full / cloud.spacing_m, 0.0, 1.0)
+        # Blocks and cells widen the rim by about one of them; where rays cross two, the line is back on the true rim.
+        coverage = np.clip((full / cloud.spacing_m - _RIM_BLOCKS) * cell + 0.5, 0.0, 1.0)
         line = band(cv2.convertScaleAbs(coverage, alpha=255.0), max(1, round(width_px / 2.0)))
         opacity = cv2.max(opacity, cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE if faint else 1.0))
-    return Layer(np.asarray(opacity, dtype=np.uint8), 0, 0)
+    return Layer(np.asarray(opacity, dtype=np.uint8), left * cell, top * cell)
 
 
 def _thickness(cloud: VolumeCloud, projection: Projection, transform: Array) -> tuple[int, npt.NDArray[np.float32]]:
