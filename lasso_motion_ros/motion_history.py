@@ -11,11 +11,11 @@ import numpy.typing as npt
 from lasso_motion_ros.configuration import OverlayConfig
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.tracker import TrackerState
-from msg_adapters.messages import NANOSECONDS
 
 Array = npt.NDArray[np.float64]
 
 KEPT = 64
+NANOSECONDS = 1_000_000_000
 NEW_RUN_NS = NANOSECONDS
 NOT_YET = "not yet received"
 

@@ -56,7 +56,11 @@ def _run(command: list[str], cwd: Path | None = None, env: dict[str, str] | None
 
 def _assert_share_is_complete(prefix: Path) -> None:
     share = prefix / "share" / PACKAGE
-    for folder, kinds in (("config", {".yaml", ".xml", ".rviz", ".json"}), ("launch", {".py"}), ("bags", {".yaml", ".mcap"})):
+    for folder, kinds in (
+        ("config", {".yaml", ".xml", ".rviz", ".json"}),
+        ("launch", {".py"}),
+        ("bags", {".yaml", ".mcap"}),
+    ):
         expected = {path.name for path in (ROOT / folder).iterdir() if path.suffix in kinds}
         assert {path.name for path in (share / folder).glob("*") if path.is_file()} == expected
     assert (share / "package.xml").is_file()
