@@ -75,9 +75,10 @@ def measure_overlay(pictures: int = PICTURES) -> OverlayBenchmark:
 
 def format_overlay(benchmark: OverlayBenchmark) -> str:
     """The figures for people."""
+    moving = f"while the gantry moves {benchmark.moving_gantry_ms:.1f} ms"
     return (
-        f"overlay, {benchmark.triangles} triangles on {benchmark.side_px}²: {benchmark.median_ms:.1f} ms a plane, on"
-        f" one thread (95 % within {benchmark.p95_ms:.1f} ms; while the gantry moves {benchmark.moving_gantry_ms:.1f} ms)"
+        f"overlay, {benchmark.triangles} triangles on {benchmark.side_px}²: {benchmark.median_ms:.1f} ms a plane on "
+        f"one thread (95 % within {benchmark.p95_ms:.1f} ms; {moving})"
     )
 
 
