@@ -97,7 +97,7 @@ function refresh() {
   get("rate").textContent = drawn.length > 1 ? `${((drawn.length - 1) / ((drawn[drawn.length - 1] - drawn[0]) / 1000)).toFixed(1)} /s` : "–";
   get("click-panel").hidden = !(live && clicking);
   get("draw-panel").hidden = live;
-  get("live-buttons").hidden = clicking;
+  get("live-buttons").hidden = get("axes").hidden = clicking;
   for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && !status?.tracker);
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
   get("reference").disabled ||= status?.state !== "TRACKING";
@@ -111,7 +111,6 @@ function refresh() {
     get(id).disabled = windowed;
     get(id).title = windowed ? "the overlay node windows its own pictures; switch to film" : "";
   }
-  if (live && clicking) get("click-help").textContent = "In both planes, click 6 or more points along the loop, in order.";
   get("send").disabled = !enough();
   for (const name of NAMES) {
     const plane = planes[name];
