@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align
+from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
+from lasso_motion_ros.finding import BOTH_AGREE, Finding, LoopFinder
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
-from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
+from lasso_motion_ros.judgement import BreathingEnvelope
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
-from lasso_motion_ros.respiration import Observation, RespiratoryMotion
-from lasso_motion_ros.search import find_peaks, join_peaks
+from lasso_motion_ros.respiration import RespiratoryMotion
 from lasso_motion_ros.tracker import TrackerState, TrackResult
 from lasso_motion_ros.transforms import rotation_from_vector
-from lasso_motion_ros.working_image import WorkingImage, working_image
+from lasso_motion_ros.working_image import working_image
 
 Array = npt.NDArray[np.float64]
 
-# What an alignment's own covariance leaves out: the background that moves behind the loop, its interpolation.
-IMAGE_COVARIANCE_FACTOR = 2.0
-SYSTEMATIC_M = 3e-5
-# An unforeseen part of the motion between the two planes' exposures, per second.
-UNFORESEEN_SPEED_M_S = 0.03
-# What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
-HEARTBEAT_SPEED_M_S = 0.006
 # A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
@@ -36,35 +29,7 @@ FOUND_AGAIN_SHARE = 0.75
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
-BOTH_AGREE = 4  # the worth of a finding on which both planes agree
-RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
-# A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
-NEAR_M = 0.008
-FAINT_SPREAD_M = 0.003
-FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
-EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
-EDGE_ON_M = 1e-3  # in both planes, the electrodes' spacing is mistaken along the line
-BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 FIXED_ROTATION_RAD = np.radians(1.0)  # standard deviation of the atrium's rotation, which is not estimated
-
-
-@dataclass(frozen=True, eq=False)
-class _Finding:
-    """An alignment that was looked at, and what it was worth."""
-
-    alignment: Alignment
-    seen: tuple[Plane, ...]
-    faint: Plane | None = None  # seen only because it lies where the other plane and the motion so far say
-    edge_on: bool = False  # in both planes, so that the place along the line is uncertain
-    gap_mm: float = 0.0  # by which the planes disagree,
-    degraded_gap_mm: float = np.inf  # and what is made of it
-    lost_gap_mm: float = np.inf
-
-    @property
-    def rank(self) -> tuple[int, float]:
-        """Two planes that agree are best, then two that do not, then one; then higher correlation."""
-        worth = 2 * len(self.seen) - (1 if self.gap_mm > self.lost_gap_mm else 0)
-        return worth, sum(self.alignment.planes[p].correlation for p in self.seen)
 
 
 class AppearanceTracker:
@@ -72,7 +37,6 @@ class AppearanceTracker:
 
     def __init__(self, config: TrackerConfig) -> None:
         self._config = config
-        self._prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
         self._model: LoopModel | None = None
 
     def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
@@ -93,6 +57,7 @@ class AppearanceTracker:
         self._model = model
         self._appearances = appearances
         self._start_ns = pair.stamp_ns
+        self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns)
         self._respiration = RespiratoryMotion(0.0, max(0.0, self._seconds(frames["b"].stamp_ns)))
         self._envelope = BreathingEnvelope(self._config.judgement)
         self._reference = np.zeros(3)
@@ -141,7 +106,7 @@ class AppearanceTracker:
             return self._result(pair, state, reason, None)
         predicted = self._respiration.predict(time_s).displacement
         trial = self._respiration.copy()
-        self._observe(trial, pair, finding, time_s)
+        self._finder.observe(trial, pair, finding)
         displacement = trial.at_a.displacement
         departure = self._envelope.departure(time_s, displacement, predicted)
         if not departure and not self._is_back(finding, displacement, time_s):
@@ -185,7 +150,7 @@ class AppearanceTracker:
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
         return self._result(pair, state, reason, self._loop(finding.alignment, self._displacement))
 
-    def _one_plane_refusal(self, pair: FramePair, finding: _Finding, *, followed: bool) -> str:
+    def _one_plane_refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
         """Why what one plane alone shows carries no pose; empty if it does."""
         (plane,) = finding.seen
         other = "B" if plane == "a" else "A"
@@ -196,14 +161,14 @@ class AppearanceTracker:
             return f"plane {other} does not show the lasso"
         return ""
 
-    def _share_of_usual(self, finding: _Finding, planes: tuple[Plane, ...]) -> float:
+    def _share_of_usual(self, finding: Finding, planes: tuple[Plane, ...]) -> float:
         """Correlation in some of the planes, relative to what it was while tracking; 1 if not known yet."""
         known = [plane for plane in planes if plane in self._usual]
         usual = sum(self._usual[plane] for plane in known)
         found = sum(finding.alignment.planes[plane].correlation for plane in known)
         return found / usual if usual > 0.0 else 1.0
 
-    def _is_back(self, finding: _Finding, displacement: Array, time_s: float) -> bool:
+    def _is_back(self, finding: Finding, displacement: Array, time_s: float) -> bool:
         """Whether what was taken for a moved lasso was something else, now that it shows better and far from there.
 
         True as well where nothing was taken for a moved lasso.
@@ -230,6 +195,7 @@ class AppearanceTracker:
         """Go on with other tuning parameters; the model is kept."""
         self._config = config
         if self._model is not None:
+            self._finder.config = config
             self._envelope.reconfigure(config.judgement)
 
     def set_reference(self) -> None:
@@ -254,151 +220,12 @@ class AppearanceTracker:
         return self._model
 
     def _seconds(self, stamp_ns: int) -> float:
-        return (stamp_ns - self._start_ns) * 1e-9
+        return self._finder.seconds(stamp_ns)
 
-    def _exposures(self, pair: FramePair) -> dict[Plane, float]:
-        """Times of exposure since the start, seconds; B's never before A's (jitter)."""
-        time_s = self._seconds(pair.stamp_ns)
-        times: dict[Plane, float] = {}
-        if pair.a is not None:
-            times["a"] = time_s
-        if pair.b is not None:
-            times["b"] = max(time_s, self._seconds(pair.b.stamp_ns))
-        return times
+    def _find(self, pair: FramePair, *, near: bool) -> Finding | None:
+        return self._finder.find(pair, self._respiration, turn=self._turn, stretch=self._stretch, near=near)
 
-    def _find(self, pair: FramePair, *, near: bool) -> _Finding | None:
-        """The best-ranked finding among the candidates, near the prediction or anywhere in the images."""
-        model = self._require_model()
-        times = self._exposures(pair)
-        expected: dict[Plane, Array] = {}
-        foreseen = self._respiration.predict(self._seconds(pair.stamp_ns))
-        if "a" in times:
-            expected["a"] = model.centre + foreseen.displacement
-        if "b" in times:
-            expected["b"] = model.centre + self._respiration.expected_between(times["b"]).displacement
-        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
-        reach_mm = model.radius_mm + BAND_MARGIN_MM + self._config.search.near_mm + min(uncertainty_mm, 20.0)
-        images: dict[Plane, WorkingImage] = {}
-        peaks = {}
-        for plane in times:
-            frame = pair.frame(plane)
-            if frame is None:
-                continue
-            images[plane] = working_image(
-                frame,
-                expected[plane],
-                bright=model.bright,
-                shift=model.shifts[plane],
-                reach_mm=reach_mm if near else None,
-            )
-            peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
-        slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
-        covariance = foreseen.covariance + 0.004**2 * np.eye(3)
-        best: _Finding | None = None
-        count = self._config.search.candidates // (2 if near else 1)
-        best_score = 0.0
-        for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
-            if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
-                break  # found, and no rival comes near it
-            finding = self._judge(
-                align(
-                    images,
-                    {plane: self._appearances[plane].values for plane in images},
-                    model.arms,
-                    candidate.centres,
-                    self._prior,
-                    self._turn,
-                    self._stretch,
-                    {plane: self._appearances[plane].distinctive for plane in images},
-                ),
-                images,
-                times,
-            )
-            if best is None or finding.rank > best.rank:
-                best, best_score = finding, candidate.score
-        return best
-
-    def _judge(self, alignment: Alignment, images: dict[Plane, WorkingImage], times: dict[Plane, float]) -> _Finding:
-        config = self._config.judgement
-        seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
-        edge_on = all(self._is_edge_on(image) for image in images.values())
-        faint: Plane | None = None
-        if len(seen) < 2 and self._is_near_and_faint(alignment, times):
-            # Where the motion so far puts it, less has to be seen of it than elsewhere.
-            weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
-            seen, faint = PLANES, weaker
-        if len(seen) < 2:
-            # What only one plane shows must be clear there.
-            clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
-            faint = self._faint_plane(alignment, clear, times)
-            return _Finding(alignment, clear if faint is None else PLANES, faint, edge_on)
-        a, b = alignment.planes["a"], alignment.planes["b"]
-        model = self._require_model()
-        trial = self._respiration.copy()
-        trial.observe(times["a"], a=self._observation(a))
-        between = trial.expected_between(times["b"])
-        rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
-        gap, across = epipolar_gap(rays["a"], rays["b"], model.centre + between.displacement, b.centre)
-        heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
-        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across + heartbeat**2))
-        return _Finding(
-            alignment,
-            seen,
-            faint,
-            edge_on,
-            1e3 * abs(gap),
-            max(config.degraded_gap_mm, 2.5 * slack_mm),
-            max(config.lost_gap_mm, 4.0 * slack_mm),
-        )
-
-    def _is_near_and_faint(self, alignment: Alignment, times: dict[Plane, float]) -> bool:
-        """Whether both planes show something like the loop near where each is expected to."""
-        if len(times) < 2:
-            return False
-        model, config = self._require_model(), self._config.judgement
-        expected = {
-            "a": self._respiration.predict(times["a"]).displacement,
-            "b": self._respiration.expected_between(times["b"]).displacement,
-        }
-        return all(
-            is_faintly_seen(fit, config)
-            and fit.gain >= config.smallest_gain
-            and fit.visible >= config.smallest_visible
-            and float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
-            for plane, fit in alignment.planes.items()
-        )
-
-    def _faint_plane(self, alignment: Alignment, clear: tuple[Plane, ...], times: dict[Plane, float]) -> Plane | None:
-        """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
-        if len(clear) != 1 or len(times) < 2:
-            return None
-        model, trial = self._require_model(), self._respiration.copy()
-        observation = self._observation(alignment.planes[clear[0]])
-        if clear == ("a",):
-            faint: Plane = "b"
-            trial.observe(times["a"], a=observation)
-            expected = trial.expected_between(times["b"])
-        else:
-            faint = "a"
-            trial.mark_a(times["a"])
-            trial.observe(times["b"], b=observation)
-            expected = trial.at_a
-        fit = alignment.planes[faint]
-        if not is_faintly_seen(fit, self._config.judgement):
-            return None
-        residual = fit.across @ (fit.centre - model.centre - expected.displacement)
-        spread = fit.across @ expected.covariance @ fit.across.T + self._observation(fit).covariance
-        surprise = float(residual @ np.linalg.solve(spread, residual))
-        foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
-        return faint if foreseen and surprise <= FAINT_SURPRISE else None
-
-    def _is_edge_on(self, image: WorkingImage) -> bool:
-        model = self._require_model()
-        pixels = image.projection.project(model.points)
-        singular = np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)
-        return bool(singular[1] < EDGE_ON_RATIO * singular[0])
-
-    def _degradation(self, pair: FramePair, finding: _Finding, time_s: float) -> tuple[TrackerState, str]:
+    def _degradation(self, pair: FramePair, finding: Finding, time_s: float) -> tuple[TrackerState, str]:
         """TRACKING, or why not."""
         config = self._config.judgement
         if len(finding.seen) == 1:
@@ -427,20 +254,6 @@ class AppearanceTracker:
         if finding.gap_mm > finding.degraded_gap_mm:
             return TrackerState.DEGRADED, f"the planes disagree by {finding.gap_mm:.1f} mm"
         return TrackerState.TRACKING, ""
-
-    def _observation(self, fit: PlaneFit, *, edge_on: bool = False) -> Observation:
-        model = self._require_model()
-        systematic = EDGE_ON_M if edge_on else SYSTEMATIC_M
-        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + systematic**2 * np.eye(2)
-        return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
-
-    def _observe(self, respiration: RespiratoryMotion, pair: FramePair, finding: _Finding, time_s: float) -> None:
-        times, planes = self._exposures(pair), finding.alignment.planes
-        if "a" in finding.seen:
-            respiration.observe(time_s, a=self._observation(planes["a"], edge_on=finding.edge_on))
-        respiration.mark_a(time_s)
-        if "b" in finding.seen:
-            respiration.observe(times["b"], b=self._observation(planes["b"], edge_on=finding.edge_on))
 
     def _loop(self, alignment: Alignment, displacement: Array) -> Array:
         """(L, 3) the loop's curve at a displacement, world metres."""

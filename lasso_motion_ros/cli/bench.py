@@ -42,9 +42,9 @@ LIVE_SIDES = range(128, 4097)
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
-    ("lasso_motion_ros.appearance_tracker", "working_image", "working image"),
-    ("lasso_motion_ros.appearance_tracker", "find_peaks", "search"),
-    ("lasso_motion_ros.appearance_tracker", "align", "alignment"),
+    ("lasso_motion_ros.finding", "working_image", "working image"),
+    ("lasso_motion_ros.finding", "find_peaks", "search"),
+    ("lasso_motion_ros.finding", "align", "alignment"),
     ("lasso_motion_ros.brost2009", "distance_map", "features"),
     ("lasso_motion_ros.brost2009", "register", "registration"),
 )

@@ -1,0 +1,273 @@
+"""Finding the loop in a pair: search, alignment of the best candidates, and what each is worth."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align
+from lasso_motion_ros.appearance import Appearance
+from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
+from lasso_motion_ros.loop_model import LoopModel
+from lasso_motion_ros.respiration import Observation, RespiratoryMotion
+from lasso_motion_ros.search import find_peaks, join_peaks
+from lasso_motion_ros.working_image import WorkingImage, working_image
+
+Array = npt.NDArray[np.float64]
+
+# What an alignment's own covariance leaves out: the background that moves behind the loop, its interpolation.
+IMAGE_COVARIANCE_FACTOR = 2.0
+SYSTEMATIC_M = 3e-5
+# An unforeseen part of the motion between the two planes' exposures, per second.
+UNFORESEEN_SPEED_M_S = 0.03
+# What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
+HEARTBEAT_SPEED_M_S = 0.006
+BOTH_AGREE = 4  # the worth of a finding on which both planes agree
+RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
+# A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
+NEAR_M = 0.008
+FAINT_SPREAD_M = 0.003
+FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
+EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
+EDGE_ON_M = 1e-3  # in both planes, the electrodes' spacing is mistaken along the line
+BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """An alignment that was looked at, and what it was worth.
+
+    Attributes:
+        alignment: where the loop would be.
+        seen: the planes that show it.
+        faint: the plane that counts as seen only because it lies where the other plane and the motion so far say.
+        edge_on: whether both planes see the loop edge-on, so that the place along the line is uncertain.
+        gap_mm: by which the planes disagree, mm.
+        degraded_gap_mm: disagreement above which the state is DEGRADED, mm.
+        lost_gap_mm: disagreement above which it is LOST, mm.
+    """
+
+    alignment: Alignment
+    seen: tuple[Plane, ...]
+    faint: Plane | None = None
+    edge_on: bool = False
+    gap_mm: float = 0.0
+    degraded_gap_mm: float = np.inf
+    lost_gap_mm: float = np.inf
+
+    @property
+    def rank(self) -> tuple[int, float]:
+        """Two planes that agree are best, then two that do not, then one; then higher correlation."""
+        worth = 2 * len(self.seen) - (1 if self.gap_mm > self.lost_gap_mm else 0)
+        return worth, sum(self.alignment.planes[p].correlation for p in self.seen)
+
+
+class LoopFinder:
+    """Finds one loop, known by its model and appearance, in pair after pair; it keeps no state of its own.
+
+    Args:
+        config: of the tracker; may be replaced between pairs.
+        model: the loop at the reference.
+        appearances: per plane, what it looks like; the tracker goes on learning them.
+        start_ns: stamp of the reference pair, from which times are counted.
+    """
+
+    def __init__(
+        self, config: TrackerConfig, model: LoopModel, appearances: dict[Plane, Appearance], start_ns: int
+    ) -> None:
+        self.config = config
+        self._model = model
+        self._appearances = appearances
+        self._start_ns = start_ns
+
+    def seconds(self, stamp_ns: int) -> float:
+        """A stamp as seconds since the reference pair."""
+        return (stamp_ns - self._start_ns) * 1e-9
+
+    def exposures(self, pair: FramePair) -> dict[Plane, float]:
+        """Times of exposure since the start, seconds; B's never before A's (jitter)."""
+        time_s = self.seconds(pair.stamp_ns)
+        times: dict[Plane, float] = {}
+        if pair.a is not None:
+            times["a"] = time_s
+        if pair.b is not None:
+            times["b"] = max(time_s, self.seconds(pair.b.stamp_ns))
+        return times
+
+    def find(
+        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool
+    ) -> Finding | None:
+        """The best-ranked finding among the candidates, near the prediction or anywhere in the images.
+
+        Args:
+            pair: the images, one or two.
+            respiration: the motion so far, which is asked for a prediction and not changed.
+            turn: (3,) rotation vector of the ring to start from.
+            stretch: logarithm of its size to start from.
+            near: True to look about the prediction only.
+        """
+        model = self._model
+        times = self.exposures(pair)
+        expected: dict[Plane, Array] = {}
+        foreseen = respiration.predict(self.seconds(pair.stamp_ns))
+        if "a" in times:
+            expected["a"] = model.centre + foreseen.displacement
+        if "b" in times:
+            expected["b"] = model.centre + respiration.expected_between(times["b"]).displacement
+        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
+        reach_mm = model.radius_mm + BAND_MARGIN_MM + self.config.search.near_mm + min(uncertainty_mm, 20.0)
+        images: dict[Plane, WorkingImage] = {}
+        peaks = {}
+        for plane in times:
+            frame = pair.frame(plane)
+            if frame is None:
+                continue
+            images[plane] = working_image(
+                frame,
+                expected[plane],
+                bright=model.bright,
+                shift=model.shifts[plane],
+                reach_mm=reach_mm if near else None,
+            )
+            peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
+        slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
+        covariance = foreseen.covariance + 0.004**2 * np.eye(3)
+        best: Finding | None = None
+        count = self.config.search.candidates // (2 if near else 1)
+        best_score = 0.0
+        for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
+            if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
+                break  # found, and no rival comes near it
+            finding = self._judge(
+                align(
+                    images,
+                    {plane: self._appearances[plane].values for plane in images},
+                    model.arms,
+                    candidate.centres,
+                    RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch),
+                    turn,
+                    stretch,
+                    {plane: self._appearances[plane].distinctive for plane in images},
+                ),
+                images,
+                times,
+                respiration,
+            )
+            if best is None or finding.rank > best.rank:
+                best, best_score = finding, candidate.score
+        return best
+
+    def _judge(
+        self,
+        alignment: Alignment,
+        images: dict[Plane, WorkingImage],
+        times: dict[Plane, float],
+        respiration: RespiratoryMotion,
+    ) -> Finding:
+        config = self.config.judgement
+        seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
+        edge_on = all(self._is_edge_on(image) for image in images.values())
+        faint: Plane | None = None
+        if len(seen) < 2 and self._is_near_and_faint(alignment, times, respiration):
+            # Where the motion so far puts it, less has to be seen of it than elsewhere.
+            weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
+            seen, faint = PLANES, weaker
+        if len(seen) < 2:
+            # What only one plane shows must be clear there.
+            clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
+            faint = self._faint_plane(alignment, clear, times, respiration)
+            return Finding(alignment, clear if faint is None else PLANES, faint, edge_on)
+        a, b = alignment.planes["a"], alignment.planes["b"]
+        model = self._model
+        trial = respiration.copy()
+        trial.observe(times["a"], a=self.observation(a))
+        between = trial.expected_between(times["b"])
+        rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
+        gap, across = epipolar_gap(rays["a"], rays["b"], model.centre + between.displacement, b.centre)
+        heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
+        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across + heartbeat**2))
+        return Finding(
+            alignment,
+            seen,
+            faint,
+            edge_on,
+            1e3 * abs(gap),
+            max(config.degraded_gap_mm, 2.5 * slack_mm),
+            max(config.lost_gap_mm, 4.0 * slack_mm),
+        )
+
+    def _is_near_and_faint(
+        self, alignment: Alignment, times: dict[Plane, float], respiration: RespiratoryMotion
+    ) -> bool:
+        """Whether both planes show something like the loop near where each is expected to."""
+        if len(times) < 2:
+            return False
+        model, config = self._model, self.config.judgement
+        expected = {
+            "a": respiration.predict(times["a"]).displacement,
+            "b": respiration.expected_between(times["b"]).displacement,
+        }
+        return all(
+            is_faintly_seen(fit, config)
+            and fit.gain >= config.smallest_gain
+            and fit.visible >= config.smallest_visible
+            and float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
+            for plane, fit in alignment.planes.items()
+        )
+
+    def _faint_plane(
+        self,
+        alignment: Alignment,
+        clear: tuple[Plane, ...],
+        times: dict[Plane, float],
+        respiration: RespiratoryMotion,
+    ) -> Plane | None:
+        """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
+        if len(clear) != 1 or len(times) < 2:
+            return None
+        model, trial = self._model, respiration.copy()
+        observation = self.observation(alignment.planes[clear[0]])
+        if clear == ("a",):
+            faint: Plane = "b"
+            trial.observe(times["a"], a=observation)
+            expected = trial.expected_between(times["b"])
+        else:
+            faint = "a"
+            trial.mark_a(times["a"])
+            trial.observe(times["b"], b=observation)
+            expected = trial.at_a
+        fit = alignment.planes[faint]
+        if not is_faintly_seen(fit, self.config.judgement):
+            return None
+        residual = fit.across @ (fit.centre - model.centre - expected.displacement)
+        spread = fit.across @ expected.covariance @ fit.across.T + self.observation(fit).covariance
+        surprise = float(residual @ np.linalg.solve(spread, residual))
+        foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
+        return faint if foreseen and surprise <= FAINT_SURPRISE else None
+
+    def _is_edge_on(self, image: WorkingImage) -> bool:
+        model = self._model
+        pixels = image.projection.project(model.points)
+        singular = np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)
+        return bool(singular[1] < EDGE_ON_RATIO * singular[0])
+
+    def observation(self, fit: PlaneFit, *, edge_on: bool = False) -> Observation:
+        """A plane's fit as a measurement of the displacement, with what the fit's own covariance leaves out."""
+        model = self._model
+        systematic = EDGE_ON_M if edge_on else SYSTEMATIC_M
+        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + systematic**2 * np.eye(2)
+        return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
+
+    def observe(self, respiration: RespiratoryMotion, pair: FramePair, finding: Finding) -> None:
+        """Tell the filter of the motion what a finding has measured, each plane at its own time."""
+        time_s = self.seconds(pair.stamp_ns)
+        times, planes = self.exposures(pair), finding.alignment.planes
+        if "a" in finding.seen:
+            respiration.observe(time_s, a=self.observation(planes["a"], edge_on=finding.edge_on))
+        respiration.mark_a(time_s)
+        if "b" in finding.seen:
+            respiration.observe(times["b"], b=self.observation(planes["b"], edge_on=finding.edge_on))
