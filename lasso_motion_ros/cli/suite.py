@@ -62,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
             raise LassoMotionError(f"--only: expected 0 to {len(scenarios) - 1}, found {beyond[0]}")
         scenarios = tuple(scenarios[number] for number in args.only)
     configs = _configurations(args)
+    _prepare_outputs(args)
     results: dict[str, list[SequenceResult]] = {name: [] for name in configs}
     for scenario in progress(scenarios, len(scenarios), "suite", args.quiet):
         sequence = render_sequence(scenario)
@@ -86,6 +87,7 @@ def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
 def _sweep(args: argparse.Namespace) -> int:
     """Vary one property at a time; each sequence is rendered once for all configurations."""
     configs = _configurations(args)
+    _prepare_outputs(args)
     found: dict[str, dict[str, dict[float, Measures]]] = {}
     for name in SWEEPS if "all" in args.sweep else dict.fromkeys(args.sweep):
         sweep = SWEEPS[name]
@@ -119,6 +121,14 @@ def _sweep(args: argparse.Namespace) -> int:
         _write(args.report / "sweeps.txt", "\n\n".join(tables) + "\n")
         save_figure(sweeps_figure({SWEEPS[name].label: one for name, one in found.items()}), args.report / "sweeps.png")
     return EXIT_DONE
+
+
+def _prepare_outputs(args: argparse.Namespace) -> None:
+    """What cannot be written is said before minutes of work, not after them."""
+    if args.report is not None:
+        _make(args.report)
+    if args.json is not None:
+        _write(args.json, "")
 
 
 def _make(directory: Path) -> None:
