@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.evaluation import PairEstimate, PairTruth, Truth
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairTruth, Truth
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.geometry import Projection
 from msg_adapters.calibrations import decode_camera_info

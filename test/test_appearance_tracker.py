@@ -11,7 +11,7 @@ from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import JudgementConfig, TrackerConfig
 from lasso_motion_ros.curves import distance_to_curve
 from lasso_motion_ros.errors import LassoMotionError, ReconstructionError, SeedError, TrackingError
-from lasso_motion_ros.evaluation import centre_covariance
+from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.tracker import TrackerState

@@ -20,8 +20,8 @@ from drawn_recording import loop, write_input
 
 from lasso_motion_ros.cli.demo import LIMITS, demo_surface, exceeded_limits
 from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.evaluation import Truth, score_pairs
-from lasso_motion_ros.evaluation_report import summarise
+from lasso_motion_ros.evaluation.measures import Truth, score_pairs
+from lasso_motion_ros.evaluation.report import summarise
 from lasso_motion_ros.share import share_file
 from msg_adapters.evaluation_input import read_estimates, read_truth
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lasso_motion_ros.evaluation import (
+from lasso_motion_ros.evaluation.measures import (
     PairEstimate,
     PairTruth,
     Truth,
@@ -17,7 +17,7 @@ from lasso_motion_ros.evaluation import (
     score_pairs,
     symmetric_mean_distance,
 )
-from lasso_motion_ros.evaluation_report import format_table, mean_row, report, summarise
+from lasso_motion_ros.evaluation.report import format_table, mean_row, report, summarise
 from lasso_motion_ros.geometry import carm_projection
 from lasso_motion_ros.transforms import apply, rigid
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.evaluation import PairScore
-from lasso_motion_ros.evaluation_axes import axis_errors, displacements_mm, residuals_mm
+from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
+from lasso_motion_ros.evaluation.measures import PairScore
 
 
 def score(index, true_mm, error_mm, *, reference=False):

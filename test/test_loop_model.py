@@ -9,13 +9,13 @@ from method_inputs import angle_deg, flip_pixels, flipped
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.curves import arc_length, distance_to_curve
 from lasso_motion_ros.errors import ReconstructionError, SeedError
-from lasso_motion_ros.evaluation import symmetric_mean_distance
+from lasso_motion_ros.evaluation.measures import symmetric_mean_distance
 from lasso_motion_ros.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.loop_model import POINTS, build_loop_model
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 from lasso_motion_ros.seeding import is_bright
-from lasso_motion_ros.suite_run import Sequence, render_sequence
+from lasso_motion_ros.suite.run import Sequence, render_sequence
 
 CONFIG = TrackerConfig()
 

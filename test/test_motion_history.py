@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.configuration import OverlayConfig, SyncConfig
-from lasso_motion_ros.motion_history import MotionHistory
+from lasso_motion_ros.stream.motion_history import MotionHistory
 
 MS = 1_000_000
 PERIOD = 300 * MS

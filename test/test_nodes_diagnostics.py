@@ -11,7 +11,7 @@ from message_inputs import MESSAGES, FakeTracker
 from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
 from lasso_motion_ros.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
-from lasso_motion_ros.pipeline import PipelineStatistics, TrackingPipeline
+from lasso_motion_ros.stream.pipeline import PipelineStatistics, TrackingPipeline
 
 
 def statistics(**values: Any) -> PipelineStatistics:

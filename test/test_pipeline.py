@@ -11,7 +11,7 @@ from message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image,
 from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.pipeline import Output, ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.pipeline import Output, ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.markers import ADD, DELETE
 from msg_adapters.messages import header_fields, stamp_to_ns

@@ -9,7 +9,7 @@ from message_inputs import MESSAGES, FakeTracker, image, seed, stamp, stream
 from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Seed
-from lasso_motion_ros.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import stamp_to_ns
 
 SEED = Seed(np.zeros((6, 2)), np.zeros((6, 2)))

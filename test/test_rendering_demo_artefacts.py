@@ -9,7 +9,7 @@ from rendering_inputs import ellipsoid_mesh, views
 
 from lasso_motion_ros import transforms
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.evaluation import PairEstimate, PairTruth, Truth
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairTruth, Truth
 from lasso_motion_ros.frames import Frame, FramePair
 from lasso_motion_ros.rendering.demo_artefacts import CELL_PX, STRIP_PX, DemoRun, demo_picture, write_demo_artefacts
 

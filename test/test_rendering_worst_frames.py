@@ -8,7 +8,7 @@ import pytest
 from drawn_recording import loop, projections, shift, stamp
 from method_inputs import draw_curve
 
-from lasso_motion_ros.evaluation import PairEstimate, PairScore, PairTruth
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth
 from lasso_motion_ros.frames import Frame, FramePair
 from lasso_motion_ros.rendering.worst_frames import (
     CELL_PX,

@@ -11,12 +11,12 @@ import pytest
 
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.configuration import TrackerConfig
-from lasso_motion_ros.evaluation import PairScore
+from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom.settings import Event, GeometrySettings, LassoSettings, Scenario
-from lasso_motion_ros.suite import edge_on_deg, suite_scenario, suite_scenarios
-from lasso_motion_ros.suite_report import confusion, event_timings, format_report, measures, sequence_counts
-from lasso_motion_ros.suite_run import Sequence, SequenceResult, render_sequence, run_sequence
-from lasso_motion_ros.sweeps import SWEEPS, sweep_scenarios
+from lasso_motion_ros.suite.report import confusion, event_timings, format_report, measures, sequence_counts
+from lasso_motion_ros.suite.run import Sequence, SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.suite.sequences import edge_on_deg, suite_scenario, suite_scenarios
+from lasso_motion_ros.suite.sweeps import SWEEPS, sweep_scenarios
 
 SMALL = Scenario(
     name="small",

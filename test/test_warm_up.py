@@ -7,7 +7,7 @@ import gc
 import pytest
 
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.warm_up import PAIRS, warm_up
+from lasso_motion_ros.stream.warm_up import PAIRS, warm_up
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.topics import MOTION, STATE
 

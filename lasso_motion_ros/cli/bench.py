@@ -26,8 +26,8 @@ from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.overlay_bench import format_overlay, measure_overlay
-from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
 from lasso_motion_ros.share import bundled_recording, share_file
+from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
 from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
 from msg_adapters.recording_reader import RawMessage, RecordingReader
 from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic

@@ -15,16 +15,16 @@ from lasso_motion_ros.cli.progress import busy
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.evaluation import Truth
-from lasso_motion_ros.evaluation_report import Summary, report
+from lasso_motion_ros.evaluation.measures import Truth
+from lasso_motion_ros.evaluation.report import Summary, report
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.recorded_pairs import recorded_pairs
 from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surface
 from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
 from lasso_motion_ros.rendering.windowing import RgbImage
 from lasso_motion_ros.share import share_directory, share_file
+from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.evaluation_input import read_estimates, read_truth
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics

@@ -17,9 +17,9 @@ from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.evaluated import Evaluated, mean_groups, row_names
-from lasso_motion_ros.evaluation import DETECTOR_M
-from lasso_motion_ros.evaluation_report import format_table, report, summarise
+from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
+from lasso_motion_ros.evaluation.measures import DETECTOR_M
+from lasso_motion_ros.evaluation.report import format_table, report, summarise
 from lasso_motion_ros.share import share_file, version
 from msg_adapters.evaluation_input import read_truth
 

@@ -23,7 +23,6 @@ from lasso_motion_ros.configuration import (
 )
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import FramePair
-from lasso_motion_ros.recorded_pairs import recorded_pairs
 from lasso_motion_ros.rendering.offline import VIEWS, DrawnPair, OfflineOverlay, View, video_picture
 from lasso_motion_ros.rendering.overlay import OverlayPainter
 from lasso_motion_ros.rendering.overlay_object import read_overlay_object
@@ -31,6 +30,7 @@ from lasso_motion_ros.rendering.png import write_png
 from lasso_motion_ros.rendering.style import overlay_style
 from lasso_motion_ros.rendering.video import VideoWriter
 from lasso_motion_ros.share import share_file
+from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.evaluation_input import read_estimates
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
 

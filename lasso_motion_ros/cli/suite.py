@@ -11,12 +11,12 @@ from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.evaluation import PairScore
+from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.share import share_file
-from lasso_motion_ros.suite import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
-from lasso_motion_ros.suite_report import Measures, format_report, format_sweep, measures, suite_report
-from lasso_motion_ros.suite_run import SequenceResult, render_sequence, run_sequence
-from lasso_motion_ros.sweeps import SWEEPS, sweep_scenarios
+from lasso_motion_ros.suite.report import Measures, format_report, format_sweep, measures, suite_report
+from lasso_motion_ros.suite.run import SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.suite.sequences import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
+from lasso_motion_ros.suite.sweeps import SWEEPS, sweep_scenarios
 
 SWEEP_SEQUENCES = 4
 

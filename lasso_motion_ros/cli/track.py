@@ -17,8 +17,8 @@ from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.pipeline import Output, PipelineStatistics, Problem, ReadyPair, TrackingPipeline
 from lasso_motion_ros.share import share_file
+from lasso_motion_ros.stream.pipeline import Output, PipelineStatistics, Problem, ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics

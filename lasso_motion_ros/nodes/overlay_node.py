@@ -20,7 +20,6 @@ from visualization_msgs.msg import Marker
 from lasso_motion_ros.configuration import OverlayConfig
 from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import PLANES, Frame, Plane
-from lasso_motion_ros.motion_history import Choice, MotionHistory
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
@@ -28,6 +27,7 @@ from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, Offere
 from lasso_motion_ros.rendering.overlay import OverlayPainter
 from lasso_motion_ros.rendering.overlay_object import read_overlay_object
 from lasso_motion_ros.rendering.style import overlay_style
+from lasso_motion_ros.stream.motion_history import Choice, MotionHistory
 from msg_adapters.calibrated_frames import CalibratedFrames
 from msg_adapters.images import encode_image
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles

@@ -24,9 +24,9 @@ from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracker import TrackerState
-from lasso_motion_ros.warm_up import warm_up
 from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, seed_topic

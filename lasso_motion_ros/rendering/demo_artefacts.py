@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from lasso_motion_ros import transforms
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.evaluation import SAME_PAIR_NS, PairEstimate, PairScore, Truth, score_pairs
-from lasso_motion_ros.evaluation_report import Summary, format_table, report, summarise
+from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth, score_pairs
+from lasso_motion_ros.evaluation.report import Summary, format_table, report, summarise
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.rendering.annotation import WHITE, Colour, draw_banner, draw_legend, draw_text, fit_text
 from lasso_motion_ros.rendering.overlay import draw_surface

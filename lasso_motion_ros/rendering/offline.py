@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 
 from lasso_motion_ros.configuration import OverlayConfig
-from lasso_motion_ros.evaluation import SAME_PAIR_NS, PairEstimate
+from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane
-from lasso_motion_ros.motion_history import Choice, MotionHistory
 from lasso_motion_ros.rendering.annotation import WHITE, draw_banner, draw_text, fit_text
 from lasso_motion_ros.rendering.overlay import OverlayPainter
 from lasso_motion_ros.rendering.windowing import RgbImage
+from lasso_motion_ros.stream.motion_history import Choice, MotionHistory
 
 View = Literal["compensated", "static", "both"]
 VIEWS: tuple[View, ...] = ("compensated", "static", "both")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation_report import Summary
+from lasso_motion_ros.evaluation.report import Summary
 from lasso_motion_ros.rendering.plots import (
     ABSENT_COLOUR,
     FOUND_COLOUR,

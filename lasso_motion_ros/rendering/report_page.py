@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from lasso_motion_ros.configuration import Value
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.evaluated import Evaluated, changed_parameters, mean_groups, row_names
-from lasso_motion_ros.evaluation import PairScore
-from lasso_motion_ros.evaluation_axes import axis_errors, displacements_mm, residuals_mm
-from lasso_motion_ros.evaluation_report import BLOCKS, Columns, Values, mean_row, summarise
+from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
+from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters, mean_groups, row_names
+from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.evaluation.report import BLOCKS, Columns, Values, mean_row, summarise
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure
 from lasso_motion_ros.rendering.png import write_png

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from lasso_motion_ros.suite_report import Measures
-from lasso_motion_ros.suite_run import SequenceResult
+from lasso_motion_ros.suite.report import Measures
+from lasso_motion_ros.suite.run import SequenceResult
 
 COLOURS = ("#0a8f4f", "#d1662b", "#1f6fb4", "#7a4fa3")
 

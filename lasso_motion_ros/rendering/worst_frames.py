@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation import PairEstimate, PairScore, PairTruth
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.rendering.annotation import (
     WHITE,

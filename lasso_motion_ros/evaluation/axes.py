@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation import PairScore
+from lasso_motion_ros.evaluation.measures import PairScore
 
 Array = npt.NDArray[np.float64]
 

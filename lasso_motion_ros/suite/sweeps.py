@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import count
 
 from lasso_motion_ros.phantom.settings import CalibrationSettings, ClickSettings, PlaneSettings, Scenario
-from lasso_motion_ros.suite import edge_on_deg, suite_scenario
+from lasso_motion_ros.suite.sequences import edge_on_deg, suite_scenario
 
 PAIRS = 12
 SECONDS = 4.0  # at least: a breath has to be in it

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.evaluation import PairEstimate, PairScore, PairTruth, Truth, score_pairs
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth, Truth, score_pairs
 from lasso_motion_ros.frames import Frame, FramePair, Plane, Seed
 from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator
 from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation import PairScore
-from lasso_motion_ros.evaluation_report import CHI_SQUARE_68, CHI_SQUARE_95, pair_record
-from lasso_motion_ros.suite_run import SequenceResult
+from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.evaluation.report import CHI_SQUARE_68, CHI_SQUARE_95, pair_record
+from lasso_motion_ros.suite.run import SequenceResult
 from lasso_motion_ros.tracker import TrackerState
 
 Array = npt.NDArray[np.float64]

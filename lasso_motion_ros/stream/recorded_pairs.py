@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from functools import partial
 
-from lasso_motion_ros.clicked_pairs import ReadyPair
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.frames import PLANES, FramePair
-from lasso_motion_ros.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic

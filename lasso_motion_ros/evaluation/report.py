@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation import PairScore
+from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.frames import Plane
 
 Array = npt.NDArray[np.float64]

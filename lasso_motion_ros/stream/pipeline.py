@@ -12,11 +12,11 @@ from collections import Counter, deque
 from dataclasses import dataclass, field
 from typing import Any
 
-from lasso_motion_ros.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, HeartbeatStatus
+from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
 from msg_adapters.calibrations import Extrinsics

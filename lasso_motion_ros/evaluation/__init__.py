@@ -1,0 +1,1 @@
+"""Tracking against truth: measures per pair, their summary, the published model experiment."""
