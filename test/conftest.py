@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import os
+import signal
 
 # Before numpy and rclpy are imported by any test; child processes inherit them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 from hypothesis import settings
+
+# A shell that starts the tests in the background leaves SIGINT ignored, and every process that they start would
+# inherit that: what is to stop on Ctrl-C could not. Handled here, it is at its default in those processes.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
