@@ -24,7 +24,9 @@ def main() -> int:
     command = [sys.executable, "-m", "lasso_motion_ros.cli.main", "demo", "--web", "--port", str(PORT)]
     with (
         tempfile.TemporaryDirectory() as scratch,
-        subprocess.Popen([*command, "--out", scratch], stdout=subprocess.PIPE, text=True, cwd=ROOT) as demonstration,
+        subprocess.Popen(
+            [*command, "--out", scratch], stdout=subprocess.PIPE, encoding="utf-8", cwd=ROOT
+        ) as demonstration,
     ):
         assert demonstration.stdout is not None  # noqa: S101 - for the type checker
         try:

@@ -90,7 +90,7 @@ def test_help_imports_nothing_heavy() -> None:
         "import sys\nfrom lasso_motion_ros.cli.main import main\nmain(['--help'])\n"
         "sys.exit(', '.join({'numpy', 'cv2', 'scipy', 'rclpy'} & set(sys.modules)) or 0)"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 

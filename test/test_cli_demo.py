@@ -57,7 +57,9 @@ def is_running(pid: int) -> bool:
 def test_a_recording_is_played_tracked_overlaid_and_judged(tmp_path: Path) -> None:
     bag = write_input(tmp_path / "ring.mcap", MOTIONS_MM)
     out = tmp_path / "out"
-    done = subprocess.run(command("--bag", bag, "--out", out), capture_output=True, text=True, timeout=110, check=False)
+    done = subprocess.run(
+        command("--bag", bag, "--out", out), capture_output=True, encoding="utf-8", timeout=110, check=False
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "5 pairs played, 5 answered, 5 with a pose" in done.stdout
     for name in ("overlay.mp4", "motion.png", "error_2d.png", "table.txt", "table.json", "live.mcap"):
@@ -77,7 +79,7 @@ def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
         command("--bag", bag, "--out", tmp_path / "out"),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
-        text=True,
+        encoding="utf-8",
         start_new_session=True,
     ) as demo:
         assert demo.stdout is not None

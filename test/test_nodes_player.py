@@ -149,7 +149,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
         [sys.executable, "-m", "lasso_motion_ros.cli.main", *arguments],
         env={**os.environ, **LOOPBACK, "ROS_DOMAIN_ID": "98"},
         capture_output=True,
-        text=True,
+        encoding="utf-8",
         timeout=60,
         check=False,
     )

@@ -159,7 +159,7 @@ def test_every_node_that_is_launched_or_installed_has_its_rights() -> None:
                 launched.add(words["name"])
     code = "import json, setuptools; setuptools.setup = lambda **words: print(json.dumps(words['entry_points'])); "
     code += "exec(compile(open('setup.py').read(), 'setup.py', 'exec'))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, encoding="utf-8", check=True)
     scripts = {line.split("=")[0].strip() for line in json.loads(done.stdout)["console_scripts"]}
     assert launched
     assert launched <= scripts

@@ -114,7 +114,7 @@ def test_a_pair_that_is_not_there_is_refused(bare: Path, tmp_path: Path, index: 
 def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", "--annotate", str(bare)],
-        capture_output=True, text=True, check=False,
+        capture_output=True, encoding="utf-8", check=False,
     )  # fmt: skip
     assert (done.returncode, done.stderr) == (
         2,
@@ -130,7 +130,7 @@ def test_a_curve_is_drawn_in_the_browser_and_saved_at_the_end(bare: Path, tmp_pa
     copy = tmp_path / "copy.mcap"
     command = [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", "--port", "0"]
     with subprocess.Popen(
-        [*command, "--annotate", str(bare), "-o", str(copy)], stdout=subprocess.PIPE, text=True
+        [*command, "--annotate", str(bare), "-o", str(copy)], stdout=subprocess.PIPE, encoding="utf-8"
     ) as server:
         assert server.stdout is not None
         url = server.stdout.readline().split(" at ")[1].split()[0]

@@ -45,7 +45,7 @@ def test_it_tracks_round_after_round_until_it_is_stopped(tmp_path: Path, truth: 
     bag = write_input(tmp_path / "ring.mcap", [0.0, 2.0, 5.0, 3.0, 1.0, 0.0, 2.0, 5.0], truth=truth)
     command = [sys.executable, "-m", "lasso_motion_ros.cli.main", "demo", "--web", "--quiet", "--port", "0"]
     with subprocess.Popen(
-        [*command, "--bag", str(bag), "--out", str(tmp_path / "out")], stdout=subprocess.PIPE, text=True
+        [*command, "--bag", str(bag), "--out", str(tmp_path / "out")], stdout=subprocess.PIPE, encoding="utf-8"
     ) as demo:
         try:
             assert demo.stdout is not None
