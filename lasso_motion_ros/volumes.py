@@ -7,6 +7,7 @@ are (NIfTI: RAS; NRRD: either), and SimpleITK turns them all into LPS: +x left, 
 from __future__ import annotations
 
 import importlib
+import locale
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -64,7 +65,12 @@ def read_volume_image(path: str | Path, metres_per_unit: float = 1e-3) -> Volume
     if not path.exists():
         raise VolumeError(f"{path}: no such file")
     try:
-        image = _read_series(itk, path) if path.is_dir() else itk.ReadImage(str(path))
+        # GDCM leaves the process's locale at C, after which it would take text files for ASCII.
+        before = locale.setlocale(locale.LC_ALL)
+        try:
+            image = _read_series(itk, path) if path.is_dir() else itk.ReadImage(str(path))
+        finally:
+            locale.setlocale(locale.LC_ALL, before)
     except RuntimeError as error:
         raise VolumeError(f"{path}: cannot be read as NIfTI, NRRD, MHA or DICOM") from error
     if image.GetDimension() != 3 or image.GetNumberOfComponentsPerPixel() != 1:

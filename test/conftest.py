@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import locale
 import os
 import signal
+from collections.abc import Iterator
 
 # Before numpy and rclpy are imported by any test; child processes inherit them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
+import pytest
 from hypothesis import settings
 
 # A shell that starts the tests in the background leaves SIGINT ignored, and every process that they start would
@@ -18,3 +21,11 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
+
+
+@pytest.fixture(autouse=True)
+def the_locale_is_kept() -> Iterator[None]:
+    """GDCM leaves the process's locale at C, after which any later test would take text files for ASCII."""
+    before = locale.setlocale(locale.LC_ALL)
+    yield
+    locale.setlocale(locale.LC_ALL, before)
