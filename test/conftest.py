@@ -10,6 +10,7 @@ from collections.abc import Iterator
 # Before numpy and rclpy are imported by any test; child processes inherit them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+os.environ.pop("PYTHONUNBUFFERED", None)  # a developer's shell may set it; a user's has it not
 
 import pytest
 from hypothesis import settings

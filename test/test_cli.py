@@ -37,6 +37,14 @@ def raising(error: BaseException) -> Any:
     return run
 
 
+def test_a_pipe_gets_each_line_when_it_is_written() -> None:
+    code = (
+        "import sys; from lasso_motion_ros.cli.main import main; main(['--version']); print(sys.stdout.line_buffering)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True)
+    assert done.stdout.splitlines()[-1] == "True"
+
+
 def test_an_error_is_one_plain_line(command: Any, capsys: pytest.CaptureFixture[str]) -> None:
     command(raising(RecordingError("in.mcap: not an MCAP file")))
     assert cli.main(["track"]) == 2

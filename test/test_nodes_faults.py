@@ -43,7 +43,7 @@ def stream(running: RingStream) -> Iterator[RingStream]:
     running.number += GAP
     running.seeded()
     yield running
-    if running.states()[-1] == "WAITING_FOR_SEED":
+    if running.states()[-1] in ("WAITING_FOR_SEED", "DISPLACED"):  # neither ends by itself
         running.seeded()
     running.pairs(2)
     running.expect(running.pairs(2))

@@ -37,5 +37,5 @@ def test_resources_of_this_process() -> None:
 def test_a_few_hundred_pairs_leave_nothing_behind() -> None:
     figures = soak(pairs=300, warm_pairs=150, rate=25.0)
     assert figures.leaks == []
-    assert figures.answered > 250
+    assert figures.answered == 301  # a lazy or forgetful tracker leaks nothing either
     assert figures.poses >= figures.answered - 1

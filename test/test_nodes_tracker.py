@@ -168,7 +168,10 @@ def test_services(tmp_path: Path, recording: Path) -> None:
         start(graph)
         refused = call(graph, "set_reference")
         assert not refused.success
-        assert refused.message == "the reference can be set in TRACKING only, the state is WAITING_FOR_CALIBRATION"
+        assert (
+            refused.message
+            == "the reference can be set in TRACKING and DISPLACED only, the state is WAITING_FOR_CALIBRATION"
+        )
         play(graph, recording, "--rate", "2")
         graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
         assert call(graph, "set_reference").success

@@ -213,6 +213,21 @@ def test_reset_forgets_and_set_reference_is_refused_then() -> None:
     assert states(run(line, stream(1, seeded=None, start=2))) == ["WAITING_FOR_SEED"]
 
 
+def test_a_displaced_lasso_can_be_made_the_reference_but_no_lost_one() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(2))
+    for state in (TrackerState.DEGRADED, TrackerState.LOST):
+        tracker.state = state
+        run(line, stream(1, seeded=None, start=line.statistics().pairs))
+        with pytest.raises(TrackingError, match=state.value):
+            line.set_reference()
+    tracker.state = TrackerState.DISPLACED
+    run(line, stream(1, seeded=None, start=line.statistics().pairs))
+    line.set_reference()
+    assert tracker.calls[-1] == ("set_reference", 0)
+
+
 def _spoilt_image() -> Any:
     message = image(stamp(0))
     message.encoding = "bgr8"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import importlib
+import io
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -59,6 +60,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit status: 0 done, 2 bad input, 3 done with part of the input, 130 interrupted.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
+    _show_lines_at_once()
     named = next((command for command in COMMANDS if arguments and command.name == arguments[0]), None)
     parser = _parser(named)
     try:
@@ -80,6 +82,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print(f"lasso-motion {named.name}: interrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
+
+
+def _show_lines_at_once() -> None:
+    """Whoever reads our output through a pipe (`| tee log`, a supervisor) sees each line when it is written.
+
+    Python would hold lines back until some kilobytes are there, and show them behind the errors that came after them.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(line_buffering=True)
 
 
 def _parser(named: Command | None) -> argparse.ArgumentParser:

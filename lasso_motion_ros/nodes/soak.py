@@ -128,6 +128,13 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
         ):
             parameters = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml"))]
             tracker = processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", parameters)
+            # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
+            came_up_by_s = time.monotonic() + START_WAIT_S
+            while not answers.up:
+                if interrupted.wait(TICK_S):
+                    raise KeyboardInterrupt
+                if processes.ended() or time.monotonic() > came_up_by_s:
+                    raise LassoMotionError(f"the tracker has not come up: {processes.log('tracker', 3)}")
             words = [str(rate), str(pairs), str(side), "1", str(sent)]
             processes.start("publisher", "lasso_motion_ros.nodes.bench_publisher", words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S

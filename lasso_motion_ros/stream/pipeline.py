@@ -304,12 +304,16 @@ class TrackingPipeline:
     def set_reference(self) -> None:
         """Make the present phase the reference; published with the next pair.
 
+        In DISPLACED it says that the lasso is now where it belongs.
+
         Raises:
-            TrackingError: the state is not TRACKING.
+            TrackingError: the lasso is not tracked: the state is neither TRACKING nor DISPLACED.
         """
         with self._tracking:
-            if self._state is not TrackerState.TRACKING:
-                raise TrackingError(f"the reference can be set in TRACKING only, the state is {self._state.value}")
+            if self._state not in (TrackerState.TRACKING, TrackerState.DISPLACED):
+                raise TrackingError(
+                    f"the reference can be set in TRACKING and DISPLACED only, the state is {self._state.value}"
+                )
             self._tracker.set_reference()
 
     def reconfigure(self, config: ProductConfig) -> None:
