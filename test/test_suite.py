@@ -11,12 +11,15 @@ import pytest
 
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.settings import Event, GeometrySettings, LassoSettings, Scenario
-from lasso_motion_ros.suite.report import confusion, event_timings, format_report, measures, sequence_counts
+from lasso_motion_ros.suite.cache import SequenceCache
+from lasso_motion_ros.suite.report import Measures, confusion, event_timings, format_report, measures, sequence_counts
 from lasso_motion_ros.suite.run import Sequence, SequenceResult, render_sequence, run_sequence
 from lasso_motion_ros.suite.sequences import edge_on_deg, suite_scenario, suite_scenarios
-from lasso_motion_ros.suite.sweeps import SWEEPS, sweep_scenarios
+from lasso_motion_ros.suite.sweeps import START_PAUSE_S, START_TRIALS, SWEEPS, capture_range, sweep_scenarios
 
 SMALL = Scenario(
     name="small",
@@ -131,7 +134,7 @@ def test_events_are_timed() -> None:
 
 
 def test_the_command_writes_tables_json_and_a_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("lasso_motion_ros.cli.suite.render_sequence", lambda scenario: small())
+    monkeypatch.setattr("lasso_motion_ros.suite.cache.render_sequence", lambda scenario: small())
     arguments = ["suite", "--quiet", "--sequences", "3", "--only", "1"]
     assert main([*arguments, "--json", str(tmp_path / "r.json"), "--report", str(tmp_path / "d")]) == 0
     report = json.loads((tmp_path / "r.json").read_text())["tracker.yaml"]
@@ -145,6 +148,7 @@ def test_a_sweep_varies_one_property_of_the_same_sequences() -> None:
         scenarios = sweep_scenarios(sweep, 5, 2)
         assert tuple(scenarios) == sweep.values
         first, last = scenarios[sweep.values[0]], scenarios[sweep.values[-1]]
+        assert len(first) == len(last) == 2 * sweep.trials
         assert [one.lasso for one in first] == [one.lasso for one in last]
         assert [one.seed for one in first] == [one.seed for one in last]
         assert first != last
@@ -154,15 +158,75 @@ def test_a_sweep_varies_one_property_of_the_same_sequences() -> None:
     assert sweep_scenarios(SWEEPS["rate"], 5, 1)[15.0][0].pairs == 60
 
 
+def test_an_offset_start_is_a_breath_in_a_pause() -> None:
+    scenarios = sweep_scenarios(SWEEPS["start"], 5, 1)
+    assert len(scenarios[25.0]) == START_TRIALS
+    directions = []
+    for value in (0.0, 10.0, 25.0):
+        simulator = Simulator(scenarios[value][2])
+        assert simulator.time_s(1, "a") == START_PAUSE_S
+        offset = simulator.motion.atrium(START_PAUSE_S)[:3, 3]
+        assert 1e3 * np.linalg.norm(offset) == pytest.approx(value, abs=1e-6)
+        directions.append(offset)
+    np.testing.assert_allclose(directions[2], 2.5 * directions[1], atol=1e-9)
+
+
+def test_the_capture_range_ends_before_the_first_failure() -> None:
+    def trials(captured: int) -> Measures:
+        off = np.array([0.005, 0.0, 0.0])
+        return measures(
+            [score(0), *(score(n + 1) for n in range(captured))]
+            + [score(n + 1, centre_error_m=off) for n in range(captured, 20)]
+        )
+
+    assert capture_range({0.0: trials(20), 5.0: trials(19), 10.0: trials(18), 20.0: trials(20)}) == 5.0
+    assert capture_range({0.0: trials(10), 5.0: trials(20)}) is None
+
+
+def test_what_was_rendered_is_read_back_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    rendered = []
+
+    def render(scenario: Scenario) -> Sequence:
+        rendered.append(scenario)
+        return small()
+
+    monkeypatch.setattr("lasso_motion_ros.suite.cache.render_sequence", render)
+    first = SequenceCache(tmp_path).sequence(SMALL)
+    second = SequenceCache(tmp_path).sequence(SMALL)
+    assert len(rendered) == 1
+    fresh = small()
+    for one in (first, second):
+        assert one.pairs[2].b is None
+        np.testing.assert_array_equal(one.seed.points_b, fresh.seed.points_b)
+        for index, (here, there) in enumerate(zip(one.pairs, fresh.pairs, strict=True)):
+            assert here.stamp_ns == there.stamp_ns
+            assert one.truth.pairs[index].centrelines.keys() == fresh.truth.pairs[index].centrelines.keys()
+            np.testing.assert_array_equal(one.truth.pairs[index].motion, fresh.truth.pairs[index].motion)
+            if there.a is not None:
+                np.testing.assert_array_equal(here.a.pixels, there.a.pixels)
+                np.testing.assert_allclose(here.a.projection.matrix, there.a.projection.matrix, rtol=1e-15)
+    scores = [run_sequence(one, TrackerConfig()).scores for one in (first, second)]
+    assert [one.centre_error_mm for one in scores[0]] == [one.centre_error_mm for one in scores[1]]
+    other = dataclasses.replace(SMALL, seed=2)
+    SequenceCache(tmp_path).sequence(other)
+    assert len(rendered) == 2
+    for path in tmp_path.iterdir():
+        path.write_bytes(b"cut")
+    with pytest.raises(RecordingError, match="not a rendered sequence"):
+        SequenceCache(tmp_path).sequence(SMALL)
+
+
 def test_the_command_sweeps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("lasso_motion_ros.cli.suite.render_sequence", lambda scenario: small())
+    monkeypatch.setattr("lasso_motion_ros.suite.cache.render_sequence", lambda scenario: small())
     arguments = ["suite", "--quiet", "--sweep", "offset", "--sequences", "1", "--report", str(tmp_path)]
     assert main([*arguments, "--json", str(tmp_path / "s.json")]) == 0
     assert "0.37" in capsys.readouterr().out
     assert set(json.loads((tmp_path / "s.json").read_text())["offset"]["tracker"]) >= {"0.0", "0.5"}
     assert {path.name for path in tmp_path.iterdir()} == {"s.json", "sweeps.txt", "sweeps.png"}
+    assert main(["suite", "--quiet", "--sweep", "start", "--sequences", "1"]) == 0
+    assert "in 95 % of the trials" in capsys.readouterr().out
 
 
 def test_a_number_beyond_the_suite_is_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -13,10 +13,11 @@ from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.share import share_file
+from lasso_motion_ros.suite.cache import SequenceCache
 from lasso_motion_ros.suite.report import Measures, format_report, format_sweep, measures, suite_report
-from lasso_motion_ros.suite.run import SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.suite.run import SequenceResult, run_sequence
 from lasso_motion_ros.suite.sequences import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
-from lasso_motion_ros.suite.sweeps import SWEEPS, sweep_scenarios
+from lasso_motion_ros.suite.sweeps import SWEEPS, Sweep, capture_range, sweep_scenarios
 
 SWEEP_SEQUENCES = 4
 
@@ -45,6 +46,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="NAME",
         help=f"vary one property instead, with N sequences a value (default 4): {', '.join(SWEEPS)}, all",
     )
+    parser.add_argument(
+        "--cache",
+        type=Path,
+        metavar="DIR",
+        help="keep what is rendered there (15 MB a sequence): an interrupted or a second run does not render it again",
+    )
     parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
     parser.add_argument("--report", type=Path, metavar="DIR", help="write tables and plots")
 
@@ -62,10 +69,10 @@ def run(args: argparse.Namespace) -> int:
             raise LassoMotionError(f"--only: expected 0 to {len(scenarios) - 1}, found {beyond[0]}")
         scenarios = tuple(scenarios[number] for number in args.only)
     configs = _configurations(args)
-    _prepare_outputs(args)
+    rendered = _prepare(args)
     results: dict[str, list[SequenceResult]] = {name: [] for name in configs}
     for scenario in progress(scenarios, len(scenarios), "suite", args.quiet):
-        sequence = render_sequence(scenario)
+        sequence = rendered.sequence(scenario)
         for name, config in configs.items():
             results[name].append(run_sequence(sequence, config))
     for name, of_config in results.items():
@@ -87,7 +94,7 @@ def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
 def _sweep(args: argparse.Namespace) -> int:
     """Vary one property at a time; each sequence is rendered once for all configurations."""
     configs = _configurations(args)
-    _prepare_outputs(args)
+    rendered = _prepare(args)
     found: dict[str, dict[str, dict[float, Measures]]] = {}
     for name in SWEEPS if "all" in args.sweep else dict.fromkeys(args.sweep):
         sweep = SWEEPS[name]
@@ -99,14 +106,14 @@ def _sweep(args: argparse.Namespace) -> int:
             name,
             args.quiet,
         ):
-            sequence = render_sequence(scenario)
+            sequence = rendered.sequence(scenario)
             for config, parameters in configs.items():
                 scores[config].setdefault(value, []).extend(run_sequence(sequence, parameters).scores)
         found[name] = {
             Path(config).stem: {value: measures(of_value) for value, of_value in by_value.items()}
             for config, by_value in scores.items()
         }
-        print(f"{format_sweep(sweep.label, found[name])}\n", flush=True)
+        print(f"{_sweep_text(sweep, found[name])}\n", flush=True)
     if args.json is not None:
         values = {
             name: {c: {str(v): asdict(m) for v, m in by.items()} for c, by in of.items()} for name, of in found.items()
@@ -117,18 +124,32 @@ def _sweep(args: argparse.Namespace) -> int:
         from lasso_motion_ros.rendering.suite_plots import sweeps_figure
 
         _make(args.report)
-        tables = [format_sweep(SWEEPS[name].label, of_sweep) for name, of_sweep in found.items()]
+        tables = [_sweep_text(SWEEPS[name], of_sweep) for name, of_sweep in found.items()]
         _write(args.report / "sweeps.txt", "\n\n".join(tables) + "\n")
-        save_figure(sweeps_figure({SWEEPS[name].label: one for name, one in found.items()}), args.report / "sweeps.png")
+        capture = [sweep.label for sweep in SWEEPS.values() if sweep.is_capture]
+        figure = sweeps_figure({SWEEPS[name].label: one for name, one in found.items()}, capture)
+        save_figure(figure, args.report / "sweeps.png")
     return EXIT_DONE
 
 
-def _prepare_outputs(args: argparse.Namespace) -> None:
+def _sweep_text(sweep: Sweep, found: dict[str, dict[float, Measures]]) -> str:
+    """The table of a sweep, with the capture range where that is the question."""
+    lines = [format_sweep(sweep.label, found)]
+    for config, by_value in found.items() if sweep.is_capture else ():
+        reached = capture_range(by_value)
+        largest = " (the largest tried)" if reached == max(by_value) else ""
+        words = "nowhere" if reached is None else f"up to {reached:g} mm{largest}"
+        lines.append(f"{config}: a pose within 2 mm in 95 % of the trials {words}")
+    return "\n".join(lines)
+
+
+def _prepare(args: argparse.Namespace) -> SequenceCache:
     """What cannot be written is said before minutes of work, not after them."""
     if args.report is not None:
         _make(args.report)
     if args.json is not None:
         _write(args.json, "")
+    return SequenceCache(args.cache)
 
 
 def _make(directory: Path) -> None:

@@ -62,9 +62,15 @@ def render_sequence(scenario: Scenario) -> Sequence:
     return Sequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
 
 
-def run_sequence(sequence: Sequence, config: TrackerConfig) -> SequenceResult:
-    """Track a sequence from its seed on and score every pair."""
-    tracker = create_tracker(config)
+def run_sequence(sequence: Sequence, config: TrackerConfig, tracker: Tracker | None = None) -> SequenceResult:
+    """Track a sequence from its seed on and score every pair.
+
+    Args:
+        sequence: what is tracked.
+        config: the tracker's parameters.
+        tracker: a new one, if not the one that the configuration names.
+    """
+    tracker = tracker or create_tracker(config)
     results: list[TrackResult] = []
     refused = ""
     try:
