@@ -172,6 +172,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--live", action="store_true", help="latency over DDS between processes, on a drawn ring, beside bare transport"
     )
     parser.add_argument(
+        "--overlay", action="store_true", help="--live: the overlay beside the tracker too: its pictures' age, its cost"
+    )
+    parser.add_argument(
         "--rate", type=float, nargs="+", default=[15.0, 30.0], metavar="HZ", help="--live: pairs/s (default 15 30)"
     )
     parser.add_argument("--side", type=int, default=1024, metavar="PX", help="--live: side of the images")
@@ -201,7 +204,7 @@ def run(args: argparse.Namespace) -> int:
 def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     """Each rate in a graph of its own, since a tracker's counts and caches outlive a stream."""
     require_ros()
-    from lasso_motion_ros.nodes.live_bench import format_live, measure_live
+    from lasso_motion_ros.nodes.live_bench import format_disturbance, format_live, measure_live
 
     runs = []
     for rate in args.rate:
@@ -210,6 +213,11 @@ def _run_live(args: argparse.Namespace, configuration: Path) -> int:
         figures = measure_live(rate, args.pairs, args.side, configuration)
         print(format_live(figures))
         runs.append(asdict(figures))
+        if args.overlay:
+            beside = measure_live(rate, args.pairs, args.side, configuration, overlay=True)
+            print(format_live(beside))
+            print(format_disturbance(figures, beside))
+            runs.append(asdict(beside))
     if args.json is not None:
         write_json(args.json, runs)
     return EXIT_DONE

@@ -1,6 +1,6 @@
-"""A child of the live benchmark: receives the images like anybody, does nothing with them, and notes when.
+"""A child of the live benchmark: receives images or overlay pictures like anybody, only notes when they came.
 
-`python -m lasso_motion_ros.nodes.bench_subscriber NOTES.json`; the notes are written when it is stopped.
+`python -m lasso_motion_ros.nodes.bench_subscriber images|overlays NOTES.json`; they are written when it is stopped.
 """
 
 from __future__ import annotations
@@ -19,28 +19,30 @@ from lasso_motion_ros.nodes.qos import IMAGE_DEPTH
 from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
 from lasso_motion_ros.nodes.subscriptions import OfferedSubscription
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.topics import image_topic
+from msg_adapters.topics import image_topic, overlay_topic
+
+TOPICS = {"images": image_topic, "overlays": overlay_topic}
 
 
 class BenchSubscriber(Node):  # type: ignore[misc]
-    """Notes the steady clock (ns) at which both images of a stamp were there.
+    """Notes the steady clock (ns) at which each plane's picture of a stamp was there.
 
     Args:
-        notes: file for it, by stamp.
+        what: `images` or `overlays`.
+        notes: file for it: by plane, by stamp.
     """
 
-    def __init__(self, notes: Path) -> None:
-        super().__init__("bench_subscriber", enable_rosout=False)
+    def __init__(self, what: str, notes: Path) -> None:
+        super().__init__(f"bench_{what}", enable_rosout=False)
         self.complaints = ThrottledLog(self.get_logger())
-        self._notes = notes
-        self._half: dict[int, Plane] = {}
-        self._whole: dict[int, int] = {}
+        self._topic, self._notes = TOPICS[what], notes
+        self._received: dict[Plane, dict[int, int]] = {plane: {} for plane in PLANES}
 
     def start(self) -> None:
         """Listen."""
         self._images = [
             OfferedSubscription(
-                self, Image, image_topic(plane).name, partial(self._on_image, plane), reliability="auto",
+                self, Image, self._topic(plane).name, partial(self._on_image, plane), reliability="auto",
                 depth=IMAGE_DEPTH,
             )
             for plane in PLANES
@@ -48,19 +50,18 @@ class BenchSubscriber(Node):  # type: ignore[misc]
 
     def close(self) -> None:
         """Write down what was noted."""
-        self._notes.write_text(json.dumps({str(stamp): at for stamp, at in self._whole.items()}), encoding="utf-8")
+        self._notes.write_text(json.dumps(self._received), encoding="utf-8")
 
     def _on_image(self, plane: Plane, message: Image) -> None:
-        stamp = stamp_to_ns(message.header.stamp)
-        if self._half.setdefault(stamp, plane) != plane:
-            self._whole[stamp] = time.monotonic_ns()
+        self._received[plane].setdefault(stamp_to_ns(message.header.stamp), time.monotonic_ns())
 
 
 def main() -> int:
     """Run until stopped; returns the exit status."""
+    what, notes = sys.argv[1:3]
 
     def make() -> RunnableNode:
-        return BenchSubscriber(Path(sys.argv[1]))
+        return BenchSubscriber(what, Path(notes))
 
     return run_node(make, [])
 

@@ -16,9 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import DROPPED_PAIRS
 from lasso_motion_ros.nodes.listener import Listener
 from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain, held_signals
+from lasso_motion_ros.overlay_bench import GRID_STEP_MM
+from lasso_motion_ros.rendering.atrium import left_atrium_surface
+from lasso_motion_ros.rendering.surface import write_stl
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.topics import CATHETER, DIAGNOSTICS, MOTION, STATE, Topic
 
@@ -27,6 +31,11 @@ ANSWER_WAIT_S = 5.0
 TICK_S = 0.05
 MEDIAN_BUDGET_MS, TAIL_BUDGET_MS = 15.0, 40.0
 """What tracking may add to the bare transport, at the median and at the 99th percentile."""
+PICTURE_BUDGET_MS = 150.0
+"""How old an overlay picture may be, at the 99th percentile."""
+
+Notes = Mapping[Plane, Mapping[int, int]]
+"""A subscriber's notes: steady clock (ns) by plane and stamp."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +54,8 @@ class LiveBenchmark:
         pose_ms: likewise to the pose received.
         first_pose_ms: of the first pair of the stream.
         growth_ms: median of the last quarter of the poses, less that of the first.
+        pictures: overlay pictures received, both planes together, of twice as many images; None without the overlay.
+        picture_ms: 50th, 95th, 99th percentile from the publication of the later image to an overlay picture received.
         load: the machine's load average (one minute) before and after.
     """
 
@@ -59,6 +70,8 @@ class LiveBenchmark:
     pose_ms: tuple[float, float, float]
     first_pose_ms: float
     growth_ms: float
+    pictures: int | None
+    picture_ms: tuple[float, float, float] | None
     load: tuple[float, float]
 
     @property
@@ -94,14 +107,17 @@ class _Answers:
                         self.dropped = int(entry.value)
 
 
-def measure_live(rate: float, pairs: int, side: int, configuration: Path) -> LiveBenchmark:
+def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, overlay: bool = False) -> LiveBenchmark:
     """Publish a stream to the tracker and to a plain subscriber, each a process of its own.
+
+    With the overlay its node draws 20,000 triangles over both planes, and one more process receives the pictures.
 
     Args:
         rate: pairs a second.
         pairs: how many.
         side: of the images, pixels.
         configuration: the tracker's parameter file.
+        overlay: have the overlay node work beside the tracker.
 
     Raises:
         LassoMotionError: a process failed, or the tracker gave no pose.
@@ -113,7 +129,9 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path) -> Liv
     answers = _Answers()
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory(prefix="lasso_motion_bench_") as directory:
-        sent, bare = Path(directory) / "sent.json", Path(directory) / "bare.json"
+        sent, bare, pictures, surface = (
+            Path(directory) / name for name in ("sent.json", "bare.json", "pictures.json", "surface.stl")
+        )
         with (
             Listener((DIAGNOSTICS, CATHETER, MOTION, STATE), answers, domain=domain),
             held_signals() as interrupted,
@@ -134,45 +152,65 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path) -> Liv
 
             parameters = ["--ros-args", "--params-file", str(configuration)]
             processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", parameters)
-            processes.start("subscriber", "lasso_motion_ros.nodes.bench_subscriber", [str(bare)])
+            processes.start("subscriber", "lasso_motion_ros.nodes.bench_subscriber", ["images", str(bare)])
+            if overlay:
+                write_stl(surface, left_atrium_surface(GRID_STEP_MM), "mm")
+                shown = ["--ros-args", "-p", f"volume_file:={surface}", "-p", "units:=mm"]
+                processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", shown)
+                processes.start("viewer", "lasso_motion_ros.nodes.bench_subscriber", ["overlays", str(pictures)])
             wait(answers.up.is_set, START_WAIT_S, "the tracker has not come up")
-            words = [str(rate), str(pairs), str(side), "2", str(sent)]
+            words = [str(rate), str(pairs), str(side), "3" if overlay else "2", str(sent)]
             processes.start("publisher", "lasso_motion_ros.nodes.bench_publisher", words)
             wait(sent.is_file, START_WAIT_S + pairs / rate, "the stream has not ended")
             wait(lambda: len(answers.answered) > pairs, ANSWER_WAIT_S, None)
             processes.stop()
         return summarise(
-            rate, side, read_notes(sent), read_notes(bare), answers.poses, answers.answered, answers.dropped,
-            (load, os.getloadavg()[0]),
+            rate, side, read_times(json.loads(sent.read_text(encoding="utf-8"))), read_notes(bare), answers.poses,
+            answers.answered, answers.dropped, (load, os.getloadavg()[0]), read_notes(pictures) if overlay else None,
         )  # fmt: skip
 
 
-def read_notes(path: Path) -> dict[int, int]:
-    """A child's notes: steady clock (ns) by stamp."""
-    return {int(stamp): int(at) for stamp, at in json.loads(path.read_text(encoding="utf-8")).items()}
+def read_times(times: Mapping[str, int]) -> dict[int, int]:
+    """Steady clock (ns) by stamp, from a child's JSON."""
+    return {int(stamp): int(at) for stamp, at in times.items()}
+
+
+def read_notes(path: Path) -> Notes:
+    """A subscriber's notes."""
+    noted = json.loads(path.read_text(encoding="utf-8"))
+    return {plane: read_times(noted[plane]) for plane in PLANES}
 
 
 def summarise(
     rate: float,
     side: int,
     sent: Mapping[int, int],
-    bare: Mapping[int, int],
+    bare: Notes,
     poses: Mapping[int, int],
     answered: set[int],
     dropped: int,
     load: tuple[float, float],
+    pictures: Notes | None = None,
 ) -> LiveBenchmark:
     """The figures; all clocks are the machine's steady one, ns, by the pair's stamp.
 
     Raises:
         LassoMotionError: nothing was received.
     """
-    transport = np.array([bare[stamp] - at for stamp, at in sent.items() if stamp in bare]) / 1e6
+    both = bare["a"].keys() & bare["b"].keys()
+    transport = (
+        np.array([max(bare[p][stamp] for p in PLANES) - at for stamp, at in sent.items() if stamp in both]) / 1e6
+    )
     posed = sorted(stamp for stamp in sent if stamp in poses)
     latency = np.array([poses[stamp] - sent[stamp] for stamp in posed]) / 1e6
     if transport.size == 0 or latency.size == 0:
         raise LassoMotionError(f"of {len(sent)} pairs {transport.size} were received and {latency.size} had a pose")
     quarter = max(1, len(latency) // 4)
+    ages = None
+    if pictures is not None:
+        ages = np.array([at - sent[stamp] for p in PLANES for stamp, at in pictures[p].items() if stamp in sent]) / 1e6
+        if ages.size == 0:
+            raise LassoMotionError(f"of {len(sent)} pairs not one overlay picture was received")
     return LiveBenchmark(
         rate=rate,
         side=side,
@@ -185,6 +223,8 @@ def summarise(
         pose_ms=_percentiles(latency),
         first_pose_ms=float(latency[0]),
         growth_ms=float(np.median(latency[-quarter:]) - np.median(latency[:quarter])),
+        pictures=None if ages is None else len(ages),
+        picture_ms=None if ages is None else _percentiles(ages),
         load=(round(load[0], 2), round(load[1], 2)),
     )
 
@@ -196,8 +236,9 @@ def _percentiles(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
 
 def format_live(figures: LiveBenchmark) -> str:
     """The figures for people."""
+    beside = "" if figures.pictures is None else ", overlay beside it"
     lines = [
-        f"{figures.side}×{figures.side} mono16, both planes, {figures.rate:g} pairs/s: {figures.answered} of "
+        f"{figures.side}×{figures.side} mono16, both planes, {figures.rate:g} pairs/s{beside}: {figures.answered} of "
         f"{figures.published} pairs answered, {figures.poses} with a pose, {figures.dropped} left out",
         "publication of the later image to …        p50      p95      p99",
     ]
@@ -214,4 +255,22 @@ def format_live(figures: LiveBenchmark) -> str:
         f"first pose {figures.first_pose_ms:.1f} ms; growth over the run {figures.growth_ms:+.1f} ms; "
         f"load average {figures.load[0]} before, {figures.load[1]} after",
     ]
+    if figures.picture_ms is not None:
+        median, high, highest = figures.picture_ms
+        kept = "kept" if highest <= PICTURE_BUDGET_MS else "missed"
+        lines.insert(
+            -1,
+            f"  overlay picture received          {median:8.1f} {high:8.1f} {highest:8.1f} ms "
+            f"(asked: {PICTURE_BUDGET_MS:g}: {kept}); {figures.pictures} of {2 * figures.published} pictures",
+        )
     return "\n".join(lines)
+
+
+def format_disturbance(alone: LiveBenchmark, beside: LiveBenchmark) -> str:
+    """What the overlay beside it costs the tracker, for people: its own share, apart from what all transport costs."""
+    added = [[pose - bare for pose, bare in zip(run.pose_ms, run.bare_ms, strict=True)] for run in (alone, beside)]
+    return (
+        f"the overlay adds to the pose {beside.pose_ms[0] - alone.pose_ms[0]:+.1f} ms at p50, "
+        f"{beside.pose_ms[2] - alone.pose_ms[2]:+.1f} at p99; of that to tracking {added[1][0] - added[0][0]:+.1f} and "
+        f"{added[1][2] - added[0][2]:+.1f}, the rest to the transport of all"
+    )
