@@ -9,6 +9,7 @@ from pathlib import Path
 from lasso_motion_ros.errors import RecordingError
 from msg_adapters.mcap_segments import walk_file
 from msg_adapters.messages import NANOSECONDS
+from msg_adapters.recording_copy import RecordingCopier
 from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.recording_writer import RecordingWriter
 
@@ -50,22 +51,12 @@ def repair_recording(path: Path) -> Repaired:
             return Repaired(None)
     working = path.with_name(path.name + _WORKING_SUFFIX)
     compression = "zstd" if any(segment.compression for segment in layout.segments) else "none"
-    definitions = {topic: reader.definition(topic) for topic in reader.topics}
-    latched, best_effort = reader.latched_topics, reader.best_effort_topics
     times: list[int] = []
     try:
         with RecordingWriter(working, compression, overwrite=True) as writer:
+            copier = RecordingCopier(reader, writer)
             for message in reader.raw_messages():
-                writer.write_raw(
-                    message.topic,
-                    message.type_name,
-                    message.data,
-                    message.log_time_ns,
-                    publish_time_ns=message.publish_time_ns,
-                    latched=message.topic in latched,
-                    reliable=message.topic not in best_effort,
-                    definition=definitions.get(message.topic),
-                )
+                copier.copy(message)
                 times = [*times[:1], message.log_time_ns]
         if not times:
             raise RecordingError(f"{path}: no message in it can be read; it was left as it is")

@@ -13,7 +13,7 @@ from pathlib import Path
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.cli.progress import counting
-from lasso_motion_ros.cli.track import parse_remap
+from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
@@ -33,14 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was published, and how punctually")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
-    parser.add_argument(
-        "--remap",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="FROM:=TO",
-        help="publish the recorded topic FROM as TO",
-    )
+    add_remap(parser, "publish the recorded topic FROM as TO")
     parser.add_argument(
         "--wait", type=not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
     )

@@ -13,7 +13,7 @@ import numpy as np
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import busy, progress
-from lasso_motion_ros.cli.track import parse_remap
+from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.configuration import (
     OverlayConfig,
     ProductConfig,
@@ -75,9 +75,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, metavar="FILE", help=f"overlay parameters (default: {DEFAULT_CONFIG})")
     parser.add_argument("--rate", type=float, metavar="FPS", help="of the video (default: the recording's own)")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was drawn, pair by pair")
-    parser.add_argument(
-        "--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help="read the recorded topic FROM as TO"
-    )
+    add_remap(parser, "read the recorded topic FROM as TO")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
 
 

@@ -56,14 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--config", type=Path, metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
     parser.add_argument("--seeds", type=Path, metavar="FILE", help="clicks, for a recording without (or instead)")
     parser.add_argument("--calibration", type=Path, metavar="FILE", help="projections, for a recording without")
-    parser.add_argument(
-        "--remap",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="FROM:=TO",
-        help="read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)",
-    )
+    add_remap(parser, "read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)")
     parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the counts of pairs, poses, states, problems")
 
@@ -121,6 +114,16 @@ def describe(statistics: PipelineStatistics) -> str:
     half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
     heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
     return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}"
+
+
+def add_remap(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Declare `--remap`, whose values `parse_remap` takes.
+
+    Args:
+        parser: the command's.
+        meaning: what a rule does in this command.
+    """
+    parser.add_argument("--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help=meaning)
 
 
 def parse_remap(rules: Sequence[str]) -> dict[str, str]:

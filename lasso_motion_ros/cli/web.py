@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
+from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
@@ -31,14 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--annotate", type=Path, metavar="IN.mcap", help="draw centrelines into a copy of a recording")
     parser.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="with --annotate: the copy")
     parser.add_argument("--overwrite", action="store_true", help="with --annotate: replace OUT.mcap if it exists")
-    parser.add_argument(
-        "--remap",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="FROM:=TO",
-        help="with --annotate: read the recorded topic FROM as TO",
-    )
+    add_remap(parser, "with --annotate: read the recorded topic FROM as TO")
     parser.add_argument(
         "--ros-args", nargs=argparse.REMAINDER, default=[], help="what follows goes to ROS (-r __ns:=/lab, -p …)"
     )
@@ -62,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _annotate(args: argparse.Namespace) -> int:
-    from lasso_motion_ros.cli.track import parse_remap
     from lasso_motion_ros.web.annotation import annotate
 
     if args.output is None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import threading
 import time
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -21,9 +20,9 @@ from lasso_motion_ros.configuration import OverlayConfig
 from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
-from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
+from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
+from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
-from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from lasso_motion_ros.rendering.overlay import OverlayPainter
 from lasso_motion_ros.rendering.overlay_object import read_overlay_object
 from lasso_motion_ros.rendering.style import overlay_style
@@ -40,14 +39,11 @@ from msg_adapters.topics import (
     OVERLAY_SURFACE,
     STATE,
     Topic,
-    camera_info_topic,
-    image_topic,
     overlay_topic,
 )
 
 Array = npt.NDArray[np.float64]
 
-CALIBRATION_DEPTH = 32
 SURFACE_PERIOD_S = 1.0
 SURFACE_NAMESPACE = "surface"
 
@@ -96,27 +92,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
         self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
         self.create_subscription(Marker, CATHETER.name, self._on_catheter, qos(depth=CATHETER.depth))
-        self._inputs = [
-            make
-            for plane in PLANES
-            for make in (
-                CalibrationSubscription(
-                    self,
-                    CameraInfo,
-                    camera_info_topic(plane).name,
-                    partial(self._on_camera_info, plane),
-                    CALIBRATION_DEPTH,
-                ),
-                OfferedSubscription(
-                    self,
-                    Image,
-                    image_topic(plane).name,
-                    partial(self._on_image, plane),
-                    reliability="auto",
-                    depth=IMAGE_DEPTH,
-                ),
-            )
-        ]
+        self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self._live = LiveParameters(self, self._config, self._on_tuning)
         # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
         self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)

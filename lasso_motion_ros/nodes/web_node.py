@@ -23,9 +23,9 @@ from lasso_motion_ros.configuration import WebConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.nodes.parameters import declare_configuration
-from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
+from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
+from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
-from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from lasso_motion_ros.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live import LiveView
@@ -38,14 +38,11 @@ from msg_adapters.topics import (
     DIAGNOSTICS,
     MOTION,
     STATE,
-    camera_info_topic,
-    image_topic,
     overlay_topic,
     seed_topic,
     tracking_topic,
 )
 
-CALIBRATION_DEPTH = 32
 GRAPH_PERIOD_S = 0.25
 SERVICE_WAIT_S = 3.0
 HOLD_WAIT_S = 1.5
@@ -101,27 +98,7 @@ class WebNode(Node):  # type: ignore[misc]
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
         )
-        self._inputs = [
-            make
-            for plane in PLANES
-            for make in (
-                CalibrationSubscription(
-                    self,
-                    CameraInfo,
-                    camera_info_topic(plane).name,
-                    partial(self._on_camera_info, plane),
-                    CALIBRATION_DEPTH,
-                ),
-                OfferedSubscription(
-                    self,
-                    Image,
-                    image_topic(plane).name,
-                    partial(self._on_image, plane),
-                    reliability="auto",
-                    depth=IMAGE_DEPTH,
-                ),
-            )
-        ]
+        self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self.create_timer(GRAPH_PERIOD_S, self._on_timer)
         self._server.start()
         self.get_logger().info(f"the page is at {self._server.url}")

@@ -20,6 +20,7 @@ from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.pairing import PairSynchroniser
+from msg_adapters.recording_copy import RecordingCopier
 from msg_adapters.recording_reader import RawMessage, RecordingReader, check_tracking_topics
 from msg_adapters.recording_writer import RecordingWriter
 from msg_adapters.seeds import decode_polygon, encode_polygon
@@ -258,24 +259,14 @@ class Annotation:
             )
         )
         waiting = next(drawn, None)
-        latched, best_effort = self._reader.latched_topics, self._reader.best_effort_topics
+        copier = RecordingCopier(self._reader, writer)
         for message, replaced in self._kept(topics, edited):
             # In order of time, as a recorder would have written them.
             while waiting is not None and waiting[0] < message.log_time_ns:
                 self._write_centreline(writer, *waiting)
                 waiting = next(drawn, None)
-            if replaced:
-                continue
-            writer.write_raw(
-                message.topic,
-                message.type_name,
-                message.data,
-                message.log_time_ns,
-                publish_time_ns=message.publish_time_ns,
-                latched=message.topic in latched,
-                reliable=message.topic not in best_effort,
-                definition=self._reader.definition(message.topic),
-            )
+            if not replaced:
+                copier.copy(message)
         while waiting is not None:
             self._write_centreline(writer, *waiting)
             waiting = next(drawn, None)
