@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import Strip, strip_along
+from lasso_motion_ros.appearance import HALF_WIDTH, PIXEL_MM, Strip, strip_along
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import Image, WorkingImage
@@ -57,6 +57,7 @@ class PlaneFit:
         gain: strength of the loop against its appearance: 1 as expected, 0 not there.
         correlation: normalised correlation of strip and appearance.
         visible: share of the loop's segments that look as expected.
+        residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
         strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the appearance from.
     """
 
@@ -66,6 +67,7 @@ class PlaneFit:
     gain: float
     correlation: float
     visible: float
+    residual_mm: float
     strip: Image
 
 
@@ -194,13 +196,26 @@ class _View:
 
     def fit(self, covariance: Array) -> PlaneFit:
         """The result, with the share of the loop that looks as expected where it was last sampled."""
-        cross = (self._weights * self._samples * self._distinctive).sum(axis=1)
-        energy = (self._weights * self._distinctive * self._distinctive).sum(axis=1)
-        starts = np.linspace(0, len(energy), SEGMENTS, endpoint=False).astype(int)
-        cross, energy = np.add.reduceat(cross, starts), np.add.reduceat(energy, starts)
+        cross = _by_segment(self._weights * self._samples * self._distinctive)
+        energy = _by_segment(self._weights * self._distinctive * self._distinctive)
         there = cross > SEGMENT_GAIN * energy
         visible = float(energy[there].sum() / max(float(energy.sum()), 1e-9))
-        return PlaneFit(self.centre, self.across, covariance, self.gain, self.correlation, visible, self._samples)
+        # One step across the curve, segment by segment: what moves the pattern there onto the samples.
+        slope = self._weights * self._sideways
+        gain = max(self.gain, SEGMENT_GAIN)
+        step = _by_segment(slope * (self._samples - gain * self._pattern))
+        step /= gain * np.maximum(_by_segment(slope * self._sideways), 1e-9)
+        residual = float(np.abs(np.clip(step[there], -HALF_WIDTH, HALF_WIDTH)).mean()) if there.any() else 0.0
+        return PlaneFit(
+            self.centre,
+            self.across,
+            covariance,
+            self.gain,
+            self.correlation,
+            visible,
+            PIXEL_MM * residual,
+            self._samples,
+        )
 
     def _derivative(self, strip: Strip, points: Array, arms: Array) -> npt.NDArray[np.float32]:
         """(L·columns, 6) derivative of the strip by own shift (2), turn (3) and stretch (1).
@@ -226,6 +241,13 @@ def _by_parameter(slope: Array, arms: Array, across: Array) -> npt.NDArray[np.fl
     # slope · (ω × arm) = ω · (arm × slope)
     turn = (y * c - z * b, z * a - x * c, x * b - y * a)
     return np.stack([*(slope @ across.T).T, *turn, x * a + y * b + z * c]).astype(np.float32)
+
+
+def _by_segment(values: Image) -> Image:
+    """(SEGMENTS,) sums of a strip's values over the segments of the loop."""
+    along = values.sum(axis=1)
+    starts = np.linspace(0, len(along), SEGMENTS, endpoint=False).astype(int)
+    return np.asarray(np.add.reduceat(along, starts))
 
 
 def _gain(weights: Image, samples: Image, pattern: Image) -> float:

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.appearance import Appearance, strip_along
+from lasso_motion_ros.breathing_rotation import BreathingRotation, Rotation
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.finding import BOTH_AGREE, Finding, LoopFinder
@@ -16,7 +17,7 @@ from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.judgement import BreathingEnvelope
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.respiration import RespiratoryMotion
-from lasso_motion_ros.tracker import TrackerState, TrackResult
+from lasso_motion_ros.tracker import RingMotion, TrackerState, TrackResult
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import working_image
 
@@ -29,7 +30,7 @@ FOUND_AGAIN_SHARE = 0.75
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
-FIXED_ROTATION_RAD = np.radians(1.0)  # standard deviation of the atrium's rotation, which is not estimated
+RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
 class AppearanceTracker:
@@ -60,6 +61,7 @@ class AppearanceTracker:
         self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns)
         self._respiration = RespiratoryMotion(0.0, max(0.0, self._seconds(frames["b"].stamp_ns)))
         self._envelope = BreathingEnvelope(self._config.judgement)
+        self._rotation = BreathingRotation()
         self._reference = np.zeros(3)
         self._reference_stamp_ns = self._last_stamp_ns = pair.stamp_ns
         self._displacement: Array | None = np.zeros(3)
@@ -118,7 +120,7 @@ class AppearanceTracker:
                 self._displaced = departure
                 self._displacement = displacement
                 loop = self._loop(finding.alignment, displacement)
-                return self._result(pair, TrackerState.DISPLACED, departure, loop)
+                return self._result(pair, TrackerState.DISPLACED, departure, loop, finding.alignment)
             return self._result(pair, TrackerState.LOST, departure, None)
         turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._turn)))
         if not followed and turned_deg > FOUND_AGAIN_TURN_DEG:
@@ -148,7 +150,9 @@ class AppearanceTracker:
                     self._appearances[plane].update(fit.strip)
                     usual = self._usual.get(plane, fit.correlation)
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
-        return self._result(pair, state, reason, self._loop(finding.alignment, self._displacement))
+                self._rotation.learn(self._displacement, finding.alignment.turn, finding.alignment.stretch)
+        loop = self._loop(finding.alignment, self._displacement)
+        return self._result(pair, state, reason, loop, finding.alignment)
 
     def _one_plane_refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
         """Why what one plane alone shows carries no pose; empty if it does."""
@@ -264,7 +268,28 @@ class AppearanceTracker:
         depth = float(lateral @ self._respiration.origin_b.displacement) / float(lateral @ ray_a)
         return np.asarray(model.centre - depth * ray_a + displacement + model.arms @ rotation.T)
 
-    def _result(self, pair: FramePair, state: TrackerState, reason: str, loop: Array | None) -> TrackResult:
+    def _ring(self, alignment: Alignment) -> RingMotion:
+        """What the ring has done by itself since the first pair."""
+        moved = np.zeros(3) if self._displacement is None else self._displacement
+        own = alignment.turn - self._rotation.between(np.zeros(3), moved).vector
+        axis = np.linalg.svd(self._require_model().arms, full_matrices=False)[2][2]
+        spin = float(axis @ own)
+        prior = float(np.radians(self._config.ring.turn_deg))
+        is_resolved = float(axis @ alignment.turn_covariance @ axis) < (RESOLVED_SHARE * prior) ** 2
+        return RingMotion(
+            tilt_rad=float(np.linalg.norm(own - spin * axis)),
+            spin_rad=spin if is_resolved else None,
+            size=float(np.exp(alignment.stretch)),
+        )
+
+    def _result(
+        self,
+        pair: FramePair,
+        state: TrackerState,
+        reason: str,
+        loop: Array | None,
+        alignment: Alignment | None = None,
+    ) -> TrackResult:
         result = TrackResult(
             stamp_ns=pair.stamp_ns,
             state=state,
@@ -274,14 +299,25 @@ class AppearanceTracker:
             loop=loop,
             reference_stamp_ns=self._reference_stamp_ns,
         )
+        if alignment is not None:
+            residual_px = {
+                plane: fit.residual_mm / frame.projection.millimetres_per_pixel(fit.centre)
+                for plane, fit in alignment.planes.items()
+                if (frame := pair.frame(plane)) is not None
+            }
+            result = replace(result, residual_px=residual_px, ring=self._ring(alignment))
         if not state.has_pose or self._displacement is None:
             return result
+        rotation = self._rotation.between(self._reference, self._displacement)
         motion = np.eye(4)
-        motion[:3, 3] = self._displacement - self._reference
-        return replace(result, motion=motion, covariance=self._pose_covariance())
+        motion[:3, :3] = rotation_from_vector(rotation.vector)
+        # About the ring's centre at the reference, which goes where the ring's centre has gone.
+        centre = self._require_model().centre + self._reference
+        motion[:3, 3] = centre + self._displacement - self._reference - motion[:3, :3] @ centre
+        return replace(result, motion=motion, covariance=self._pose_covariance(rotation))
 
-    def _pose_covariance(self) -> Array:
-        """(6, 6) of the motion at the world origin; the rotation is held fixed and has its prior's variance."""
+    def _pose_covariance(self, rotation: Rotation) -> Array:
+        """(6, 6) of the motion at the world origin."""
         model = self._require_model()
         moved = np.zeros(3) if self._displacement is None else self._displacement
         x, y, z = model.centre + moved
@@ -290,5 +326,5 @@ class AppearanceTracker:
         jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
         at_ring = np.zeros((6, 6))
         at_ring[:3, :3] = self._doubt * self._respiration.at_a.covariance
-        at_ring[3:, 3:] = FIXED_ROTATION_RAD**2 * np.eye(3)
+        at_ring[3:, 3:] = rotation.covariance
         return np.asarray(jacobian @ at_ring @ jacobian.T)

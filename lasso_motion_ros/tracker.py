@@ -32,6 +32,21 @@ class TrackerState(Enum):
         return self in (TrackerState.TRACKING, TrackerState.DEGRADED)
 
 
+@dataclass(frozen=True)
+class RingMotion:
+    """What the ring has done by itself since the reference pair, the atrium's rotation taken away.
+
+    Attributes:
+        tilt_rad: angle of its axis against then.
+        spin_rad: turn about that axis, as the electrodes show it; None where they do not resolve it.
+        size: relative to then.
+    """
+
+    tilt_rad: float
+    spin_rad: float | None
+    size: float
+
+
 @dataclass(frozen=True, eq=False)
 class TrackResult:
     """What one pair gave.
@@ -46,6 +61,7 @@ class TrackResult:
         loop: (N, 3) the catheter's curve now, world metres, N ≥ 64; None where there is none.
         reference_stamp_ns: the pair whose phase is the reference.
         residual_px: per plane, mean distance of the projected model to the lines found; empty where none.
+        ring: what the ring does by itself; None where it is not seen or not told apart.
     """
 
     stamp_ns: int
@@ -56,6 +72,7 @@ class TrackResult:
     loop: Array | None
     reference_stamp_ns: int
     residual_px: dict[Plane, float] = field(default_factory=dict)
+    ring: RingMotion | None = None
 
 
 class Tracker(Protocol):

@@ -98,15 +98,16 @@ def test_the_covariance_is_of_the_pose_at_the_world_origin():
     for result in warm_up()[1]:
         np.testing.assert_allclose(result.covariance, result.covariance.T, atol=1e-15)
         assert np.linalg.eigvalsh(result.covariance).min() > -1e-15
-        # The rotation is held fixed: a prior of one degree, which does not move the ring's own centre.
-        np.testing.assert_allclose(result.covariance[3:, 3:], np.radians(1.0) ** 2 * np.eye(3), rtol=1e-9)
+        # The rotation is held at zero: its prior, a degree in 14 mm, does not move the ring's own centre.
+        rotation = np.radians(70.0) ** 2 * np.sum(result.motion[:3, 3] ** 2) + np.radians(0.25) ** 2
+        np.testing.assert_allclose(result.covariance[3:, 3:], rotation * np.eye(3), rtol=1e-9, atol=1e-15)
         centre = LOOP.centre + result.motion[:3, 3]
         at_ring = centre_covariance(result.covariance, centre)
         at_origin = result.covariance[:3, :3]
         assert np.trace(at_ring) < np.trace(at_origin)
         assert 1e3 * np.sqrt(np.trace(at_ring)) < 0.3
-        # By hand: a degree at the ring's distance from the origin.
-        lever = np.radians(1.0) ** 2 * 2.0 * centre @ centre
+        # By hand: that rotation at the ring's distance from the origin.
+        lever = rotation * 2.0 * centre @ centre
         assert np.trace(at_origin) == pytest.approx(lever + np.trace(at_ring), rel=0.1)
 
 

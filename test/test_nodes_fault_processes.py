@@ -20,6 +20,7 @@ from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from ring_stream import HEARD, SIDE, RingStream, diagnosed, displacement_mm, stamp, start_tracker
 from std_srvs.srv import SetBool, Trigger
 
+from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.phantom.drawn_ring import ring_seed
 from msg_adapters import topics
 from msg_adapters.messages import stamp_to_ns
@@ -88,15 +89,24 @@ def test_images_without_a_stamp_are_tracked_by_their_arrival(tmp_path: Path) -> 
         stream = RingStream(graph)
         start_tracker(graph, "stamp_source:=arrival")
         stream.connect()
+        for plane in PLANES:
+            stream.frame(plane, 0, spoil_image=lambda fields: None, spoil_info=unstamped)
+        graph.heard.wait_for(lambda: stream.states()[-1] == "WAITING_FOR_SEED")
         stream.clicks(0)
         motions = graph.heard.messages["motion"]
-        for number in range(6):
+        while len(motions) < 6:
             # One after the other: what comes together has no time of its own to be told apart by.
+            answered, posed = len(stream.states()), len(motions)
             stream.pairs(1, spoil_image=unstamped, spoil_info=unstamped)
-            graph.heard.wait_for(lambda number=number: len(motions) == number + 1)
-        for number, message in enumerate(motions):
+            graph.heard.wait_for(lambda answered=answered: len(stream.states()) > answered)
+            if stream.states()[-1] == "TRACKING":
+                graph.heard.wait_for(lambda posed=posed: len(motions) > posed)
+            assert stream.number < 12, stream.states()
+        # The clicks may have been overtaken by the first pairs, on topics of their own.
+        first = stream.number - len(motions)
+        for number, message in enumerate(motions, first):
             position = message.pose.position
-            expected = displacement_mm(stamp(number)) - displacement_mm(stamp(0))
+            expected = displacement_mm(stamp(number)) - displacement_mm(stamp(first))
             np.testing.assert_allclose(1e3 * np.array([position.x, position.y, position.z]), expected, atol=0.5)
         stamps = [stamp_to_ns(message.header.stamp) for message in motions]
         assert stamps == sorted(set(stamps))
@@ -136,10 +146,11 @@ def test_what_nobody_publishes_and_what_has_no_calibration_is_named(tmp_path: Pa
         assert all(f"plane_{plane}/image_raw: nobody publishes it" in said for plane in "ab")
         stream = RingStream(graph)
         stream.connect()
-        for _ in range(4):
+        named = "plane_a/camera_info: images have come for"
+        while named not in graph.processes.log("tracker", 500):
             stream.pairs(1, spoil_info=lambda fields: None)
             stream.await_count("plane_a", "images", stream.number)
-        stream.said("plane_a/camera_info: images have come for 2 s without a valid calibration")
+            assert stream.number < 60
         assert said.count("plane_a/image_raw: nobody publishes it") == 1
         assert stream.states()[-1] == "WAITING_FOR_CALIBRATION"
         stream.seeded()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import asdict
@@ -56,6 +57,11 @@ def tracker_status(
             values["time from A's to B's exposure (s)"] = f"{1e-9 * statistics.offset_ns:.3f}"
         for plane, residual in statistics.residual_px.items():
             values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
+        if (ring := statistics.ring) is not None:
+            values["ring's own tilt (deg)"] = f"{math.degrees(ring.tilt_rad):.1f}"
+            if ring.spin_rad is not None:
+                values["ring's own spin (deg)"] = f"{math.degrees(ring.spin_rad):.1f}"
+            values["ring's size, relative"] = f"{ring.size:.3f}"
     message = f"{state.value}: {reason}" if reason else state.value
     return _status(f"{node_name}: tracker", _LEVELS.get(state, WARN), message, values)
 

@@ -17,7 +17,7 @@ from lasso_motion_ros.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, HeartbeatStatus
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
-from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
+from lasso_motion_ros.tracker import RingMotion, Tracker, TrackerState, TrackResult
 from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.markers import encode_delete, encode_line_strip
@@ -89,6 +89,7 @@ class PipelineStatistics:
         last_pair_ns: stamp of the last pair answered, or None.
         last_pose_ns: stamp of the last pose, or None.
         residual_px: per plane, the last result's residual.
+        ring: what the ring did by itself in the last pair.
         offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
         calibrated: the planes whose last calibration is valid.
         heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
@@ -106,6 +107,7 @@ class PipelineStatistics:
     last_pair_ns: int | None
     last_pose_ns: int | None
     residual_px: dict[Plane, float] = field(default_factory=dict)
+    ring: RingMotion | None = None
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
     heartbeat: HeartbeatStatus | None = None
@@ -346,6 +348,7 @@ class TrackingPipeline:
                 last_pair_ns=None if pair is None else pair.stamp_ns,
                 last_pose_ns=self._last_pose_ns,
                 residual_px={} if result is None else dict(result.residual_px),
+                ring=None if result is None else result.ring,
                 heartbeat=self._heartbeat.status,
                 offset_ns=self._pairing.offset_ns,
                 calibrated=tuple(plane for plane in PLANES if self._frames[plane].calibrated),

@@ -1,0 +1,128 @@
+"""The part of the ring's turning that repeats with the breathing, and so is the atrium's; gated by its evidence.
+
+The ring tilts and spins by itself, with the heartbeat and in the hand, while the atrium does not. What the atrium does
+turn, it turns with the breath: in proportion to how far the breath has moved it. A Bayesian linear regression (Bishop,
+"Pattern Recognition and Machine Learning", 2006, section 3.3) of the ring's turn on that displacement tells the two
+apart, with the ring's stretch as a witness of the heartbeat; the Bayes factor against no rotation at all (ibid.,
+section 3.4) decides whether it is used.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+# Columns of the regression: a constant (the ring's own tilt at the reference), displacement, stretch of the ring.
+CONSTANT, MOVED, STRETCHED = range(3)
+# Standard deviations expected of the coefficients: rad, rad a metre (a degree in 14 mm, about any axis), rad.
+PRIOR_SD = np.array([np.radians(3.0), np.radians(70.0), 1.0])
+OWN_TURN_RAD = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
+OWN_TURN_PAIRS = 2.0  # so many pairs
+STRONG_EVIDENCE = np.log(20.0)
+FEWEST_PAIRS = 10
+SMALLEST_SD_RAD = np.radians(0.25)  # what does not follow the breath's depth: hysteresis, say
+ROUNDS = 3  # of noise and coefficients in turn
+
+
+@dataclass(frozen=True, eq=False)
+class Rotation:
+    """The atrium's rotation since the reference.
+
+    Attributes:
+        vector: (3,) rotation vector, rad; zero where the evidence is not enough.
+        covariance: (3, 3) rad²; the prior's where the vector is held at zero.
+    """
+
+    vector: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    axis: Array  # (3,) unit direction of breathing
+    slope: Array  # (3,) rad a metre along it
+    slope_covariance: Array  # (3, 3)
+    evidence: float  # natural logarithm of the Bayes factor
+
+
+class BreathingRotation:
+    """Learns from pair to pair; sums only, so that it costs the same after an hour."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        # Sums of products of (1, displacement (3), stretch, turn (3)).
+        self._sums = np.zeros((8, 8))
+        self._fit: _Fit | None = None
+
+    @property
+    def evidence(self) -> float:
+        """Natural logarithm of the Bayes factor for a rotation that goes with the breath, against none."""
+        return 0.0 if self._fit is None else self._fit.evidence
+
+    def learn(self, displacement: Array, turn: Array, stretch: float) -> None:
+        """Take in one sure pair.
+
+        Args:
+            displacement: (3,) of the ring's centre since the first pair, metres.
+            turn: (3,) rotation vector of the ring since then, rad.
+            stretch: logarithm of its size since then.
+        """
+        row = np.concatenate([[1.0], displacement, [stretch], turn])
+        self._sums = self._sums + np.outer(row, row)
+        self._count += 1
+        self._fit = self._regression() if self._count >= FEWEST_PAIRS else None
+
+    def between(self, reference: Array, displacement: Array) -> Rotation:
+        """The rotation from the reference's displacement (3,) m to another."""
+        moved = displacement - reference
+        fit = self._fit
+        unexplained = SMALLEST_SD_RAD**2 * np.eye(3)
+        if fit is None or fit.evidence < STRONG_EVIDENCE:
+            sd = PRIOR_SD[MOVED] * float(np.linalg.norm(moved))
+            return Rotation(np.zeros(3), sd**2 * np.eye(3) + unexplained)
+        along = float(fit.axis @ moved)
+        return Rotation(fit.slope * along, fit.slope_covariance * along**2 + unexplained)
+
+    def _regression(self) -> _Fit:
+        moments = self._sums[:5, :5]
+        scatter = moments[1:4, 1:4] - np.outer(moments[0, 1:4], moments[0, 1:4]) / self._count
+        axis = np.linalg.eigh(scatter)[1][:, -1]
+        columns = np.zeros((5, 3))
+        columns[0, CONSTANT] = columns[4, STRETCHED] = 1.0
+        columns[1:4, MOVED] = axis
+        square = columns.T @ moments @ columns
+        cross = columns.T @ self._sums[:5, 5:]
+        total = float(np.trace(self._sums[5:, 5:]))
+        precision = 1.0 / PRIOR_SD**2
+        variance = OWN_TURN_RAD**2
+        for _ in range(ROUNDS):
+            inverse = np.linalg.inv(square / variance + np.diag(precision))
+            slopes = inverse @ cross / variance
+            residual = total - 2.0 * float(np.sum(slopes * cross)) + float(np.sum(slopes * (square @ slopes)))
+            # Each pair tells three components; as many coefficients were fitted as there are columns, three times.
+            known = 3.0 * max(self._count - len(PRIOR_SD), 0)
+            variance = (3.0 * OWN_TURN_PAIRS * OWN_TURN_RAD**2 + max(residual, 0.0)) / (3.0 * OWN_TURN_PAIRS + known)
+        with_it = _log_evidence(square, cross, precision, variance)
+        others = [CONSTANT, STRETCHED]
+        without = _log_evidence(square[np.ix_(others, others)], cross[others], precision[others], variance)
+        inverse = np.linalg.inv(square / variance + np.diag(precision))
+        slopes = inverse @ cross / variance
+        return _Fit(axis, slopes[MOVED], inverse[MOVED, MOVED] * np.eye(3), with_it - without)
+
+
+def _log_evidence(square: Array, cross: Array, precision: Array, variance: float) -> float:
+    """Logarithm of the marginal likelihood of three components with common regressors, but for what all models share.
+
+    Args:
+        square: (K, K) sums of products of the regressors.
+        cross: (K, 3) of regressors and components.
+        precision: (K,) of the coefficients' prior.
+        variance: of the noise.
+    """
+    hessian = square / variance + np.diag(precision)
+    explained = float(np.sum(cross * np.linalg.solve(hessian, cross))) / variance**2
+    return 0.5 * explained - 1.5 * float(np.linalg.slogdet(hessian)[1] - np.log(precision).sum())
