@@ -318,6 +318,12 @@ class OverlayConfig:
         1.0, "a motion older than this is not applied any more", unit="s", minimum=0.0, maximum=60.0
     )
     world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of motion and registration")
+    niceness: int = parameter(
+        5,
+        "how far the thread that draws stands back for other programs, a tracker on the same machine above all",
+        minimum=0,
+        maximum=19,
+    )
     sync: SyncConfig = field(default_factory=SyncConfig)
     style: OverlayStyleConfig = field(default_factory=OverlayStyleConfig)
 

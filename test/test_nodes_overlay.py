@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import signal
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -45,7 +47,8 @@ class Bench:
         write_stl(self._surface, TriangleMesh(corners, faces), "mm")
         given = (f"volume_file:={self._surface}", "units:=mm", "registration:='0 0 0.004 0 0 0 1'", *parameters)
         words = [word for parameter in given for word in ("-p", parameter)]
-        graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
+        node = graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
+        self.process = node.pid
         inputs = [
             *(make(plane) for plane in "ab" for make in (topics.image_topic, topics.camera_info_topic)),
             topics.MOTION,
@@ -162,6 +165,17 @@ def test_before_a_tracker_is_heard_it_is_static(graph: Graph, tmp_path: Path) ->
     bench = Bench(graph, tmp_path)
     bench.image("b", 0)
     np.testing.assert_array_equal(bench.picture("b", 0), bench.expected("b", None))
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all threads of a process are equally nice")
+def test_the_thread_that_draws_and_no_other_stands_back(graph: Graph, tmp_path: Path) -> None:
+    bench = Bench(graph, tmp_path, "niceness:=7")
+    bench.image("a", 0)
+    bench.picture("a", 0)
+    threads = [int(task.name) for task in Path(f"/proc/{bench.process}/task").iterdir()]
+    own = os.getpriority(os.PRIO_PROCESS, bench.process)
+    nice = [os.getpriority(os.PRIO_PROCESS, thread) - own for thread in threads]
+    assert sorted(nice) == [0] * (len(nice) - 1) + [7]
 
 
 def test_a_motion_in_another_frame_is_refused_and_the_node_ends_cleanly(graph: Graph, tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import threading
 import time
 from typing import Any
@@ -161,6 +162,7 @@ class OverlayNode(Node):  # type: ignore[misc]
             self.complaints.complain(f"plane_{plane}", complaint)
 
     def _draw_all(self) -> None:
+        os.nice(self._config.niceness)  # on Linux of this thread alone: what comes in is still taken at once
         while True:
             with self._changed:
                 ready = self._next_ready()
