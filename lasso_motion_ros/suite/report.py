@@ -201,10 +201,12 @@ def format_report(results: Sequence[SequenceResult]) -> str:
     lines = [[*header, "in 68", "in 95", "sigma", ""]]
     for name, one, text in rows:
         counts = [str(value) for value in (one.pairs, one.silent, one.missing, one.degraded)]
-        lengths = [_cell(v) for v in (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm, one.target_p95_mm)]
-        lengths += [_cell(one.error_2d_mm), _cell(one.model_mm)]
+        lengths = [
+            table_cell(v) for v in (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm, one.target_p95_mm)
+        ]
+        lengths += [table_cell(one.error_2d_mm), table_cell(one.model_mm)]
         lines.append(
-            [name, *counts, *lengths, _percent(one.inside_68), _percent(one.inside_95), _cell(one.sigma_mm), text]
+            [name, *counts, *lengths, percent(one.inside_68), percent(one.inside_95), table_cell(one.sigma_mm), text]
         )
     wrong = ", ".join(f"{name} {count}" for name, count in sequence_counts(results).items())
     parts = [_table(lines), f"sequences with: {wrong}"]
@@ -230,8 +232,8 @@ def format_sweep(label: str, found: Mapping[str, Mapping[float, Measures]]) -> s
     for config, by_value in found.items():
         for value, one in by_value.items():
             counts = [f"{one.poses}/{one.expected}", *map(str, (one.silent, one.missing, one.degraded))]
-            lengths = map(_cell, (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm))
-            lines.append([f"{value:g}", config, *counts, *lengths, _percent(one.inside_95), _cell(one.sigma_mm)])
+            lengths = map(table_cell, (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm))
+            lines.append([f"{value:g}", config, *counts, *lengths, percent(one.inside_95), table_cell(one.sigma_mm)])
     return _table(lines)
 
 
@@ -269,9 +271,11 @@ def _mean(values: npt.NDArray[np.float64] | npt.NDArray[np.bool_]) -> float | No
     return float(values.mean()) if values.size else None
 
 
-def _cell(value: float | None) -> str:
+def table_cell(value: float | None) -> str:
+    """A length for a table."""
     return "–" if value is None else f"{value:.2f}"
 
 
-def _percent(value: float | None) -> str:
+def percent(value: float | None) -> str:
+    """A share for a table."""
     return "–" if value is None else f"{100 * value:.0f} %"

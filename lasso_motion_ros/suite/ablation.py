@@ -1,0 +1,195 @@
+"""Ablation: every idea of the tracker switched off in turn, and what that costs on the suite."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+from lasso_motion_ros.configuration import ProductConfig, TrackerConfig
+from lasso_motion_ros.frames import FramePair, Seed
+from lasso_motion_ros.suite.ideas import Idea
+from lasso_motion_ros.suite.report import Measures, measures, percent, table_cell
+from lasso_motion_ros.suite.run import Sequence as RenderedSequence
+from lasso_motion_ros.suite.run import SequenceResult, run_sequence
+from lasso_motion_ros.tracker import Tracker, TrackResult
+from lasso_motion_ros.tracker_factory import create_tracker
+
+# Changes smaller than these are not called a cost or a gain.
+NOTABLE_SHARE = 0.03  # of a length in millimetres
+NOTABLE_MM = 0.003
+NOTABLE_COVERAGE = 0.02
+NOTABLE_TIME = 0.10
+NOTABLE_TARGET_MM = 0.02  # by which a sequence counts as worse or better
+
+
+@dataclass
+class Outcome:
+    """What the tracker made of the suite, whole or with one idea switched off.
+
+    Attributes:
+        idea: what was switched off; None: nothing.
+        results: sequence by sequence.
+        spent_s: processor time of tracking.
+        pairs: pairs that it was spent on.
+    """
+
+    idea: Idea | None
+    results: list[SequenceResult] = field(default_factory=list)
+    spent_s: float = 0.0
+    pairs: int = 0
+
+    @property
+    def ms(self) -> float:
+        """Processor time a pair, milliseconds."""
+        return 1e3 * self.spent_s / max(self.pairs, 1)
+
+    @property
+    def measures(self) -> Measures:
+        """Of all pairs."""
+        return measures([score for result in self.results for score in result.scores])
+
+
+class TimedTracker:
+    """A tracker, and the processor time that tracking has taken, seconds."""
+
+    def __init__(self, tracker: Tracker) -> None:
+        self._tracker = tracker
+        self.spent_s = 0.0
+        self.pairs = 0
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        """Build the model; not timed."""
+        return self._tracker.initialise(pair, seed)
+
+    def track(self, pair: FramePair) -> TrackResult:
+        """Find the catheter in the next pair."""
+        begin = time.process_time()
+        try:
+            return self._tracker.track(pair)
+        finally:
+            self.spent_s += time.process_time() - begin
+            self.pairs += 1
+
+    def reset(self) -> None:
+        """Forget model and motion."""
+        self._tracker.reset()
+
+    def set_reference(self) -> None:
+        """Make the present phase the reference."""
+        self._tracker.set_reference()
+
+    def reconfigure(self, config: TrackerConfig) -> None:
+        """Go on with other tuning parameters."""
+        self._tracker.reconfigure(config)
+
+
+def run_ablation(config: ProductConfig, sequences: Iterable[RenderedSequence], ideas: Iterable[Idea]) -> list[Outcome]:
+    """Track every sequence with all ideas, then with each of them switched off.
+
+    Args:
+        config: the whole tracker's.
+        sequences: rendered one at a time.
+        ideas: those to be switched off.
+
+    Returns:
+        The whole tracker's outcome, then each idea's.
+    """
+    outcomes = [Outcome(None), *(Outcome(idea) for idea in ideas)]
+    for sequence in sequences:
+        for outcome in outcomes:
+            if outcome.idea is None:
+                _run(outcome, sequence, config)
+            else:
+                with outcome.idea.switched_off():
+                    _run(outcome, sequence, outcome.idea.configuration(config))
+    return outcomes
+
+
+def _run(outcome: Outcome, sequence: RenderedSequence, config: ProductConfig) -> None:
+    tracker = TimedTracker(create_tracker(config))
+    outcome.results.append(run_sequence(sequence, config, tracker))
+    outcome.spent_s += tracker.spent_s
+    outcome.pairs += tracker.pairs
+
+
+def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:
+    """What is notably worse and what is notably better than with all ideas, in a few words each."""
+    before, after = whole.measures, outcome.measures
+    worse: list[str] = []
+    better: list[str] = []
+
+    def note(text: str, *, is_worse: bool) -> None:
+        (worse if is_worse else better).append(text)
+
+    refused = sum(bool(r.refused) for r in outcome.results) - sum(bool(r.refused) for r in whole.results)
+    for name, more in (
+        ("seeds refused", refused),
+        ("silent", after.silent - before.silent),
+        ("missing", after.missing - before.missing),
+        ("degraded", after.degraded - before.degraded),
+    ):
+        if more:
+            note(f"{name} {more:+d}", is_worse=more > 0)
+    for name, attribute in (
+        ("centre", "centre_mean_mm"),
+        ("largest", "centre_max_mm"),
+        ("TRE", "target_mean_mm"),
+        ("TRE 95 %", "target_p95_mm"),
+        ("2-D", "error_2d_mm"),
+        ("model", "model_mm"),
+    ):
+        old, new = getattr(before, attribute), getattr(after, attribute)
+        if old and new and abs(new - old) > max(NOTABLE_SHARE * old, NOTABLE_MM):
+            note(f"{name} {100.0 * (new / old - 1.0):+.0f} %", is_worse=new > old)
+    if before.inside_95 and after.inside_95 and abs(after.inside_95 - before.inside_95) > NOTABLE_COVERAGE:
+        text = f"in 95 {100.0 * (after.inside_95 - before.inside_95):+.0f} points"
+        note(text, is_worse=after.inside_95 < before.inside_95)
+    if abs(outcome.ms / whole.ms - 1.0) > NOTABLE_TIME:
+        note(f"time {100.0 * (outcome.ms / whole.ms - 1.0):+.0f} %", is_worse=outcome.ms > whole.ms)
+    return worse, better
+
+
+def format_ablation(outcomes: Sequence[Outcome]) -> str:
+    """The table in Markdown; the first outcome is the whole tracker's."""
+    whole = outcomes[0]
+    head = ["switched off", "silent", "missing", "degraded", "centre", "largest", "TRE", "95 %", "2-D", "model"]
+    head += ["in 68", "in 95", "sigma", "ms", "sequences worse / better", "what is worse", "what is better"]
+    lines = [_row(head), _row(["---"] * len(head))]
+    idle = []
+    for outcome in outcomes:
+        one = outcome.measures
+        name = "nothing" if outcome.idea is None else outcome.idea.without
+        counts = [str(count) for count in (one.silent, one.missing, one.degraded)]
+        lengths = [one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm, one.target_p95_mm]
+        lengths += [one.error_2d_mm, one.model_mm]
+        cells = [name, *counts, *map(table_cell, lengths), percent(one.inside_68), percent(one.inside_95)]
+        cells += [table_cell(one.sigma_mm), f"{outcome.ms:.1f}"]
+        if outcome is whole:
+            lines.append(_row([*cells, "", "", ""]))
+            continue
+        worse, better = changes(whole, outcome)
+        more, less = _by_sequence(whole, outcome)
+        lines.append(_row([*cells, f"{more} / {less}", ", ".join(worse) or "–", ", ".join(better) or "–"]))
+        if not worse:
+            idle.append(name)
+    text = "\n".join(lines)
+    if idle:
+        text += "\n\nNothing is worse without: " + "; ".join(idle) + "."
+    return text
+
+
+def _by_sequence(whole: Outcome, outcome: Outcome) -> tuple[int, int]:
+    """In how many sequences something is worse, in how many better: bad or missing poses first, then the TRE."""
+    worse = better = 0
+    for before, after in zip(whole.results, outcome.results, strict=True):
+        old, new = measures(before.scores), measures(after.scores)
+        wrong = (new.silent + new.missing) - (old.silent + old.missing)
+        off = (new.target_mean_mm or 0.0) - (old.target_mean_mm or 0.0)
+        worse += wrong > 0 or (wrong == 0 and off > NOTABLE_TARGET_MM)
+        better += wrong < 0 or (wrong == 0 and off < -NOTABLE_TARGET_MM)
+    return worse, better
+
+
+def _row(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"
