@@ -74,9 +74,12 @@ def write(path: Path, entries: list[Entry]) -> Path:
 
 
 def check(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[Finding]]:
-    status = main(["check", str(path), "--json", "--quiet", *arguments])
-    answer = json.loads(capsys.readouterr().out)
+    figures = path.with_suffix(".json")
+    status = main(["check", str(path), "--json", str(figures), "--quiet", *arguments])
+    answer = json.loads(figures.read_text(encoding="utf-8"))
     assert answer["works"] == (status == 0)
+    shown = [one for one in answer["findings"] if one["severity"] != "note"]
+    assert len(capsys.readouterr().out.splitlines()) == len(shown)
     return status, [Finding(**one) for one in answer["findings"]]
 
 

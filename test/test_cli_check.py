@@ -35,6 +35,11 @@ def graph(tmp_path: Path) -> Any:
         yield started
 
 
+@pytest.fixture
+def figures(tmp_path: Path) -> Path:
+    return tmp_path / "check.json"
+
+
 class Bridge:
     """Publishes both planes from this process, at up to 10 pairs/s, stamped with this machine's clock."""
 
@@ -77,25 +82,25 @@ def ended(graph: Graph) -> bool:
     return "check" in graph.processes.ended()
 
 
-def answer(graph: Graph) -> dict[str, Any]:
-    return json.loads(graph.processes.log("check", 200))  # type: ignore[no-any-return]
+def answer(figures: Path) -> dict[str, Any]:
+    return json.loads(figures.read_text(encoding="utf-8"))  # type: ignore[no-any-return]
 
 
-def test_a_sound_graph(graph: Graph) -> None:
+def test_a_sound_graph(graph: Graph, figures: Path) -> None:
     bridge = Bridge(graph)
-    start(graph, "--json", "--seconds", "4")
+    start(graph, "--json", str(figures), "--seconds", "4")
     bridge.publish_until(lambda: ended(graph))
-    found = answer(graph)
+    found = answer(figures)
     assert graph.wait_for_end("check") == 0
     assert [(one["severity"], one["problem"]) for one in found["findings"]] == [("note", "no clicks yet")]
     assert found["facts"]["pairs"] > 1
     assert found["facts"]["plane_b"]["sizes"] == ["512x512"]
 
 
-def test_best_effort_images_that_get_lost_are_told_from_other_faults(graph: Graph) -> None:
+def test_best_effort_images_that_get_lost_are_told_from_other_faults(graph: Graph, figures: Path) -> None:
     """A check held up for a while loses what a reader held up, or a small shared memory, would lose."""
     bridge = Bridge(graph, reliable=False)
-    start(graph, "--json", "--seconds", "4")
+    start(graph, "--json", str(figures), "--seconds", "4")
     graph.wait_until(bridge.heard)
     for _ in range(4):
         bridge.publish()
@@ -104,18 +109,18 @@ def test_best_effort_images_that_get_lost_are_told_from_other_faults(graph: Grap
         bridge.publish()
     graph.processes.send("check", signal.SIGCONT)
     bridge.publish_until(lambda: ended(graph))
-    found = [one for one in answer(graph)["findings"] if "were lost" in one["problem"] and "image" in one["subject"]]
+    found = [one for one in answer(figures)["findings"] if "were lost" in one["problem"] and "image" in one["subject"]]
     assert {one["subject"] for one in found} == {"/plane_a/image_raw", "/plane_b/image_raw"}
     assert all("/lasso_listener publishes best effort" in one["problem"] for one in found)
     assert all("config/fastdds.xml" in one["cure"] for one in found)
 
 
-def test_millimetres_and_a_namespace(graph: Graph) -> None:
+def test_millimetres_and_a_namespace(graph: Graph, figures: Path) -> None:
     bridge = Bridge(graph, prefix="lab/", scale=1e3)
-    start(graph, "--json", "--seconds", "4", "--namespace", "lab")
+    start(graph, "--json", str(figures), "--seconds", "4", "--namespace", "lab")
     bridge.publish_until(lambda: ended(graph))
     assert graph.wait_for_end("check") == 2
-    errors = [one for one in answer(graph)["findings"] if one["severity"] == "error"]
+    errors = [one for one in answer(figures)["findings"] if one["severity"] == "error"]
     assert {one["subject"] for one in errors} == {"/plane_a/camera_info", "/plane_b/camera_info"}
     assert all("looks like millimetres" in one["problem"] for one in errors)
 

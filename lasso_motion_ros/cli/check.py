@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import threading
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE
 from lasso_motion_ros.cli.play import positive
 from lasso_motion_ros.cli.progress import progress
@@ -41,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help="read the recorded topic FROM as TO"
     )
-    parser.add_argument("--json", action="store_true", help="print facts and findings as JSON")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write facts and findings")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -55,16 +56,15 @@ def run(args: argparse.Namespace) -> int:
     findings = [*more, *examination.findings(topics)]
     works = all(finding.severity != "error" for finding in findings)
     facts = examination.facts()
-    if args.json:
-        print(json.dumps({"works": works, "facts": facts, "findings": [asdict(one) for one in findings]}, indent=1))
-    else:
-        if not args.quiet:
-            print("\n".join(_describe(facts)))
-        for finding in findings:
-            if finding.severity != "note" or not args.quiet:
-                print(finding)
-        if not args.quiet:
-            print("nothing keeps the tracker from working" if works else "the tracker cannot work with this")
+    if not args.quiet:
+        print("\n".join(_describe(facts)))
+    for finding in findings:
+        if finding.severity != "note" or not args.quiet:
+            print(finding)
+    if not args.quiet:
+        print("nothing keeps the tracker from working" if works else "the tracker cannot work with this")
+    if args.json is not None:
+        write_json(args.json, {"works": works, "facts": facts, "findings": [asdict(one) for one in findings]})
     return EXIT_DONE if works else EXIT_BAD_INPUT
 
 
