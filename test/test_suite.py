@@ -16,7 +16,16 @@ from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.settings import Event, GeometrySettings, LassoSettings, Scenario
 from lasso_motion_ros.suite.cache import SequenceCache
-from lasso_motion_ros.suite.report import Measures, confusion, event_timings, format_report, measures, sequence_counts
+from lasso_motion_ros.suite.report import (
+    EventTiming,
+    Measures,
+    confusion,
+    event_timings,
+    format_report,
+    measures,
+    sequence_counts,
+    timing_distribution,
+)
 from lasso_motion_ros.suite.run import Sequence, SequenceResult, render_sequence, run_sequence
 from lasso_motion_ros.suite.sequences import edge_on_deg, suite_scenario, suite_scenarios
 from lasso_motion_ros.suite.sweeps import START_PAUSE_S, START_TRIALS, SWEEPS, capture_range, sweep_scenarios
@@ -129,8 +138,26 @@ def test_events_are_timed() -> None:
         event=Event("hide", 1, 2),
     )
     (timing,) = event_timings([one])
-    assert (timing.pairs_to_silence, timing.pairs_to_recovery) == (1, 1)
-    assert "poses before silence" in format_report([one])
+    assert (timing.pairs_to_silence, timing.pairs_to_recovery, timing.returned) == (1, 1, True)
+    text = format_report([one])
+    assert "poses before silence" in text
+    assert text.splitlines()[-3:] == [
+        "pairs waited                       1",
+        "to no pose, hidden or taken out    1",
+        "from the return to a pose, hidden  1",
+    ]
+
+
+def test_pairs_waited_are_counted() -> None:
+    moved = [EventTiming("s", "move", silence, None, displaced, False) for silence, displaced in ((0, 0), (2, None))]
+    hidden = [EventTiming("s", "hide", 0, recovery, None, back) for recovery, back in ((3, True), (None, False))]
+    taken = [EventTiming("s", "remove", None, None, None, False)]
+    assert timing_distribution([*moved, *hidden, *taken]) == {
+        "to no pose, hidden or taken out": {"0": 2, "never": 1},
+        "to no pose, moved": {"0": 1, "2": 1},
+        "to DISPLACED, moved": {"0": 1, "never": 1},
+        "from the return to a pose, hidden": {"3": 1},
+    }
 
 
 def test_the_command_writes_tables_json_and_a_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

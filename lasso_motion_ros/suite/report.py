@@ -70,6 +70,7 @@ class EventTiming:
         pairs_to_silence: poses published after it before the first pair without one; 0 is at once.
         pairs_to_recovery: pairs from the lasso's return to the first pose; None where it did not return or recover.
         pairs_to_displaced: pairs from the first displaced one to DISPLACED; None where it was not said.
+        returned: whether the sequence goes on after it with the lasso in its place.
     """
 
     sequence: str
@@ -77,6 +78,7 @@ class EventTiming:
     pairs_to_silence: int | None
     pairs_to_recovery: int | None
     pairs_to_displaced: int | None
+    returned: bool
 
 
 def measures(scores: Sequence[PairScore]) -> Measures:
@@ -152,9 +154,32 @@ def event_timings(results: Sequence[SequenceResult]) -> tuple[EventTiming, ...]:
                     pairs_to_displaced=_first([score.state == TrackerState.DISPLACED.value for score in absent])
                     if event.kind == "move"
                     else None,
+                    returned=bool(back),
                 )
             )
     return tuple(timings)
+
+
+def timing_distribution(timings: Sequence[EventTiming]) -> dict[str, dict[str, int]]:
+    """How many events took how many pairs, by what was waited for; "never" where it did not come.
+
+    Pairs are counted from the one that had the event: 0 is in that very pair. A lasso that is hidden till the end
+    of its sequence, or is not seen again for another reason, has no recovery to wait for.
+    """
+    waits = {
+        "to no pose, hidden or taken out": [t.pairs_to_silence for t in timings if t.kind != "move"],
+        "to no pose, moved": [t.pairs_to_silence for t in timings if t.kind == "move"],
+        "to DISPLACED, moved": [t.pairs_to_displaced for t in timings if t.kind == "move"],
+        "from the return to a pose, hidden": [t.pairs_to_recovery for t in timings if t.kind == "hide" and t.returned],
+    }
+    distribution: dict[str, dict[str, int]] = {}
+    for name, pairs in waits.items():
+        names = [str(count) for count in sorted({count for count in pairs if count is not None})]
+        counts = {count: sum(str(value) == count for value in pairs) for count in names}
+        if None in pairs:
+            counts["never"] = pairs.count(None)
+        distribution[name] = counts
+    return distribution
 
 
 def suite_report(results: Sequence[SequenceResult]) -> dict[str, Any]:
@@ -177,6 +202,7 @@ def suite_report(results: Sequence[SequenceResult]) -> dict[str, Any]:
         "sequences_with": sequence_counts(results),
         "confusion": confusion(results),
         "events": [asdict(timing) for timing in event_timings(results)],
+        "pairs_waited": timing_distribution(event_timings(results)),
     }
 
 
@@ -218,6 +244,12 @@ def format_report(results: Sequence[SequenceResult]) -> str:
             cells = (t.pairs_to_silence, t.pairs_to_recovery, t.pairs_to_displaced)
             timing_lines.append([t.sequence, t.kind, *("–" if value is None else str(value) for value in cells)])
         parts.append(_table(timing_lines))
+        waits = timing_distribution(timings)
+        found = {count for counts in waits.values() for count in counts}
+        columns = sorted(found - {"never"}, key=int) + sorted(found & {"never"})
+        wait_lines = [["pairs waited", *columns]]
+        wait_lines += [[name, *(str(of.get(count, 0)) for count in columns)] for name, of in waits.items() if of]
+        parts.append(_table(wait_lines))
     return "\n\n".join(parts)
 
 
