@@ -108,6 +108,18 @@ class Page:
         x, y = (np.asarray(point) - (side - 1) / 2) * min(size["width"], size["height"]) / side
         ActionChains(self.driver, duration=0).move_to_element_with_offset(canvas, round(x), round(y)).click().perform()
 
+    def drag_right(self, plane: str, x: int, y: int) -> None:
+        """Drag with the right button from a plane's middle, by screen pixels."""
+        from selenium.webdriver import ActionChains
+        from selenium.webdriver.common.actions.mouse_button import MouseButton
+
+        canvas = self.driver.find_element("css selector", f"#plane-{plane} canvas.marks")
+        chain = ActionChains(self.driver, duration=50).move_to_element(canvas)
+        chain.w3c_actions.pointer_action.pointer_down(MouseButton.RIGHT)
+        chain.w3c_actions.pointer_action.move_by(x, y)
+        chain.w3c_actions.pointer_action.pointer_up(MouseButton.RIGHT)
+        chain.perform()
+
     def complaints(self) -> list[str]:
         """What the browser's console holds against the page."""
         return [entry["message"] for entry in self.driver.get_log("browser") if "WebSocket" not in entry["message"]]

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -18,20 +19,26 @@ from browser import Page, open_page, require_browser
 from drawn_recording import SIDE, loop, projections, shift
 from method_inputs import draw_curve
 from node_harness import Graph
+from scipy.spatial import cKDTree
 from selenium.webdriver.common.keys import Keys
 
+from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
 from lasso_motion_ros.transforms import apply
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.markers import ADD
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.poses import decode_pose
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
 
 PERIOD_S = 0.125
 START_NS = 1_760_000_000_000_000_000
 BREATH_MM = 7.0
+LEGEND_FROM = 0.8 * SIDE
+CORNERS = 0.028 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
+FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
 
 
 class Stream:
@@ -122,6 +129,22 @@ class Stage:
         assert markers[-1].action == ADD
         return np.array([[point.x, point.y, point.z] for point in markers[-1].points])
 
+    def settled_motion(self) -> np.ndarray:
+        """Stop the images and give back the motion that the tracker published for the last pair, (4, 4)."""
+        self.stream.stop()
+        motions = self.graph.heard.messages["motion"]
+        self.graph.heard.wait_for(lambda: stamp_to_ns(motions[-1].header.stamp) == self.stream.last_ns)
+        return decode_pose(motions[-1])
+
+    def outline(self, plane: str) -> np.ndarray:
+        """(N, 2) image pixels where the overlay's compensated outline is green on the page's film."""
+        film = self.page.pixels(plane, "film").astype(int)
+        factor = min(film.shape[:2]) / SIDE
+        rows, columns = np.nonzero(film[..., 1] - np.maximum(film[..., 0], film[..., 2]) > 40)
+        middle = np.array(film.shape[1::-1]) / 2
+        points = (np.column_stack([columns, rows]) + 0.5 - middle) / factor + (SIDE - 1) / 2
+        return points[points[:, 1] < LEGEND_FROM]
+
 
 def homogeneous(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Projection by the matrix as it stands in the message, without the package's own geometry."""
@@ -140,8 +163,13 @@ def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     require_browser()
     directory = tmp_path_factory.mktemp("page")
-    with Graph((topics.CATHETER, topics.STATE), directory) as graph:
+    write_stl(directory / "tetrahedron.stl", TriangleMesh(CORNERS, FACES), "mm")
+    # Rather late than with the motion of another pair: a machine that tests is busy.
+    given = (f"volume_file:={directory / 'tetrahedron.stl'}", "units:=mm", "style.outline_width_px:=6.0")
+    surface = [word for value in (*given, "motion_wait_s:=1.0") for word in ("-p", value)]
+    with Graph((topics.CATHETER, topics.MOTION, topics.STATE), directory) as graph:
         graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker")
+        graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *surface])
         graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
         graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
         url = graph.processes.log("web").partition("the page is at ")[2].split()[0]
@@ -190,6 +218,63 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
 
 def near(drawn: np.ndarray, expected: np.ndarray) -> bool:
     return len(drawn) > 100 and float(distances(drawn, expected).max()) < 1.5
+
+
+def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -> None:
+    page, stream = stage.page, stage.stream
+    page.wait_for_state("TRACKING")
+    page.wait_for(lambda: page.driver.find_element("id", "drawing").is_enabled(), "the overlay's style")
+    page.press("o")
+    page.wait_for(lambda: page.driver.find_element("id", "drawing").get_attribute("value") == "outline", "its change")
+    seen = []
+    for _ in range(2):
+        corners = apply(stage.settled_motion(), CORNERS)
+        for plane in "ab":
+            matrix = encode_camera_info(projections()[plane], {})["p"]
+            hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
+            hull = np.concatenate([hull, hull[:1]])
+            page.wait_for(
+                lambda p=plane, h=hull: outlined(stage.outline(p), h), f"the outline of plane {plane} in its place"
+            )
+        seen.append((stream.last_mm, hull.mean(axis=0)))
+        now_mm = stream.last_mm
+        stream.start()
+        page.wait_for(lambda now=now_mm: abs(stream.last_mm - now) > BREATH_MM, "another phase")
+    assert np.linalg.norm(seen[1][1] - seen[0][1]) > 4.0
+    assert page.complaints() == []
+
+
+def outlined(drawn: np.ndarray, hull: np.ndarray) -> bool:
+    """Whether the outline, drawn three pixels wide, lies on a polygon and all along it, but for the ring."""
+    if len(drawn) < 200:
+        return False
+    steps = np.linspace(0.0, 1.0, 200)[:, None, None]
+    sides = (hull[:-1] + steps * (hull[1:] - hull[:-1])).reshape(-1, 2)
+    gaps = cKDTree(drawn).query(sides)[0]
+    return cKDTree(sides).query(drawn)[0].max() < 4.0 and np.quantile(gaps, 0.95) < 2.0 and gaps.max() < 12.0
+
+
+def test_brightness_and_contrast_of_what_is_looked_at(stage: Stage) -> None:
+    page = stage.page
+    page.wait_for_state("TRACKING")
+    page.wait_for(lambda: len(stage.outline("a")) > 200, "the overlay")
+
+    def grey() -> float:
+        return float(np.median(page.pixels("a", "film")[..., :3].mean(axis=2)))
+
+    stage.stream.stop()
+    before = grey()
+    page.press("[", "[", "[")  # the film's ground is nearly white by itself
+    page.wait_for(lambda: grey() < before - 15.0, "a darker picture by keys")
+    assert len(stage.outline("a")) > 200  # what is drawn keeps its colour
+    page.press("w")
+    page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
+    page.drag_right("b", 0, 120)
+    page.wait_for(lambda: grey() < before - 15.0, "a darker picture by the pointer, in both planes")
+    assert page.driver.find_element("id", "window-reset").is_enabled()
+    page.press("w")
+    page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
+    stage.stream.start()
 
 
 def test_a_loss_takes_the_loop_away_and_says_so(stage: Stage) -> None:

@@ -34,6 +34,8 @@ def window_image(image: GreyImage, limits: tuple[float, float] | None = None) ->
     """
     low, high = window_limits(image) if limits is None else limits
     scale = 255.0 / (high - low)
+    if low <= 0.0:
+        return np.asarray(cv2.convertScaleAbs(image, alpha=scale, beta=-low * scale), dtype=np.uint8)
     # Subtraction saturates at zero first, because convertScaleAbs would fold negative values up.
     return np.asarray(cv2.convertScaleAbs(cv2.subtract(image, np.array([low, 0, 0, 0])), alpha=scale), dtype=np.uint8)
 

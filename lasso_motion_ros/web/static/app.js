@@ -30,6 +30,7 @@ for (const name of NAMES) {
     grab: () => clicks.remember(),
     move: (plane, index, point) => change(() => clicks.move(plane, index, point)),
     choose: (plane) => choose(plane, false),
+    window: (right, up) => slide({ contrast: 3 * right, brightness: 2 * up }),
   });
 }
 const link = new Link({ status: takeStatus, trace: takeTrace, picture: takePicture, connection: takeConnection });
@@ -106,11 +107,6 @@ function refresh() {
     view === "overlay" && status?.overlay && !clicking ? "Hide overlay" : "Show overlay";
   get("drawing").disabled = !status?.drawing;
   if (status?.drawing) get("drawing").value = status.drawing;
-  const windowed = live && view === "overlay" && status?.overlay && !clicking;
-  for (const id of ["brightness", "contrast", "window-reset"]) {
-    get(id).disabled = windowed;
-    get(id).title = windowed ? "the overlay node windows its own pictures; switch to film" : "";
-  }
   get("send").disabled = !enough();
   for (const name of NAMES) {
     const plane = planes[name];
@@ -280,12 +276,24 @@ function store() {
 // Buttons and keys.
 
 function wish() {
-  link.want(view, Number(get("brightness").value), Math.exp(Number(get("contrast").value) * Math.LN2 * 0.999));
+  link.want(view, grey.brightness, Math.exp(grey.contrast * Math.LN2 * 0.999));
+  get("window-reset").disabled = !grey.brightness && !grey.contrast;
 }
 
-function slide(id, by) {
-  if (get(id).disabled) return;
-  get(id).value = Number(get(id).value) + by;
+/** Add to the sliders: each moves by what it is given. */
+function slide(steps) {
+  for (const [id, by] of Object.entries(steps)) {
+    grey[id] = Math.min(Number(get(id).max), Math.max(Number(get(id).min), grey[id] + by));
+    get(id).value = grey[id];
+  }
+  wish();
+}
+
+/** What the sliders stand for, finer than they can: small drags add up. */
+const grey = { brightness: 0, contrast: 0 };
+
+function takeSliders() {
+  for (const id of Object.keys(grey)) grey[id] = Number(get(id).value);
   wish();
 }
 
@@ -326,10 +334,7 @@ const deeds = {
     wish();
     refresh();
   },
-  "window-reset": () => {
-    get("brightness").value = get("contrast").value = 0;
-    wish();
-  },
+  "window-reset": () => slide({ brightness: -grey.brightness, contrast: -grey.contrast }),
   "zoom-reset": () => NAMES.forEach((name) => planes[name].whole()),
   previous: () => ask("go", { index: status.index - 1 }),
   next: () => ask("go", { index: status.index + 1 }),
@@ -337,7 +342,7 @@ const deeds = {
   save: () => ask("save"),
 };
 for (const [id, deed] of Object.entries(deeds)) get(id).addEventListener("click", deed);
-for (const id of ["brightness", "contrast"]) get(id).addEventListener("input", wish);
+for (const id of ["brightness", "contrast"]) get(id).addEventListener("input", takeSliders);
 get("drawing").addEventListener("change", () => ask("style", { drawing: get("drawing").value }));
 get("slider").addEventListener("input", () => ask("go", { index: Number(get("slider").value) }));
 get("closed").addEventListener("change", () => change(() => {}));
@@ -378,10 +383,10 @@ const keys = {
   "+": () => planes[chosen].zoomBy(1.25, crossPlace()),
   "=": () => planes[chosen].zoomBy(1.25, crossPlace()),
   "-": () => planes[chosen].zoomBy(0.8, crossPlace()),
-  "[": () => slide("brightness", -0.1),
-  "]": () => slide("brightness", 0.1),
-  "{": () => slide("contrast", -0.2),
-  "}": () => slide("contrast", 0.2),
+  "[": () => slide({ brightness: -0.1 }),
+  "]": () => slide({ brightness: 0.1 }),
+  "{": () => slide({ contrast: -0.2 }),
+  "}": () => slide({ contrast: 0.2 }),
   ArrowLeft: (far) => planes[chosen].step(-far, 0),
   ArrowRight: (far) => planes[chosen].step(far, 0),
   ArrowUp: (far) => planes[chosen].step(0, -far),

@@ -7,7 +7,8 @@ const CLICK_COLOUR = "#78beff";
 const LOOP_COLOUR = "#ffe240"; // as in the overlay node's pictures
 
 export class Plane {
-  /** act: {add, remove, grab, move, choose}: what to do when the user clicks, right-clicks, drags a point, comes here. */
+  /** act: {add, remove, grab, move, choose, window}: what to do when the user clicks, right-clicks, drags a point, comes
+   * here, drags with the right button (or Shift) for brightness and contrast. */
   constructor(root, name, act) {
     this.root = root;
     this.name = name;
@@ -165,10 +166,11 @@ export class Plane {
       ];
     };
     this.marks.addEventListener("pointerdown", (event) => {
-      if (!this.bitmap || event.button === 2) return;
+      if (!this.bitmap) return;
       this.marks.setPointerCapture(event.pointerId);
       const at = where(event);
-      press = { at, last: at, moved: false, point: this.clicking && event.button === 0 ? this.pointAt(at) : null };
+      const windows = event.button === 2 || event.shiftKey;
+      press = { at, last: at, moved: false, windows, button: event.button, point: this.clicking && !windows && event.button === 0 ? this.pointAt(at) : null };
     });
     this.marks.addEventListener("pointermove", (event) => {
       if (!press) return;
@@ -177,7 +179,10 @@ export class Plane {
       if (!press.moved && Math.hypot(at[0] - press.at[0], at[1] - press.at[1]) < CLICK_PX * ratio) return;
       if (!press.moved && press.point !== null) this.act.grab(this.name);
       press.moved = true;
-      if (press.point !== null) this.act.move(this.name, press.point, this.inside(this.toImage(at)));
+      if (press.windows) {
+        const width = this.stage.clientWidth * ratio;
+        this.act.window((at[0] - press.last[0]) / width, (press.last[1] - at[1]) / width);
+      } else if (press.point !== null) this.act.move(this.name, press.point, this.inside(this.toImage(at)));
       else {
         const s = this.factor;
         this.pan((press.last[0] - at[0]) / s, (press.last[1] - at[1]) / s);
@@ -186,18 +191,17 @@ export class Plane {
     });
     this.marks.addEventListener("pointerup", (event) => {
       if (!press) return;
-      const { moved, at, point } = press;
+      const { moved, at, point, button } = press;
       press = null;
-      if (moved || point !== null || event.button !== 0) return;
+      if (moved || point !== null) return;
+      if (button === 2 && this.clicking) this.act.remove(this.name);
+      if (button !== 0) return;
       const [x, y] = this.toImage(at);
       if (!this.clicking || x < -0.5 || y < -0.5 || x > this.bitmap.width - 0.5 || y > this.bitmap.height - 0.5) return;
       this.act.add(this.name, [x, y]);
     });
     this.marks.addEventListener("pointercancel", () => (press = null));
-    this.marks.addEventListener("contextmenu", (event) => {
-      event.preventDefault();
-      if (this.clicking) this.act.remove(this.name);
-    });
+    this.marks.addEventListener("contextmenu", (event) => event.preventDefault());
     this.marks.addEventListener("wheel", (event) => {
       event.preventDefault();
       if (this.bitmap) this.zoomBy(Math.exp(-event.deltaY / (event.deltaMode === 1 ? 12 : 400)), where(event));
