@@ -19,9 +19,10 @@ from msg_adapters.calibrations import Extrinsics, decode_camera_info
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 
-# Images (and time between their stamps) that may pass while one waits for its calibration; stamps remembered.
+# Images (and time between their stamps) that may pass while one waits for its calibration; stamps remembered. A
+# reliable publisher whose small messages were pushed out by large images sends them again after up to ten frames.
 _PATIENCE = 2
-_LAG_NS = 200_000_000
+_LAG_NS = 700_000_000
 _MAX_WAITING = 32
 _REMEMBERED = 64
 
@@ -61,7 +62,8 @@ class CalibratedFrames:
         self._heard = False
         self._newest_ns = 0
         self._per_frame: bool | None = None  # None: the stamps have not shown it yet
-        self._recent_images: deque[int] = deque(maxlen=8)
+        self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
+        self._settled: list[tuple[int, Frame | None]] = []
         self._last_message: tuple[bytes, Projection] | None = None
         self._complaints: list[str] = []
 
@@ -80,6 +82,23 @@ class CalibratedFrames:
 
         One that breaks the contract is a complaint.
         """
+        self.take_image(message)
+        return _frames_of(self.settled())
+
+    def add_camera_info(self, message: Any) -> list[Frame]:
+        """Take a CameraInfo, give back the frames that are complete now.
+
+        One that breaks the contract is a complaint; images that would have used it are left out.
+        """
+        self.take_camera_info(message)
+        return _frames_of(self.settled())
+
+    def flush(self) -> list[Frame]:
+        """The frames that are left when nothing more will come."""
+        return _frames_of(self.settled(final=True))
+
+    def take_image(self, message: Any) -> int | None:
+        """Take an image; its stamp, or None where it is refused. Once settled it is among `settled()`."""
         self.counts.images += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
@@ -89,20 +108,19 @@ class CalibratedFrames:
         except MessageError as error:
             self.counts.refused_images += 1
             self._complaints.append(str(error))
-            return []
-        if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS < self._newest_ns:
-            # Back to an earlier time: calibrations of the later one say nothing about what is still to come.
-            self._own.clear()
-            self._newest_ns = 0
+            return None
+        if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS:
+            self._leave_behind()
+            if self._recent_images[-1] - NANOSECONDS < self._newest_ns:
+                # Back to an earlier time: calibrations of the later one say nothing about what is still to come.
+                self._own.clear()
+                self._newest_ns = 0
         self._recent_images.append(stamp)
         self._waiting.append((stamp, pixels))
-        return self._complete()
+        return stamp
 
-    def add_camera_info(self, message: Any) -> list[Frame]:
-        """Take a CameraInfo, give back the frames that are complete now.
-
-        One that breaks the contract is a complaint; images that would have used it are left out.
-        """
+    def take_camera_info(self, message: Any) -> None:
+        """Take a calibration; what it settles is among `settled()`."""
         self.counts.calibrations += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
@@ -123,11 +141,19 @@ class CalibratedFrames:
             del self._own[next(iter(self._own))]
         self._latest, self._heard = projection, True
         self._newest_ns = max(self._newest_ns, stamp)
-        return self._complete()
 
-    def flush(self) -> list[Frame]:
-        """The frames that are left when nothing more will come."""
-        return self._complete(final=True)
+    def settled(self, final: bool = False) -> list[tuple[int, Frame | None]]:
+        """The images settled since the last call, in the order in which they were taken.
+
+        Args:
+            final: nothing more will come: all that wait are settled.
+
+        Returns:
+            Stamp, and the frame, or None where the image is left out for want of a calibration.
+        """
+        self._settle(final)
+        settled, self._settled = self._settled, []
+        return settled
 
     def _decoded(self, message: Any) -> Projection:
         roi = message.roi
@@ -140,8 +166,7 @@ class CalibratedFrames:
         self._last_message = (content, projection)
         return projection
 
-    def _complete(self, final: bool = False) -> list[Frame]:
-        frames: list[Frame] = []
+    def _settle(self, final: bool) -> None:
         while self._waiting:
             stamp, pixels = self._waiting[0]
             if stamp in self._own:
@@ -154,10 +179,14 @@ class CalibratedFrames:
             else:
                 projection = self._standing_in(stamp)
             self._waiting.popleft()
-            frame = self._frame(stamp, pixels, projection)
-            if frame is not None:
-                frames.append(frame)
-        return frames
+            self._settled.append((stamp, self._frame(stamp, pixels, projection)))
+
+    def _leave_behind(self) -> None:
+        """Settle the images before a step back in time: what comes now says nothing about them."""
+        while self._waiting:
+            stamp, pixels = self._waiting.popleft()
+            projection = self._own.get(stamp, None if self._per_frame else self._latest)
+            self._settled.append((stamp, self._frame(stamp, pixels, projection)))
 
     def _must_wait(self, stamp: int, final: bool) -> bool:
         """Whether this image's own calibration, or any at all, may still come."""
@@ -201,3 +230,7 @@ class CalibratedFrames:
             )
             return None
         return Frame(stamp, pixels, projection)
+
+
+def _frames_of(settled: list[tuple[int, Frame | None]]) -> list[Frame]:
+    return [frame for _, frame in settled if frame is not None]

@@ -3,7 +3,8 @@
 A B belongs to the last A that is not later than it (jitter aside), up to half of A's frame period after it; or,
 where the time from A's to B's exposure is known, to the A nearest to it. Frames of one plane come in order of
 their stamps; between the planes any order will do: a frame waits for its partner until frames of the other plane
-show that it is not coming, or its own plane has gone on for 0.2 s and two frames without one.
+show that it is not coming, or its own plane has gone on for 0.5 s and two frames without one. A plane that was found
+silent so is waited for 0.2 s only, until it is heard again: its silence delays the other plane once, not always.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ PlaneName = Literal["a", "b"]
 NEW_RUN_NS = 1_000_000_000
 # The slowest sequence is 1 frame/s: a longer interval is a pause, and says nothing about the period.
 MAX_PERIOD_NS = 1_000_000_000
-# How far its own plane goes on, at least, before a frame gives up its partner: topics lag behind each other.
-_LAG_NS = 200_000_000
+# How far its own plane goes on, at least, before a frame gives up its partner: topics lag behind each other, and a
+# reliable publisher sends lost pieces of an image again after some frames. And how far where the other plane is silent.
+_LAG_NS = 500_000_000
+_SILENT_LAG_NS = 200_000_000
 _MAX_WAITING = 32
 _RECENT = 5
 _MAX_BACKWARD = 16
@@ -77,11 +80,13 @@ class _PlaneQueue(Generic[Item]):
         waiting: in order of stamps.
         newest_ns: newest stamp of this run, decided or not.
         backward: images from more than a second before it: a new run, if the other plane agrees.
+        silent: frames of the other plane have waited for it in vain since it was heard last.
     """
 
     waiting: deque[_Waiting[Item]] = field(default_factory=deque)
     newest_ns: int | None = None
     backward: list[tuple[int, Item]] = field(default_factory=list)
+    silent: bool = False
 
 
 class PairSynchroniser(Generic[Item]):
@@ -93,8 +98,9 @@ class PairSynchroniser(Generic[Item]):
     Args:
         jitter_s: a B this much earlier than its A still belongs to it.
         plane_b_offset_s: known time from A's to B's exposure; negative: unknown.
-        patience: further frames of its own plane (and 0.2 s of their stamps) that a frame waits through for a
-            partner that the other plane's frames do not yet rule out: the topics may overtake each other.
+        patience: further frames of its own plane (and 0.5 s of their stamps, 0.2 s after a silence) that a frame
+            waits through for a partner that the other plane's frames do not yet rule out: the topics may overtake
+            each other.
     """
 
     def __init__(self, jitter_s: float, plane_b_offset_s: float, patience: int = 1) -> None:
@@ -184,18 +190,21 @@ class PairSynchroniser(Generic[Item]):
             if queue.waiting and queue.waiting[-1].period_ns is None:
                 queue.waiting[-1].period_ns = interval  # a run's first A has only the next one to tell
         queue.newest_ns = stamp_ns
+        queue.silent = False
         queue.waiting.append(entry)
 
     def _decide(self, final: bool = False) -> Iterator[Pair[Item]]:
         waiting_a, waiting_b = self._queues["a"].waiting, self._queues["b"].waiting
         while waiting_a or waiting_b:
             if not waiting_b:
-                if not (final or self._has_waited(waiting_a)):
+                if not (final or self._has_waited("a")):
                     return
+                self._queues["b"].silent = True
                 yield from self._give(waiting_a.popleft(), None)
             elif not waiting_a:
-                if not (final or self._has_waited(waiting_b)):
+                if not (final or self._has_waited("b")):
                     return
+                self._queues["a"].silent = True
                 yield from self._give(None, waiting_b.popleft())
             else:
                 verdict = self._verdict(waiting_a, waiting_b, final)
@@ -206,11 +215,13 @@ class PairSynchroniser(Generic[Item]):
                     None if verdict == "a alone" else waiting_b.popleft(),
                 )
 
-    def _has_waited(self, waiting: deque[_Waiting[Item]]) -> bool:
-        """Whether the oldest of these has waited for its partner as long as it may."""
+    def _has_waited(self, plane: PlaneName) -> bool:
+        """Whether a plane's oldest frame has waited for its partner as long as it may."""
+        waiting, other = self._queues[plane].waiting, self._queues["b" if plane == "a" else "a"]
         if len(waiting) <= 1 + self._patience:
             return False
-        return waiting[-1].stamp_ns - waiting[0].stamp_ns >= _LAG_NS or len(waiting) > _MAX_WAITING
+        lag_ns = _SILENT_LAG_NS if other.silent else _LAG_NS
+        return waiting[-1].stamp_ns - waiting[0].stamp_ns >= lag_ns or len(waiting) > _MAX_WAITING
 
     def _verdict(
         self, waiting_a: deque[_Waiting[Item]], waiting_b: deque[_Waiting[Item]], final: bool
@@ -219,7 +230,7 @@ class PairSynchroniser(Generic[Item]):
         first, after = waiting_a[0], waiting_b[0].stamp_ns - waiting_a[0].stamp_ns
         jitter, known = self._jitter_ns, self._known_offset_ns
         until_next = waiting_a[1].stamp_ns - first.stamp_ns if len(waiting_a) > 1 else None
-        nothing_to_wait_for = final or until_next is not None or self._has_waited(waiting_b)
+        nothing_to_wait_for = final or until_next is not None or self._has_waited("b")
         period = first.period_ns
         if period is None and nothing_to_wait_for:
             between_b = waiting_b[1].stamp_ns - waiting_b[0].stamp_ns if len(waiting_b) > 1 else MAX_PERIOD_NS

@@ -69,14 +69,23 @@ def test_missing_b_is_known_once_a_later_b_has_come(offset_ms: float) -> None:
 
 
 def test_missing_b_is_known_once_enough_as_have_come() -> None:
-    at = stream(67, 0)
+    at = stream(67, 0, 20)
     sync = synchroniser()
     feed(sync, "a0", "b0", at_ms=at)
-    assert feed(sync, "a1", "a2", "a3", at_ms=at) == []
-    assert feed(sync, "a4", at_ms=at) == [("a1", None)]  # 201 ms later
+    assert feed(sync, *(f"a{i}" for i in range(1, 9)), at_ms=at) == []
+    assert feed(sync, "a9", at_ms=at) == [(f"a{i}", None) for i in range(1, 7)]  # 536 ms later
     slow, at = synchroniser(), stream(333, 0)
     assert feed(slow, "a0", "b0", "a1", "a2", at_ms=at) == [("a0", "b0")]
     assert feed(slow, "a3", at_ms=at) == [("a1", None)]
+
+
+def test_a_silent_plane_is_waited_for_long_only_once() -> None:
+    at = stream(67, 0, 40)
+    sync = synchroniser()
+    feed(sync, "a0", "b0", *(f"a{i}" for i in range(1, 10)), at_ms=at)
+    assert feed(sync, "a10", at_ms=at) == [("a7", None)]  # 201 ms later
+    assert feed(sync, "a11", "b11", at_ms=at) == [*((f"a{i}", None) for i in range(8, 11)), ("a11", "b11")]
+    assert feed(sync, *(f"a{i}" for i in range(12, 20)), at_ms=at) == []  # heard again: long once more
 
 
 def test_missing_a_gets_the_stamp_that_it_would_have_had() -> None:
@@ -124,10 +133,11 @@ def test_repeated_and_late_frames_are_dropped_and_counted() -> None:
 
 
 def test_partner_that_comes_after_its_instant_was_answered_is_dropped() -> None:
-    at = stream(67, 0)
+    at = stream(333, 0)
     sync = synchroniser()
     feed(sync, "a0", "b0", at_ms=at)
-    assert feed(sync, "a1", "a2", "a3", "a4", "b1", "b2", "b3", at_ms=at) == [("a1", None), ("a2", "b2"), ("a3", "b3")]
+    assert feed(sync, "a1", "a2", "a3", at_ms=at) == [("a1", None)]
+    assert feed(sync, "b1", "b2", "b3", at_ms=at) == [("a2", "b2"), ("a3", "b3")]
     assert sync.counts["b"].dropped == 1
 
 

@@ -18,11 +18,12 @@ from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, HeartbeatStatus
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.tracker import RingMotion, Tracker, TrackerState, TrackResult
-from msg_adapters.calibrated_frames import CalibratedFrames, CalibrationCounts
+from msg_adapters.calibrated_frames import CalibrationCounts
 from msg_adapters.calibrations import Extrinsics
+from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import MessageFactory, header_fields, stamp_to_ns
-from msg_adapters.pairing import Pair, PairSynchroniser, PlaneCounts
+from msg_adapters.pairing import Pair, PlaneCounts
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 from msg_adapters.seeds import decode_seed
 from msg_adapters.topics import (
@@ -139,8 +140,7 @@ class TrackingPipeline:
         self._config = config
         self._messages = messages
         self._tracker = tracker
-        self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames(extrinsics) for plane in PLANES}
-        self._pairing: PairSynchroniser[Frame] = PairSynchroniser(config.sync.jitter_s, config.sync.plane_b_offset_s)
+        self._pairs = FramePairs(config.sync.jitter_s, config.sync.plane_b_offset_s, extrinsics)
         self._clicked = ClickedPairs(config.seed_buffer_pairs)
         # A pair may wait for the tracker beside those that wait for clicks.
         self._heartbeat = HeartbeatSeparation(config.heartbeat, remembered=2 * config.seed_buffer_pairs + 64)
@@ -168,12 +168,12 @@ class TrackingPipeline:
     def add_image(self, plane: Plane, message: Any) -> list[ReadyPair]:
         """Take an Image (or CompressedImage) of one plane; give back the pairs whose turn it is."""
         with self._intake:
-            return self._paired(plane, self._frames[plane].add_image(message), image_topic(plane))
+            return self._issued(self._pairs.add_image(plane, message), plane, image_topic(plane))
 
     def add_camera_info(self, plane: Plane, message: Any) -> list[ReadyPair]:
         """Take a CameraInfo of one plane; give back the pairs whose turn it is."""
         with self._intake:
-            return self._paired(plane, self._frames[plane].add_camera_info(message), camera_info_topic(plane))
+            return self._issued(self._pairs.add_camera_info(plane, message), plane, camera_info_topic(plane))
 
     def add_seed(self, plane: Plane, message: Any) -> list[ReadyPair]:
         """Take the clicks in one plane; give back the pairs to go through (again), see `ClickedPairs`."""
@@ -184,7 +184,7 @@ class TrackingPipeline:
                 self._report(seed_topic(plane).name, str(error))
                 return []
             ready = self._clicked.add_clicks(
-                plane, stamp_to_ns(message.header.stamp), points, hold=self._pairing.restarting
+                plane, stamp_to_ns(message.header.stamp), points, hold=self._pairs.pairing.restarting
             )
             self._report_clicks()
             return [] if ready is None else self._registered([ready])
@@ -227,20 +227,16 @@ class TrackingPipeline:
     def flush(self) -> list[ReadyPair]:
         """The pairs that are left when nothing more will come."""
         with self._intake:
-            ready: list[ReadyPair] = []
+            pairs = self._pairs.flush()
             for plane in PLANES:
-                ready += self._paired(plane, self._frames[plane].flush(), image_topic(plane))
-            return ready + self._issued(self._pairing.flush())
+                self._report_frames(plane, image_topic(plane))
+            return self._given_out(pairs)
 
-    def _paired(self, plane: Plane, frames: list[Frame], topic: Topic) -> list[ReadyPair]:
-        for complaint in self._frames[plane].take_complaints():
-            self._report(topic.name, complaint)
-        ready: list[ReadyPair] = []
-        for frame in frames:
-            ready += self._issued(self._pairing.add(plane, frame.stamp_ns, frame))
-        return ready
+    def _issued(self, pairs: list[Pair[Frame]], plane: Plane, topic: Topic) -> list[ReadyPair]:
+        self._report_frames(plane, topic)
+        return self._given_out(pairs)
 
-    def _issued(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
+    def _given_out(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
         for pair in pairs:
             self._heartbeat.add_pair(pair.stamp_ns, new_run=pair.new_run)
         ready = [self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run) for pair in pairs]
@@ -251,6 +247,10 @@ class TrackingPipeline:
         """Remember those that must not be lost, though a busy node may skip pairs: seeds and new runs."""
         self._indispensable.extend(one for one in ready if one.seed is not None or one.new_run)
         return ready
+
+    def _report_frames(self, plane: Plane, topic: Topic) -> None:
+        for complaint in self._pairs.frames[plane].take_complaints():
+            self._report(topic.name, complaint)
 
     def _report_clicks(self) -> None:
         for plane, reason in self._clicked.take_complaints():
@@ -270,7 +270,7 @@ class TrackingPipeline:
 
     def pending_outputs(self) -> list[Output]:
         """State changes that no pair brings: the calibration of both planes has come."""
-        if self._said_calibrated or not all(self._frames[plane].calibrated for plane in PLANES):
+        if self._said_calibrated or not all(self._pairs.frames[plane].calibrated for plane in PLANES):
             return []
         self._said_calibrated = True
         with self._tracking:
@@ -343,15 +343,15 @@ class TrackingPipeline:
                 poses=sum(count for state, count in self._states.items() if state.has_pose),
                 states={state: count for state, count in dict(self._states).items() if count},
                 problems=dict(self._problem_counts),
-                frames={plane: dataclasses.replace(self._frames[plane].counts) for plane in PLANES},
-                pairing={plane: dataclasses.replace(self._pairing.counts[plane]) for plane in PLANES},
+                frames={plane: dataclasses.replace(self._pairs.frames[plane].counts) for plane in PLANES},
+                pairing={plane: dataclasses.replace(self._pairs.pairing.counts[plane]) for plane in PLANES},
                 last_pair_ns=None if pair is None else pair.stamp_ns,
                 last_pose_ns=self._last_pose_ns,
                 residual_px={} if result is None else dict(result.residual_px),
                 ring=None if result is None else result.ring,
                 heartbeat=self._heartbeat.status,
-                offset_ns=self._pairing.offset_ns,
-                calibrated=tuple(plane for plane in PLANES if self._frames[plane].calibrated),
+                offset_ns=self._pairs.pairing.offset_ns,
+                calibrated=tuple(plane for plane in PLANES if self._pairs.frames[plane].calibrated),
             )
 
     def _answer(self, ready: ReadyPair) -> list[Output]:
