@@ -55,8 +55,10 @@ class Strip:
 def strip_along(curve: Array, projection: Projection) -> Strip:
     """The strip along a curve (L, 3) of world metres under a projection to working pixels."""
     pixels = projection.project(curve)
-    steps = np.gradient(pixels, axis=0)
-    spacing = np.linalg.norm(steps, axis=1)
+    steps = np.empty_like(pixels)  # central differences, one-sided at the ends
+    steps[1:-1] = 0.5 * (pixels[2:] - pixels[:-2])
+    steps[0], steps[-1] = pixels[1] - pixels[0], pixels[-1] - pixels[-2]
+    spacing = np.hypot(steps[:, 0], steps[:, 1])
     tangents = steps / np.maximum(spacing, 1e-9)[:, None]
     normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
     step = PIXEL_MM / projection.millimetres_per_pixel(curve.mean(axis=0))
@@ -117,18 +119,21 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
         (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its
         first element.
     """
-    at = strip.coordinates().reshape(-1, 2).astype(np.float64) / cell_px + (0.5 / cell_px - 0.5)
-    low = np.floor(at.min(axis=0)).astype(np.int64) - 1
-    width, height = np.ceil(at.max(axis=0)).astype(np.int64) + 2 - low
-    corner = np.floor(at).astype(np.int64) - low
-    fraction = at - np.floor(at)
+    at = strip.coordinates().reshape(-1, 2) / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
+    cell = np.floor(at)
+    fraction = at - cell
+    corner = cell.astype(np.int64)
+    low = corner.min(axis=0) - 1
+    width, height = corner.max(axis=0) + 3 - low
+    first = (corner[:, 1] - low[1]) * width + corner[:, 0] - low[0]
     density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
-    weighted, weight = np.zeros(width * height), np.zeros(width * height)
-    for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
-        share = density * np.abs(1 - dx - fraction[:, 0]) * np.abs(1 - dy - fraction[:, 1])
-        index = (corner[:, 1] + dy) * width + corner[:, 0] + dx
-        weighted += np.bincount(index, share * values.ravel(), width * height)
-        weight += np.bincount(index, share, width * height)
+    # Each sample is shared out among the four cells about it.
+    right, down = density * fraction[:, 0], fraction[:, 1]
+    left, up = density - right, 1.0 - down
+    share = np.concatenate([left * up, right * up, left * down, right * down])
+    index = np.concatenate([first, first + 1, first + width, first + width + 1])
+    weight = np.bincount(index, share, width * height)
+    weighted = np.bincount(index, share * np.tile(values.ravel(), 4), width * height)
     # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
     kernel = weighted / np.maximum(weight, 0.25 * weight.max())
     inside = weight > 0.05 * weight.max()

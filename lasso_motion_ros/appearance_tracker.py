@@ -30,6 +30,10 @@ FOUND_AGAIN_SHARE = 0.75
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
+# A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
+CALIBRATION_SHARE = 0.0015
+# The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres).
+PIVOT_M = 1e-3
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
@@ -314,10 +318,10 @@ class AppearanceTracker:
         # About the ring's centre at the reference, which goes where the ring's centre has gone.
         centre = self._require_model().centre + self._reference
         motion[:3, 3] = centre + self._displacement - self._reference - motion[:3, :3] @ centre
-        return replace(result, motion=motion, covariance=self._pose_covariance(rotation))
+        return replace(result, motion=motion, covariance=self._pose_covariance(rotation, alignment))
 
-    def _pose_covariance(self, rotation: Rotation) -> Array:
-        """(6, 6) of the motion at the world origin."""
+    def _pose_covariance(self, rotation: Rotation, alignment: Alignment | None) -> Array:
+        """(6, 6) of the motion at the world origin; an alignment that turned the ring adds what its pivot is off."""
         model = self._require_model()
         moved = np.zeros(3) if self._displacement is None else self._displacement
         x, y, z = model.centre + moved
@@ -326,5 +330,10 @@ class AppearanceTracker:
         jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
         at_ring = np.zeros((6, 6))
         at_ring[:3, :3] = self._doubt * self._respiration.at_a.covariance
+        at_ring[:3, :3] += CALIBRATION_SHARE**2 * float(moved @ moved) * np.eye(3)
+        if alignment is not None:
+            turn, stretch = alignment.turn, alignment.stretch
+            # An offset r of the pivot shows as a displacement θ × r + s r: with r's covariance σ² 1, this.
+            at_ring[:3, :3] += PIVOT_M**2 * ((turn @ turn + stretch**2) * np.eye(3) - np.outer(turn, turn))
         at_ring[3:, 3:] = rotation.covariance
         return np.asarray(jacobian @ at_ring @ jacobian.T)

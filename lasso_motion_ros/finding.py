@@ -20,7 +20,7 @@ from lasso_motion_ros.working_image import WorkingImage, working_image
 Array = npt.NDArray[np.float64]
 
 # What an alignment's own covariance leaves out: the background that moves behind the loop, its interpolation.
-IMAGE_COVARIANCE_FACTOR = 2.0
+IMAGE_COVARIANCE_FACTOR = 1.2
 SYSTEMATIC_M = 3e-5
 # An unforeseen part of the motion between the two planes' exposures, per second.
 UNFORESEEN_SPEED_M_S = 0.03
@@ -152,6 +152,7 @@ class LoopFinder:
                     turn,
                     stretch,
                     {plane: self._appearances[plane].distinctive for plane in images},
+                    at_least=0.0 if best is None or best.rank[0] < BOTH_AGREE else best.rank[1] / len(PLANES),
                 ),
                 images,
                 times,

@@ -68,15 +68,24 @@ def working_image(
         return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    return WorkingImage(_band_pass(reduced, bright), projection.read_out(left, top, width, height, factor, factor))
+
+
+def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
+    """What is as fine as a catheter, relative to the local noise; in few buffers, since fresh memory costs more time
+    than the arithmetic on it.
+    """
     grey = reduced.astype(np.float32)
-    fine = cv2.GaussianBlur(grey, (0, 0), FINE_SIGMA_PX)
-    coarse = cv2.blur(cv2.blur(grey, COARSE_BOX_PX), COARSE_BOX_PX)
-    band = cv2.subtract(fine, coarse) if bright else cv2.subtract(coarse, fine)
-    power = cv2.sqrBoxFilter(band, cv2.CV_32F, (NOISE_WINDOW_PX, NOISE_WINDOW_PX), borderType=cv2.BORDER_REFLECT)
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
-    noise = cv2.sqrt(cv2.max(power, 1e-6 * max(1.0, float(grey.max()))))
-    values = np.clip(band / noise, -CLIP, CLIP)
-    return WorkingImage(values, projection.read_out(left, top, width, height, factor, factor))
+    floor = 1e-6 * max(1.0, float(reduced.max()))
+    fine = cv2.GaussianBlur(grey, (0, 0), FINE_SIGMA_PX)
+    coarse = cv2.blur(cv2.blur(grey, COARSE_BOX_PX), COARSE_BOX_PX, dst=grey)
+    band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
+    window = (NOISE_WINDOW_PX, NOISE_WINDOW_PX)
+    power = cv2.sqrBoxFilter(band, cv2.CV_32F, window, dst=coarse, borderType=cv2.BORDER_REFLECT)
+    noise = cv2.sqrt(cv2.max(power, floor, dst=power), dst=power)
+    np.divide(band, noise, out=band)
+    return np.asarray(np.clip(band, -CLIP, CLIP, out=band))
 
 
 def _blank(projection: Projection) -> WorkingImage:
