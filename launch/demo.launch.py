@@ -1,6 +1,7 @@
 """The bundled recording, over and over, with tracker and overlay: `ros2 launch lasso_motion_ros demo.launch.py`.
 
-RViz shows it; `rviz:=false` leaves it out, `bag:=FILE` plays another recording with truth.
+RViz shows it; `rviz:=false` leaves it out, `web:=true` serves the page in the browser, `bag:=FILE` plays another
+recording with truth.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             launch_arguments={
                 "volume_file": str(surface),
                 "units": "mm",
+                "web": LaunchConfiguration("web"),
                 "rviz": LaunchConfiguration("rviz"),
             }.items(),
         ),
@@ -44,10 +46,11 @@ def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Three processes, and RViz."""
+    """Three processes, and what shows them."""
     return LaunchDescription(
         [
             DeclareLaunchArgument("bag", default_value=str(bundled_recording()), description="recording to play"),
+            DeclareLaunchArgument("web", default_value="false", description="serve the page in the browser"),
             DeclareLaunchArgument("rviz", default_value="true", description="show it in RViz"),
             OpaqueFunction(function=graph),
         ]

@@ -1,6 +1,6 @@
 """Tracker and overlay: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=/path/la.stl units:=mm`.
 
-`rviz:=true` shows it.
+`web:=true` serves the page in the browser, where clicks start the tracker; `rviz:=true` shows the graph in RViz.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def text(argument: str) -> ParameterValue:
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Two processes; the input topics are relative, so `namespace` moves the whole graph."""
+    """Two processes, and what shows them; the input topics are relative, so `namespace` moves the whole graph."""
     share = FindPackageShare(PACKAGE)
     arguments = [
         DeclareLaunchArgument("namespace", default_value="", description="namespace of both nodes"),
@@ -45,6 +45,8 @@ def generate_launch_description() -> LaunchDescription:
             default_value="0 0 0 0 0 0 1",
             description="volume to world, metres: x y z qx qy qz qw, or 16 numbers of a 4x4 matrix",
         ),
+        DeclareLaunchArgument("web", default_value="false", description="serve the page in the browser"),
+        DeclareLaunchArgument("web_port", default_value="8080", description="TCP port of the page"),
         DeclareLaunchArgument("rviz", default_value="false", description="show it in RViz"),
     ]
     tracker = Node(
@@ -70,6 +72,18 @@ def generate_launch_description() -> LaunchDescription:
         ],
         output="screen",
     )
+    page = Node(
+        package=PACKAGE,
+        executable="lasso_web",
+        name="lasso_web",
+        namespace=LaunchConfiguration("namespace"),
+        parameters=[
+            PathJoinSubstitution([share, "config", "web.yaml"]),
+            {"port": ParameterValue(LaunchConfiguration("web_port"), value_type=int)},
+        ],
+        output="screen",
+        condition=IfCondition(LaunchConfiguration("web")),
+    )
     shown = IfCondition(LaunchConfiguration("rviz"))
     # All markers are in patient_table; RViz shows a frame only once somebody speaks of it on /tf_static.
     frame = Node(
@@ -84,4 +98,4 @@ def generate_launch_description() -> LaunchDescription:
         arguments=["-d", PathJoinSubstitution([share, "config", "lasso_motion.rviz"])],
         condition=shown,
     )
-    return LaunchDescription([*arguments, tracker, overlay, frame, rviz])
+    return LaunchDescription([*arguments, tracker, overlay, page, frame, rviz])

@@ -102,7 +102,10 @@ def described(name: str) -> dict[str, list[Any]]:
     ("name", "executables"),
     [
         ("tracker.launch.py", ["lasso_tracker"]),
-        ("lasso_motion.launch.py", ["lasso_tracker", "lasso_overlay", "static_transform_publisher", "rviz2"]),
+        (
+            "lasso_motion.launch.py",
+            ["lasso_tracker", "lasso_overlay", "lasso_web", "static_transform_publisher", "rviz2"],
+        ),
     ],
 )
 def test_launch_files_start_the_nodes(name: str, executables: list[str]) -> None:
