@@ -83,6 +83,7 @@ class WebNode(Node):  # type: ignore[misc]
         self._unfreeze_at: float | None = None
         self._sent: dict[Plane, tuple[int, Any]] = {}
         self._waits_for_answer = False
+        self._taken = False
         self._again = False
         self._runs = 0
 
@@ -121,6 +122,7 @@ class WebNode(Node):  # type: ignore[misc]
             **self._view.status(),
             **self._graph,
             "sent": self._waits_for_answer,
+            "taken": self._taken,
             "clicks": MINIMUM_CLICKS,
         }
 
@@ -207,7 +209,7 @@ class WebNode(Node):  # type: ignore[misc]
             if frame is not None:
                 self._sent[plane] = frame.stamp_ns, clicks[plane]
         self._publish_clicks()
-        self._waits_for_answer, self._again = True, False
+        self._waits_for_answer, self._again, self._taken = True, False, False
         self._view.release()
         self._unfreeze_at = time.monotonic() + KEPT_AFTER_SEED_S
         return "The clicks are on their way to the tracker."
@@ -219,7 +221,7 @@ class WebNode(Node):  # type: ignore[misc]
 
     def _trigger(self, name: str) -> str:
         if name == "reset":
-            self._sent, self._again, self._waits_for_answer = {}, False, False
+            self._sent, self._again, self._waits_for_answer, self._taken = {}, False, False, False
         answer = self._call(self._trigger_clients[name], Trigger.Request(), name)
         if not answer.success:
             raise TrackingError(answer.message or f"the tracker refused {name}")
@@ -271,6 +273,7 @@ class WebNode(Node):  # type: ignore[misc]
         self._view.add_state(message.data)
         if self._view.has_pose:
             self._waits_for_answer = False
+            self._taken = bool(self._sent)
         self._changed()
 
     @guarded

@@ -92,7 +92,11 @@ function refresh() {
   get("alarm").hidden = !alarm;
   get("alarm").textContent = alarm?.text ?? "";
   get("alarm").classList.toggle("hint", Boolean(alarm?.hint));
-  get("numbers").hidden = get("live-panel").hidden = !live;
+  // What to do stands in the header: the pictures must not move or shrink when they are to be clicked.
+  const place = alarm?.hint ? get("why") : document.body;
+  if (get("alarm").parentNode !== place) place.insertBefore(get("alarm"), alarm?.hint ? null : document.querySelector("main"));
+  get("live-panel").hidden = !live;
+  get("numbers").hidden = !live || clicking;
   get("latency").textContent = milliseconds(status?.latency_ms);
   get("tracker-latency").textContent = milliseconds(status?.tracker_latency_ms);
   get("rate").textContent = drawn.length > 1 ? `${((drawn.length - 1) / ((drawn[drawn.length - 1] - drawn[0]) / 1000)).toFixed(1)} /s` : "–";
@@ -121,7 +125,7 @@ function refresh() {
     plane.root.classList.toggle("chosen", clicking && chosen === name);
     plane.root.classList.toggle("old", !connected || (live && !clicking && typeof silence === "number"));
     if (!clicking) plane.count.textContent = plane.bitmap ? (plane.drawn ? "overlay" : "film") : "";
-    else plane.count.textContent = live ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
+    else plane.count.textContent = live && plane.points.length < fewest() ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
     plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest());
     plane.say(remark(plane, name, live, silence));
     plane.drawMarks();
@@ -155,6 +159,7 @@ function headline() {
 }
 
 function reasonWords() {
+  if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
   if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
   if (status.reason) return status.reason[0].toUpperCase() + status.reason.slice(1);
   return {
@@ -168,6 +173,7 @@ function reasonWords() {
 function detailWords() {
   if (status.held) return "The stream goes on behind the held picture; Esc shows it again.";
   if (status.state === "WAITING_FOR_SEED") {
+    if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
     if (status.sent && sentAt && performance.now() - sentAt > ANSWER_MS)
       return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";
     return "Press S: the picture is held while you click.";
@@ -343,6 +349,7 @@ const deeds = {
 };
 for (const [id, deed] of Object.entries(deeds)) get(id).addEventListener("click", deed);
 for (const id of ["brightness", "contrast"]) get(id).addEventListener("input", takeSliders);
+get("help").addEventListener("toggle", () => get("help").open && get("help").scrollIntoView({ block: "end" }));
 get("drawing").addEventListener("change", () => ask("style", { drawing: get("drawing").value }));
 get("slider").addEventListener("input", () => ask("go", { index: Number(get("slider").value) }));
 get("closed").addEventListener("change", () => change(() => {}));

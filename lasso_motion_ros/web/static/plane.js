@@ -193,9 +193,11 @@ export class Plane {
       if (!press) return;
       const { moved, at, point, button } = press;
       press = null;
-      if (moved || point !== null) return;
+      if (moved) return;
       if (button === 2 && this.clicking) this.act.remove(this.name);
       if (button !== 0) return;
+      // Points may lie close beside each other, as on a loop seen from its edge; not on each other.
+      if (point !== null && this.pointAt(at, CLICK_PX) !== null) return;
       const [x, y] = this.toImage(at);
       if (!this.clicking || x < -0.5 || y < -0.5 || x > this.bitmap.width - 0.5 || y > this.bitmap.height - 0.5) return;
       this.act.add(this.name, [x, y]);
@@ -210,9 +212,9 @@ export class Plane {
     this.marks.addEventListener("pointerenter", () => this.act.choose(this.name));
   }
 
-  pointAt(at) {
+  pointAt(at, within = GRAB_PX) {
     const ratio = window.devicePixelRatio || 1;
-    let nearest = null, closest = GRAB_PX * ratio;
+    let nearest = null, closest = within * ratio;
     this.points.forEach((point, index) => {
       const [x, y] = this.toCanvas(point);
       const distance = Math.hypot(x - at[0], y - at[1]);
