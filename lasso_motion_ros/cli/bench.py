@@ -13,6 +13,7 @@ from dataclasses import asdict, dataclass, field
 from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
+from pkgutil import resolve_name
 from typing import Any, Protocol
 from unittest import mock
 
@@ -42,12 +43,21 @@ LIVE_SIDES = range(128, 4097)
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
-    ("lasso_motion_ros.finding", "working_image", "working image"),
-    ("lasso_motion_ros.finding", "find_peaks", "search"),
-    ("lasso_motion_ros.finding", "align", "alignment"),
-    ("lasso_motion_ros.brost2009", "distance_map", "features"),
-    ("lasso_motion_ros.brost2009", "register", "registration"),
+    ("lasso_motion_ros.finding.working_image", "working image"),
+    ("lasso_motion_ros.finding.find_peaks", "search"),
+    ("lasso_motion_ros.finding.join_peaks", "search"),
+    ("lasso_motion_ros.finding.align", "alignment"),
+    ("lasso_motion_ros.respiration.RespiratoryMotion.predict", "filter"),
+    ("lasso_motion_ros.respiration.RespiratoryMotion.expected_between", "filter"),
+    ("lasso_motion_ros.respiration.RespiratoryMotion.observe", "filter"),
+    ("lasso_motion_ros.respiration.RespiratoryMotion.mark_a", "filter"),
+    ("lasso_motion_ros.respiration.RespiratoryMotion.learn", "filter"),
+    ("lasso_motion_ros.judgement.BreathingEnvelope.departure", "judgement"),
+    ("lasso_motion_ros.judgement.BreathingEnvelope.accept", "judgement"),
+    ("lasso_motion_ros.brost2009.distance_map", "features"),
+    ("lasso_motion_ros.brost2009.register", "registration"),
 )
+MESSAGES = "messages"  # making the answers, but for their bytes
 
 
 class Codec(Protocol):
@@ -120,15 +130,34 @@ class Clock:
     spent_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     pair_s: list[float] = field(default_factory=list)
     processor_s: float = 0.0
+    _lap_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    _running: set[str] = field(default_factory=set)
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the time of a block to a stage."""
+        """Add the time of a block to a stage of this pair; a block of the stage within one of it counts once."""
+        if name in self._running:
+            yield
+            return
+        self._running.add(name)
         begin = self.timer()
         try:
             yield
         finally:
-            self.spent_s[name] += self.timer() - begin
+            self._lap_s[name] += self.timer() - begin
+            self._running.discard(name)
+
+    def keep(self, wall_s: float, processor_s: float) -> None:
+        """Count what was spent since the last pair as that of a tracked one."""
+        self.pair_s.append(wall_s)
+        self.processor_s += processor_s
+        for name, spent in self._lap_s.items():
+            self.spent_s[name] += spent
+        self._lap_s.clear()
+
+    def drop(self) -> None:
+        """Forget what was spent since the last pair."""
+        self._lap_s.clear()
 
 
 @dataclass(frozen=True)
@@ -316,7 +345,7 @@ def measure(
     clock = Clock(timer)
     bar = progress(range(pairs), pairs, "tracking", quiet)
     shown = next(bar, None)
-    with _inner_stages(clock):
+    with _inner_stages(clock, codec.factory):
         while len(clock.pair_s) < pairs:
             before = len(clock.pair_s)
             _play(config, messages, codec, clock, pairs)
@@ -336,38 +365,36 @@ def _play(config: ProductConfig, messages: Sequence[RawMessage], codec: Codec, c
         feed[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
         feed[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
     tracked = False
-    since = Clock(clock.timer)
+    clock.drop()
     wall, processor = time.perf_counter(), time.process_time()
     for raw in messages:
-        with since.stage("deserialise"):
+        with clock.stage("deserialise"):
             message = codec.decode(raw.data, raw.type_name)
-        with since.stage("decode and pair"):
+        with clock.stage("decode and pair"):
             ready = feed[raw.topic](message)
         for pair in ready:
-            with since.stage("tracking"):
+            with clock.stage("tracking"):
                 outputs = pipeline.process(pair)
-            with since.stage("serialise"):
+            with clock.stage("serialise"):
                 for output in outputs:
                     codec.encode(output.message, output.topic.type_name)
             now, processor_now = time.perf_counter(), time.process_time()
             if tracked:
-                clock.pair_s.append(now - wall)
-                clock.processor_s += processor_now - processor
-                for name, spent in since.spent_s.items():
-                    clock.spent_s[name] += spent
+                clock.keep(now - wall, processor_now - processor)
                 if len(clock.pair_s) >= pairs:
                     return
             tracked = tracked or any(output.topic is MOTION_RAW for output in outputs)
-            since, wall, processor = Clock(clock.timer), now, processor_now
+            clock.drop()
+            wall, processor = now, processor_now
 
 
 @contextmanager
-def _inner_stages(clock: Clock) -> Iterator[None]:
+def _inner_stages(clock: Clock, factory: MessageFactory) -> Iterator[None]:
     """Time the parts of the trackers, without a word about timing in the trackers themselves."""
     with ExitStack() as stack:
-        for module_name, function, label in INNER_STAGES:
-            module = importlib.import_module(module_name)
-            stack.enter_context(mock.patch.object(module, function, _timed(getattr(module, function), clock, label)))
+        for name, label in INNER_STAGES:
+            stack.enter_context(mock.patch(name, _timed(resolve_name(name), clock, label)))
+        stack.enter_context(mock.patch.object(factory, "make", _timed(factory.make, clock, MESSAGES)))
         yield
 
 
@@ -382,7 +409,6 @@ def _timed(function: Callable[..., Any], clock: Clock, label: str) -> Callable[.
 def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) -> Benchmark:
     """The figures of a measurement."""
     wall = np.array(clock.pair_s)
-    order = ["deserialise", "decode and pair", "tracking", *(f"  {label}" for *_, label in INNER_STAGES), "serialise"]
     return Benchmark(
         pairs=len(wall),
         pairs_per_s=float(len(wall) / wall.sum()),
@@ -391,13 +417,20 @@ def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) ->
         p95_ms=float(1e3 * np.percentile(wall, 95)),
         p99_ms=float(1e3 * np.percentile(wall, 99)),
         processor_per_wall=float(clock.processor_s / wall.sum()),
-        stages_ms={name: 1e3 * clock.spent_s[name] / len(wall) for name in order if name in clock.spent_s},
+        stages_ms=stages_ms(clock),
         messages=codec.name,
         recording=recording,
         configuration=configuration,
         machine=f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
         f"scipy {installed_version('scipy')}, OpenCV {importlib.import_module('cv2').__version__}",
     )
+
+
+def stages_ms(clock: Clock) -> dict[str, float]:
+    """Mean time a pair by stage, in the order of the work; the indented ones lie inside tracking."""
+    inner = dict.fromkeys((*(label for _, label in INNER_STAGES), MESSAGES))
+    order = ["deserialise", "decode and pair", "tracking", *(f"  {label}" for label in inner), "serialise"]
+    return {name: 1e3 * clock.spent_s[name] / len(clock.pair_s) for name in order if name in clock.spent_s}
 
 
 def format_benchmark(benchmark: Benchmark) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from unittest import mock
 
-from lasso_motion_ros.cli.bench import measure
+from lasso_motion_ros.cli.bench import measure, stages_ms
 from lasso_motion_ros.configuration import ProductConfig, Value, configuration_from_values, configuration_values
 from msg_adapters.recording_reader import RawMessage
 
@@ -87,6 +87,6 @@ def _with(config: ProductConfig, name: str, value: Value) -> ProductConfig:
 
 def _cost(varied: str, value: float, config: ProductConfig, messages: Sequence[RawMessage], pairs: int) -> Cost:
     clock, _ = measure(config, messages, pairs, timer=time.process_time)
-    count = len(clock.pair_s)
-    inner = {name.strip(): 1e3 * spent / count for name, spent in clock.spent_s.items() if name.startswith(" ")}
-    return Cost(varied, value, 1e3 * clock.processor_s / count, 1e3 * clock.spent_s["tracking"] / count, inner)
+    stages = stages_ms(clock)
+    inner = {name.strip(): spent for name, spent in stages.items() if name.startswith(" ")}
+    return Cost(varied, value, 1e3 * clock.processor_s / len(clock.pair_s), stages["tracking"], inner)
