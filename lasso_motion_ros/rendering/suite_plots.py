@@ -29,8 +29,8 @@ def suite_figure(results: Mapping[str, Sequence[SequenceResult]]) -> Any:
     figure = _figure(10.0, 7.2)
     places = figure.subplot_mosaic([["each", "each"], ["errors", "calibration"]], height_ratios=[1.1, 1.0])
     each, errors, calibration = (places[name] for name in ("each", "errors", "calibration"))
-    for (name, of_config), colour in zip(results.items(), COLOURS * len(results), strict=False):
-        _draw_sequences(each, of_config, colour)
+    for number, ((name, of_config), colour) in enumerate(zip(results.items(), COLOURS * len(results), strict=False)):
+        _draw_sequences(each, of_config, colour, 0.3 * number)
         scores = [score for result in of_config for score in result.scores if not score.is_reference]
         centre = np.sort([score.centre_error_mm for score in scores if score.centre_error_mm is not None])
         due = max(1, sum(score.expected for score in scores))
@@ -46,6 +46,8 @@ def suite_figure(results: Mapping[str, Sequence[SequenceResult]]) -> Any:
     calibration.set(xlabel="share expected inside the ellipsoid", ylabel="found", xlim=(0.0, 1.0), ylim=(0.0, 1.02))
     each.axhline(2.0, color=GREY, linestyle=":", linewidth=1)
     errors.axvline(2.0, color=GREY, linestyle=":", linewidth=1)
+    each.set_yticks(DECADES, [f"{value:g}" for value in DECADES])
+    errors.set_xticks((0.01, *DECADES), [f"{value:g}" for value in (0.01, *DECADES)])
     for axis in (each, errors, calibration):
         _tidy(axis)
     for axis, corner in ((errors, "lower right"), (calibration, "upper left")):
@@ -104,9 +106,10 @@ def sweeps_figure(found: Mapping[str, Mapping[str, Mapping[float, Measures]]], c
     return figure
 
 
-def _draw_sequences(axis: Any, results: Sequence[SequenceResult], colour: str) -> None:
-    """Mean and largest error of every sequence, in the suite's order."""
-    for place, result in enumerate(results):
+def _draw_sequences(axis: Any, results: Sequence[SequenceResult], colour: str, aside: float) -> None:
+    """Mean and largest error of every sequence, in the suite's order; `aside` parts the configurations."""
+    for number, result in enumerate(results):
+        place = number + aside
         one = measures(result.scores)
         if one.centre_mean_mm is not None and one.centre_max_mm is not None:
             axis.plot([place, place], [one.centre_mean_mm, one.centre_max_mm], color=colour, linewidth=1)
