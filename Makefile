@@ -15,7 +15,7 @@ RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
 UBUNTU = $(UBUNTU_VENV)/.installed
 
-.PHONY: help demo test test-ubuntu soak lint format screenshots config lock clean
+.PHONY: help demo test test-ubuntu soak fuzz lint format screenshots config lock clean
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
@@ -30,6 +30,9 @@ test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions 
 
 soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
 	$(VENV)/bin/python -m lasso_motion_ros.nodes.soak $(ARGS)
+
+fuzz: $(DEV) ## 100,000 spoilt messages, files and recordings: clear errors only, no hang, no memory blow-up (ten minutes)
+	$(VENV)/bin/python test/fuzz.py $(ARGS)
 
 lint: $(DEV) ## formatting, style and types
 	$(VENV)/bin/ruff format --check .

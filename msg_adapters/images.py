@@ -15,6 +15,9 @@ from lasso_motion_ros.errors import MessageError
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 MAX_SIDE_PX = 8192
+MAX_UNPACKED_BYTES = 2 * MAX_SIDE_PX**2
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_PNG_GREY = 0
 _BYTES_PER_PIXEL = {"mono8": 1, "8UC1": 1, "mono16": 2, "16UC1": 2}
 
 
@@ -61,12 +64,17 @@ def decode_compressed_image(message: Any) -> Pixels:
         MessageError: not PNG or JPEG, not decodable, or a colour picture whose channels differ.
     """
     data = np.frombuffer(message.data, dtype=np.uint8)
-    start = data[:24].tobytes()
-    if start.startswith(b"\x89PNG\r\n\x1a\n") and len(start) == 24:
-        # The size stands in the first block: checked before anything is unpacked.
-        _check_size(int.from_bytes(start[16:20], "big"), int.from_bytes(start[20:24], "big"))
-    elif not start.startswith(b"\xff\xd8\xff"):
+    whole = data.tobytes()
+    # The size is checked before anything is unpacked.
+    if whole.startswith(_PNG_SIGNATURE):
+        width, height, pixel_bytes = _png_size(whole)
+    elif whole.startswith(b"\xff\xd8\xff"):
+        width, height, pixel_bytes = _jpeg_size(whole)
+    else:
         raise MessageError(f"format: expected png or jpeg, found {message.format!r}")
+    _check_size(width, height)
+    if width * height * pixel_bytes > MAX_UNPACKED_BYTES:
+        raise MessageError(f"data: expected a grey image, found {width}×{height} pixels of {pixel_bytes} bytes")
     try:
         pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
     except cv2.error:
@@ -82,6 +90,33 @@ def decode_compressed_image(message: Any) -> Pixels:
     _check_size(pixels.shape[1], pixels.shape[0])
     pixels.flags.writeable = False
     return pixels
+
+
+def _png_size(data: bytes) -> tuple[int, int, int]:
+    """Width, height and bytes a pixel, from a PNG's first block, once it is seen that its blocks are whole.
+
+    OpenCV reserves what a block says it holds, before it looks whether it is there.
+    """
+    place = len(_PNG_SIGNATURE)
+    while place + 12 <= len(data) and data[place + 4 : place + 8] != b"IEND":
+        place += 12 + int.from_bytes(data[place : place + 4], "big")
+    if place + 12 > len(data) or data[12:16] != b"IHDR":
+        raise MessageError(f"data: {len(data)} bytes of a PNG that is cut or corrupt")
+    channels = 1 if data[25] == _PNG_GREY else 4
+    width, height = int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    return width, height, channels * (1 if data[24] <= 8 else 2)
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int, int]:
+    """Width, height and components, from the frame header (ITU-T T.81, B.2.2)."""
+    place = 2
+    while place + 10 <= len(data) and data[place] == 0xFF:
+        marker, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+        if 0xC0 <= marker <= 0xCF and marker not in (0xC4, 0xC8, 0xCC):
+            height, width = (int.from_bytes(data[place + at : place + at + 2], "big") for at in (5, 7))
+            return width, height, data[place + 9]
+        place += 1 if marker == 0xFF else 2 + length  # fill bytes may stand before a marker
+    raise MessageError(f"data: {len(data)} bytes of a JPEG without a frame header")
 
 
 def encode_image(pixels: npt.NDArray[Any], header: Mapping[str, Any]) -> dict[str, Any]:

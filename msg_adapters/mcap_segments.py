@@ -6,6 +6,8 @@ unpacked only when their turn comes.
 
 from __future__ import annotations
 
+import io
+import itertools
 import struct
 import zlib
 from collections.abc import Iterator
@@ -29,9 +31,11 @@ _CHUNK_INDEX_HEAD = struct.Struct("<QQQQ")
 _FOOTER_BODY = struct.Struct("<QQI")
 # A run of messages outside chunks is cut here, so that it is held in memory piece by piece.
 _RUN_BYTES = 8 << 20
-_PIECE_BYTES = 1 << 16
-# What a chunk may unpack to; rosbag2 and the mcap tools write 0.8 to 8 MB.
-MAX_CHUNK_BYTES = 1 << 30
+_PIECE_BYTES = 1 << 18
+# What a chunk may unpack to, and how many records may be in it; rosbag2 and the mcap tools write 0.8 to 8 MB, and the
+# largest image has 128 MB.
+MAX_CHUNK_BYTES = 192 << 20
+MAX_CHUNK_RECORDS = 1 << 20
 
 
 class Schema(NamedTuple):
@@ -145,7 +149,7 @@ def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> set[int]:
             layout.segments.append(run.segment())
             run = None
         if opcode == _CHUNK:
-            _note_chunk(stream, body, length, complete, layout)
+            _note_chunk(stream, body, min(body + length, size), complete, layout)
             chunks.add(place)
         elif opcode == MESSAGE and complete and length >= _MESSAGE_HEAD.size:
             log_time = _MESSAGE_HEAD.unpack(stream.read(_MESSAGE_HEAD.size))[2]
@@ -154,7 +158,7 @@ def _walk(stream: BinaryIO, size: int, layout: FileLayout) -> set[int]:
                 run = None
             run = run or _Run(place, log_time)
             run.add(body + length, log_time)
-        elif opcode in (SCHEMA, CHANNEL) and complete:
+        elif opcode in (SCHEMA, CHANNEL) and complete and length <= MAX_CHUNK_BYTES:
             content = stream.read(length)
             try:
                 if opcode == SCHEMA:
@@ -190,7 +194,7 @@ def _rejoin(stream: BinaryIO, size: int, layout: FileLayout, passed: set[int]) -
     if len(end) < tail or not end.endswith(MAGIC) or _PREFIX.unpack_from(end) != (_FOOTER, _FOOTER_BODY.size):
         return
     start, _, crc = _FOOTER_BODY.unpack_from(end, _PREFIX.size)
-    if not 0 < start < size - tail:
+    if not 0 < start < size - tail <= start + MAX_CHUNK_BYTES:
         return
     stream.seek(start)
     summary = stream.read(size - tail - start)
@@ -210,7 +214,7 @@ def _rejoin(stream: BinaryIO, size: int, layout: FileLayout, passed: set[int]) -
             continue
         stream.seek(place)
         if stream.read(_PREFIX.size) == _PREFIX.pack(_CHUNK, length - _PREFIX.size):
-            _note_chunk(stream, place + _PREFIX.size, length - _PREFIX.size, True, layout)
+            _note_chunk(stream, place + _PREFIX.size, place + length, True, layout)
             layout.damage = "a part in its middle is not readable"
 
 
@@ -229,20 +233,21 @@ class _Run:
         return Segment(self.offset, self.size, self.start, self.end, None, self.size, 0, True)
 
 
-def _note_chunk(stream: BinaryIO, body: int, length: int, complete: bool, layout: FileLayout) -> None:
+def _note_chunk(stream: BinaryIO, body: int, end: int, complete: bool, layout: FileLayout) -> None:
+    """Note the chunk from `body` to `end` of the file; the stream stands at its beginning."""
     head = stream.read(_CHUNK_HEAD.size)
     name_size = stream.read(4)
     if len(head) < _CHUNK_HEAD.size or len(name_size) < 4:
         return
-    start, end, unpacked, crc = _CHUNK_HEAD.unpack(head)
+    start_ns, end_ns, unpacked, crc = _CHUNK_HEAD.unpack(head)
     name = stream.read(min(int.from_bytes(name_size, "little"), 64))
     packed_bytes = stream.read(8)
     if len(packed_bytes) < 8:
         return
     offset = stream.tell()
-    packed = min(int.from_bytes(packed_bytes, "little"), body + length - offset)
+    packed = max(0, min(int.from_bytes(packed_bytes, "little"), end - offset))
     layout.segments.append(
-        Segment(offset, packed, start, end, name.decode("utf-8", "replace"), unpacked, crc, complete)
+        Segment(offset, packed, start_ns, end_ns, name.decode("utf-8", "replace"), unpacked, crc, complete)
     )
 
 
@@ -254,11 +259,16 @@ def read_segment(stream: BinaryIO, segment: Segment) -> tuple[list[tuple[int, by
         the file's end cuts, the records before the cut are returned; of one whose content is corrupt none,
         since nothing says which of its messages are sound.
     """
+    largest = max(segment.size, segment.unpacked_size)
+    if largest > MAX_CHUNK_BYTES:
+        return [], f"a chunk at byte {segment.offset} claims {largest} bytes, more than is sensible"
     stream.seek(segment.offset)
     data, damage = _unpack(stream.read(segment.size), segment)
     if damage is not None:
         return [], damage
-    records = list(_records(data))
+    records = list(itertools.islice(_records(data), MAX_CHUNK_RECORDS + 1))
+    if len(records) > MAX_CHUNK_RECORDS:
+        return [], f"a chunk at byte {segment.offset} has more than {MAX_CHUNK_RECORDS} records, more than is sensible"
     if segment.complete and sum(_PREFIX.size + len(content) for _, content in records) != len(data):
         return records, f"a chunk at byte {segment.offset} ends inside a record"
     return records, None
@@ -278,14 +288,12 @@ def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
     """A segment's records as bytes (as far as the file has them), and what is wrong or None."""
-    if segment.unpacked_size > MAX_CHUNK_BYTES:
-        return b"", f"a chunk at byte {segment.offset} claims {segment.unpacked_size} bytes, more than is sensible"
     if not segment.compression:
         data = packed
     elif segment.compression == "zstd":
-        data = _decompress(zstandard.ZstdDecompressor().decompressobj(), packed, segment.unpacked_size)
+        data = _unpack_zstd(packed, segment.unpacked_size)
     elif segment.compression == "lz4":
-        data = _decompress(lz4.frame.LZ4FrameDecompressor(), packed, segment.unpacked_size)
+        data = _unpack_lz4(packed, segment.unpacked_size)
     else:
         return b"", f"a chunk at byte {segment.offset} has the unknown compression {segment.compression!r}"
     sound = len(data) == segment.unpacked_size and (not segment.crc or zlib.crc32(data) == segment.crc)
@@ -294,19 +302,30 @@ def _unpack(packed: bytes, segment: Segment) -> tuple[bytes, str | None]:
     return data, None
 
 
-def _decompress(decompressor: Any, packed: bytes, limit: int) -> bytes:
-    """As much as can be unpacked of data that may be cut or corrupt, and not much more than `limit` bytes."""
-    pieces: list[bytes] = []
-    size = 0
+def _unpack_zstd(packed: bytes, limit: int) -> bytes:
+    """As much as can be unpacked of data that may be cut or corrupt, up to one byte more than `limit`."""
     try:
-        for start in range(0, len(packed), _PIECE_BYTES):
-            if size > limit or getattr(decompressor, "eof", False):
-                break
-            pieces.append(decompressor.decompress(packed[start : start + _PIECE_BYTES]))
-            size += len(pieces[-1])
+        with zstandard.ZstdDecompressor().stream_reader(packed) as reader:
+            return _read_up_to(reader, limit + 1)
+    except zstandard.ZstdError:
+        return b""
+
+
+def _unpack_lz4(packed: bytes, limit: int) -> bytes:
+    """As `_unpack_zstd`."""
+    with lz4.frame.LZ4FrameFile(io.BytesIO(packed)) as reader:
+        return _read_up_to(reader, limit + 1)
+
+
+def _read_up_to(reader: Any, limit: int) -> bytes:
+    """Up to `limit` bytes, as far as they can be unpacked: their length or their checksum will tell."""
+    unpacked = io.BytesIO()
+    try:
+        while unpacked.tell() < limit and (piece := reader.read(min(limit - unpacked.tell(), _PIECE_BYTES))):
+            unpacked.write(piece)
     except (zstandard.ZstdError, RuntimeError, EOFError):
-        pass  # its length or its checksum will tell
-    return b"".join(pieces)
+        pass
+    return unpacked.getvalue()
 
 
 def parse_schema(content: bytes) -> tuple[int, Schema]:

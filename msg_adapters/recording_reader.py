@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import yaml
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
-from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.errors import ConfigurationError, RecordingError
+from lasso_motion_ros.plain_yaml import parse_plain_yaml, read_plain_yaml
 from msg_adapters.mcap_segments import (
     CHANNEL,
     MESSAGE,
@@ -336,8 +336,8 @@ def _found(topics: Collection[str]) -> str:
 def _offers(profiles: str, policy: str, values: tuple[int, str]) -> bool:
     """Whether the recorded QoS has a policy's value, as a number (rosbag2 before Jazzy) or by name."""
     try:
-        return any(profile[policy] in values for profile in yaml.safe_load(profiles) or ())
-    except (yaml.YAMLError, KeyError, TypeError):
+        return any(profile[policy] in values for profile in parse_plain_yaml(profiles) or ())
+    except (ConfigurationError, KeyError, TypeError):
         return False
 
 
@@ -367,10 +367,10 @@ def _listed_files(directory: Path) -> list[Path]:
     if not metadata.is_file():
         return []
     try:
-        information = yaml.safe_load(metadata.read_text(encoding="utf-8"))["rosbag2_bagfile_information"]
+        information = read_plain_yaml(metadata)["rosbag2_bagfile_information"]
         storage, names = information["storage_identifier"], [str(name) for name in information["relative_file_paths"]]
         mode = str(information.get("compression_mode") or "").upper()
-    except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, AttributeError):
+    except (ConfigurationError, KeyError, TypeError, AttributeError):
         return []
     if storage != "mcap":
         raise RecordingError(f"{directory}: storage {storage!r} is not read; convert it with: ros2 bag convert")

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import yaml
 
 from lasso_motion_ros.errors import ConfigurationError, MessageError
+from lasso_motion_ros.plain_yaml import read_plain_yaml
+from msg_adapters.images import MAX_SIDE_PX
 from msg_adapters.messages import NANOSECONDS, header_fields
 
 Array = npt.NDArray[np.float64]
@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 MINIMUM_CLICKS = 6
 MAXIMUM_CLICKS = 10_000
 _SIZE_KEYS = ("width", "height")
+_LATEST_S = 2**31 - 1  # what a stamp's seconds hold
 
 SEEDS_HELP = """\
 seeds file (YAML): the clicks of both planes in one image pair, in order along the loop, 6 or more a plane
@@ -84,8 +85,10 @@ def read_seeds_file(path: str | Path) -> dict[str, dict[str, Any]]:
         points = _numbers(body.get("points"), f"{where}.points", "a list of [x, y]")
         if points.ndim != 2 or points.shape[1] != 2:
             raise ConfigurationError(f"{where}.points: expected a list of [x, y], found shape {points.shape}")
-        if len(points) < MINIMUM_CLICKS:
+        if not MINIMUM_CLICKS <= len(points) <= MAXIMUM_CLICKS:
             raise ConfigurationError(f"{where}.points: expected {MINIMUM_CLICKS} points or more, found {len(points)}")
+        if np.any(np.abs(points) > MAX_SIDE_PX):
+            raise ConfigurationError(f"{where}.points: expected pixels of the image, found {np.abs(points).max():g}")
         seeds[plane] = encode_polygon(points, header_fields(_stamp_ns(body.get("stamp", 0), where)))
     return seeds
 
@@ -104,35 +107,32 @@ def read_calibration_file(path: str | Path) -> dict[str, dict[str, Any]]:
         if matrix.size != 12:
             raise ConfigurationError(f"{where}.p: expected 12 numbers, row by row, found {matrix.size}")
         for key in _SIZE_KEYS:
-            if type(body.get(key)) is not int:
-                raise ConfigurationError(f"{where}.{key}: expected a number of pixels, found {body.get(key)!r}")
+            if type(body.get(key)) is not int or not 1 <= body[key] <= MAX_SIDE_PX:
+                raise ConfigurationError(f"{where}.{key}: expected a number of pixels, found {body.get(key)!r:.80}")
         calibrations[plane] = {"header": header_fields(0), "p": matrix, **{key: body[key] for key in _SIZE_KEYS}}
     return calibrations
 
 
 def _planes(path: str | Path, expected: str) -> list[tuple[str, Any]]:
-    try:
-        document = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ConfigurationError(f"{path}: cannot be read as YAML: {error}") from error
+    document = read_plain_yaml(path)
     if not isinstance(document, dict) or set(document) != {"plane_a", "plane_b"}:
-        found = ", ".join(map(str, document)) if isinstance(document, dict) else type(document).__name__
+        found = ", ".join(map(str, document))[:80] if isinstance(document, dict) else type(document).__name__
         raise ConfigurationError(f"{path}: expected plane_a and plane_b, found {found}")
     return [("a", document["plane_a"]), ("b", document["plane_b"])]
 
 
 def _check_keys(body: Any, allowed: set[str], where: str) -> None:
     if not isinstance(body, dict):
-        raise ConfigurationError(f"{where}: expected {', '.join(sorted(allowed))}, found {body!r}")
+        raise ConfigurationError(f"{where}: expected {', '.join(sorted(allowed))}, found {body!r:.80}")
     for key in body:
         if key not in allowed:
-            raise ConfigurationError(f"{where}: expected {', '.join(sorted(allowed))}, found {key!r}")
+            raise ConfigurationError(f"{where}: expected {', '.join(sorted(allowed))}, found {key!r:.80}")
 
 
 def _numbers(value: Any, where: str, expected: str) -> Array:
     try:
         numbers = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ConfigurationError(f"{where}: expected {expected}") from error
     if numbers.size == 0 or not np.all(np.isfinite(numbers)):
         raise ConfigurationError(f"{where}: expected {expected}, all finite")
@@ -142,8 +142,8 @@ def _numbers(value: Any, where: str, expected: str) -> Array:
 def _stamp_ns(value: Any, where: str) -> int:
     if isinstance(value, dict) and set(value) == {"sec", "nanosec"}:
         parts = (value["sec"], value["nanosec"])
-        if all(type(part) is int and part >= 0 for part in parts):
+        if all(type(part) is int for part in parts) and 0 <= parts[0] <= _LATEST_S and 0 <= parts[1] < NANOSECONDS:
             return int(parts[0] * NANOSECONDS + parts[1])
-    elif isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and value >= 0:
+    elif isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value <= _LATEST_S:
         return round(value * NANOSECONDS)
-    raise ConfigurationError(f"{where}.stamp: expected seconds or {{sec: …, nanosec: …}}, found {value!r}")
+    raise ConfigurationError(f"{where}.stamp: expected seconds or {{sec: …, nanosec: …}}, found {value!r:.80}")

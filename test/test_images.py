@@ -13,6 +13,7 @@ from message_inputs import MESSAGES
 
 from lasso_motion_ros.errors import MessageError
 from msg_adapters.images import decode_compressed_image, decode_image, encode_image
+from msg_adapters.messages import header_fields
 
 
 def message(**fields: Any) -> Any:
@@ -111,9 +112,23 @@ def test_broken_and_coloured_pictures_are_refused() -> None:
     for data, text in [
         (b"GIF89a", "expected png or jpeg"),
         (b"", "expected png or jpeg"),
-        (good[:30], "cannot be decoded"),
+        (good[:30], "cut or corrupt"),
+        (good[:41] + bytes(len(good) - 53) + good[-12:], "cut or corrupt|cannot be decoded"),
         (cv2.imencode(".png", colour)[1].tobytes(), "grey"),
         (huge, "found 60000×60000"),
     ]:
         with pytest.raises(MessageError, match=text):
             decode_compressed_image(compressed(data))
+
+
+def test_a_jpeg_that_claims_to_be_huge_is_refused_before_it_is_unpacked() -> None:
+    data = bytearray(cv2.imencode(".jpg", np.zeros((16, 16), np.uint8))[1].tobytes())
+    frame_header = data.index(b"\xff\xc0")
+    data[frame_header + 5 : frame_header + 9] = (60000).to_bytes(2, "big") * 2
+    fields = {"header": header_fields(1), "format": "jpeg", "data": bytes(data)}
+    message = MESSAGES.make("sensor_msgs/msg/CompressedImage", fields)
+    with pytest.raises(MessageError, match="found 60000×60000"):
+        decode_compressed_image(message)
+    message.data = np.frombuffer(bytes(data[:frame_header]), np.uint8)
+    with pytest.raises(MessageError, match="without a frame header"):
+        decode_compressed_image(message)

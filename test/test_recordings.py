@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import io
+import struct
+import tracemalloc
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+import zstandard
 from mcap.reader import make_reader
 from mcap.records import Chunk
 from mcap.stream_reader import StreamReader
@@ -340,3 +343,29 @@ def test_reading_holds_a_few_chunks_only(tmp_path: Path) -> None:
 def test_our_chunks_carry_their_checksum(tmp_path: Path) -> None:
     records = StreamReader(io.BytesIO(write(tmp_path / "r.mcap").read_bytes()), emit_chunks=True).records
     assert all(record.uncompressed_crc for record in records if isinstance(record, Chunk))
+
+
+@pytest.mark.parametrize("claims", [1000, 1 << 40])
+def test_a_chunk_unpacks_to_no_more_than_it_says_or_is_sensible(tmp_path: Path, claims: int) -> None:
+    """A few kilobytes that unpack to 64 MB."""
+    packed = zstandard.ZstdCompressor().compress(bytes(64 << 20))
+    head = struct.pack("<QQQI", 0, 2**62, claims, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(packed))
+    data = write(tmp_path / "sound.mcap").read_bytes()
+    bomb = struct.pack("<BQ", 0x06, len(head) + len(packed)) + head + packed
+    (tmp_path / "bomb.mcap").write_bytes(data[:8] + bomb + data[8:])
+    tracemalloc.start()
+    assert content(tmp_path / "bomb.mcap") == expected(6)
+    assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    tracemalloc.stop()
+
+
+def test_a_chunk_that_ends_before_it_begins_is_left_out(tmp_path: Path) -> None:
+    data = bytearray(write(tmp_path / "sound.mcap", compression="none").read_bytes())
+    place = data.index(struct.pack("<B", 0x06), 8)
+    while data[place] == 0x06 and struct.unpack_from("<Q", data, place + 1)[0] > len(data):
+        place = data.index(struct.pack("<B", 0x06), place + 1)
+    struct.pack_into("<Q", data, place + 1, 40)  # the chunk's head alone is longer
+    (tmp_path / "spoilt.mcap").write_bytes(data)
+    reader = RecordingReader(tmp_path / "spoilt.mcap")
+    list(reader.raw_messages())
+    assert reader.damage is not None

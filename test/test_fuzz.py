@@ -1,0 +1,21 @@
+"""A small, seeded part of `make fuzz`, run as it is."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COUNT = 1500
+
+
+@pytest.mark.timeout(300)
+def test_spoilt_inputs_give_clear_errors_only() -> None:
+    script = Path(__file__).with_name("fuzz.py")
+    command = [sys.executable, str(script), str(COUNT), "--seed", "2"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=script.parent.parent)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert f"{COUNT} inputs in " in done.stdout
+    assert ", seed 2: 0 failures" in done.stdout
