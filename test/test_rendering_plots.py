@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure
+from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure, share_scale
 
 TIMES = np.arange(6) / 3.0
 TRUE = np.column_stack([TIMES, -2.0 * TIMES, 10.0 * np.sin(TIMES)])
@@ -68,3 +68,12 @@ def test_a_pair_without_lasso_that_rightly_got_no_pose_is_not_counted_as_missing
     nothing = {"a": np.array([0.1, np.nan]), "b": np.array([0.1, np.nan])}
     flags = np.array([True, False])
     assert "no pose" not in legend(error_figure(nothing, flags, flags, flags))
+
+
+def test_figures_beside_each_other_have_one_scale():
+    flags = np.array([True, False]), np.array([True, True]), np.array([True, True])
+    small, large = (error_figure({"a": np.array([0.1, v]), "b": np.array([0.1, v])}, *flags) for v in (0.5, 6.0))
+    top = large.axes[0].get_ylim()[1]
+    assert small.axes[0].get_ylim()[1] < top
+    share_scale([small, large])
+    assert small.axes[0].get_ylim() == large.axes[0].get_ylim() == (0.0, top)

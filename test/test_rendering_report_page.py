@@ -14,6 +14,7 @@ from lasso_motion_ros.cli.main import main
 
 STATES = ["TRACKING", "TRACKING", "DEGRADED", "LOST"]
 PNG = b"\x89PNG\r\n\x1a\n"
+JPEG = b"\xff\xd8\xff"
 
 
 class Cells(HTMLParser):
@@ -63,9 +64,13 @@ def test_two_results_of_one_recording_stand_side_by_side(recording: Path, tmp_pa
     text, cells = read_page(report / "report.html")
     assert cells.sources
     for source in cells.sources:  # nothing is loaded from elsewhere
-        assert source.startswith("data:image/png;base64,")
-        assert base64.b64decode(source.split(",", 1)[1])[:8] == PNG
-    assert len(list(report.glob("*.png"))) == len(cells.sources)
+        kind, _, data = source.partition(";base64,")
+        assert base64.b64decode(data).startswith({"data:image/png": PNG, "data:image/jpeg": JPEG}[kind])
+    pictures = list(report.glob("*.png"))
+    assert len(pictures) == len(cells.sources)
+    # Films are photographs: as PNG they would make the page ten times as large.
+    photographs = sum(source.startswith("data:image/jpeg") for source in cells.sources)
+    assert photographs == len(list(report.glob("*worst*.png"))) > 0
     in_space = next(row for row in cells.rows if row[:2] == ["ring · ours", "1.50"])  # 0.5 and 2.5 mm off
     assert in_space[6:8] == ["6.00", "75 %"]  # static error of 4 and 8 mm, and the share removed
     assert ["z", "6.32", "1.80", "+1.50", "1.00"] in cells.rows  # rms of 4 and 8; of 0.5 and 2.5; their mean and sd

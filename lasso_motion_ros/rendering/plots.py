@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -133,3 +133,11 @@ def panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
         axis.grid(alpha=0.25)
         axis.spines[["top", "right"]].set_visible(False)
     return figure, axes
+
+
+def share_scale(figures: Sequence[Any]) -> None:
+    """Give figures that stand beside each other one vertical scale: the smallest that holds the values of all."""
+    axes = [axis for figure in figures for axis in figure.axes]
+    limits = np.array([axis.get_ylim() for axis in axes])
+    for axis in axes:
+        axis.set_ylim(limits[:, 0].min(), limits[:, 1].max())

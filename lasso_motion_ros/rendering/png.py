@@ -23,3 +23,15 @@ def write_png(path: Path, picture: RgbImage) -> None:
         path.write_bytes(encoded.tobytes())
     except OSError as error:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def jpeg_bytes(picture: RgbImage) -> bytes:
+    """A picture (H, W, 3) uint8 RGB as a JPEG file in memory: for a page that holds many.
+
+    Raises:
+        RecordingError: it cannot be encoded.
+    """
+    done, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 90])
+    if not done:
+        raise RecordingError(f"a picture of {picture.shape} cannot be encoded as JPEG")
+    return data.tobytes()

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,12 +21,14 @@ from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters,
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.report import BLOCKS, Columns, Values, mean_row, summarise
 from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure
-from lasso_motion_ros.rendering.png import write_png
+from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure, share_scale
+from lasso_motion_ros.rendering.png import jpeg_bytes, write_png
 from lasso_motion_ros.rendering.report_figures import axis_figure, comparison_figure, compensation_figure, timing_figure
 from lasso_motion_ros.rendering.worst_frames import WorstFrame, error_mm
 
 Array = npt.NDArray[np.float64]
+Figures = dict[str, tuple[Any, str]]
+"""Plots (matplotlib Figures) and captions, by name."""
 
 PAGE = "report.html"
 PAPER = "Brost et al. 2009"
@@ -126,6 +129,7 @@ class _Page:
             f"<style>{STYLE}</style></head><body><main>",
             "<h1>Lasso tracking: evaluation</h1>",
             f'<p class="note">{html.escape(self._subtitle())}</p>',
+            self._contents(),
             '<p class="warning">Research use only. This is not a medical device.</p>',
             self._facts(),
             "<h2>Table 1, as in the paper</h2>",
@@ -136,11 +140,14 @@ class _Page:
         if len(self._results) > 1:
             keyed = {(one.recording, one.result): s for one, s in zip(self._results, self._summaries, strict=True)}
             parts += ["<h2>Comparison</h2>", self._figure("comparison", comparison_figure(keyed), "Shorter is better.")]
-        sections = [self._result(number) for number in self._show(range(len(self._results)))]
+        drawn = [self._figures(number) for number in self._show(range(len(self._results)))]
         for recording in dict.fromkeys(one.recording for one in self._results):
             numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
-            parts.append(f"<h2>{html.escape(recording)}</h2>")
-            parts += ['<div class="beside">', *(sections[number] for number in numbers), "</div>"]
+            # What stands side by side is compared by eye.
+            for name in {name for number in numbers for name in drawn[number]}:
+                share_scale([drawn[number][name][0] for number in numbers if name in drawn[number]])
+            parts.append(f'<h2 id="{_slug(recording)}">{html.escape(recording)}</h2>')
+            parts += ['<div class="beside">', *(self._result(number, drawn[number]) for number in numbers), "</div>"]
         parts += [self._timing(), self._configurations(), _versions(versions), "</main></body></html>\n"]
         return "\n".join(part for part in parts if part)
 
@@ -151,6 +158,13 @@ class _Page:
             f"{len(self._results)} result{'s' * (len(self._results) > 1)} on {recordings} recording"
             f"{'s' * (recordings > 1)}, {pairs} pairs with truth. Millimetres; axes are those of the world frame."
         )
+
+    def _contents(self) -> str:
+        recordings = dict.fromkeys(one.recording for one in self._results)
+        if len(recordings) == 1:
+            return ""
+        links = " · ".join(f'<a href="#{_slug(name)}">{html.escape(name)}</a>' for name in recordings)
+        return f'<p class="note">{links}</p>'
 
     def _facts(self) -> str:
         """What one wants to know first, of the only result or of each."""
@@ -196,36 +210,42 @@ class _Page:
         body = "\n".join([*rows, last_row])
         return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
 
-    def _result(self, number: int) -> str:
+    def _figures(self, number: int) -> Figures:
+        """A result's plots with their captions, by name."""
         one = self._results[number]
-        slug = _slug(self._names[number])
         scores = one.scores
         has_pose = np.array([score.has_pose for score in scores])
         in_place = np.array([not (score.hidden or score.displaced) for score in scores])
         reference = np.array([score.is_reference for score in scores])
-        began = datetime.fromtimestamp(scores[0].stamp_ns / 1e9, UTC)
-        parts = [
-            f'<section class="result"><h3>{html.escape(one.result)}</h3>',
-            f'<p class="note">{len(scores)} pairs in {one.times_s[-1]:.1f} s, from {began:%Y-%m-%d %H:%M:%S} UTC.</p>',
-        ]
+        figures: Figures = {}
         static = _missing_as_nan([score.static_error_mm for score in scores])
         if np.isfinite(static).any():
             compensated = _missing_as_nan([score.target_error_mm for score in scores])
             figure = compensation_figure(
                 static, compensated, reference, has_pose, in_place, title="Target error, static and compensated"
             )
-            parts.append(self._figure(f"{slug}_target_error", figure, "Mean over the points on the atrium."))
+            figures["target_error"] = figure, "Mean over the points on the atrium."
         errors = {plane: _missing_as_nan([score.error_2d_mm.get(plane) for score in scores]) for plane in PLANES}
         if any(np.isfinite(values).any() for values in errors.values()):
             figure = error_figure(errors, reference, has_pose, in_place, title="2-D error of every frame")
-            parts.append(self._figure(f"{slug}_error_2d", figure, "As the paper's Fig. 3."))
+            figures["error_2d"] = figure, "As the paper's Fig. 3."
         true, found = displacements_mm(scores)
         if np.isfinite(true).any():
             figure = motion_figure(one.times_s, found, true, title="Motion at the lasso since the reference")
-            parts.append(self._figure(f"{slug}_motion", figure, "Displacement of the loop's centre, world axes."))
+            figures["motion"] = figure, "Displacement of the loop's centre, world axes."
             figure = axis_figure(true, residuals_mm(scores), title="Residual against static error")
-            parts.append(self._figure(f"{slug}_axes", figure, "Error of the loop's centre, axis by axis."))
-            parts.append(_axis_table(scores))
+            figures["axes"] = figure, "Error of the loop's centre, axis by axis."
+        return figures
+
+    def _result(self, number: int, figures: Figures) -> str:
+        one = self._results[number]
+        slug = _slug(self._names[number])
+        began = datetime.fromtimestamp(one.scores[0].stamp_ns / 1e9, UTC)
+        span = f"{len(one.scores)} pairs in {one.times_s[-1]:.1f} s, from {began:%Y-%m-%d %H:%M:%S} UTC."
+        parts = [f'<section class="result"><h3>{html.escape(one.result)}</h3>', f'<p class="note">{span}</p>']
+        parts += [self._figure(f"{slug}_{name}", figure, caption) for name, (figure, caption) in figures.items()]
+        if "axes" in figures:
+            parts.append(_axis_table(one.scores))
         parts.append(self._worst_frames(number, slug))
         return "\n".join([*parts, "</section>"])
 
@@ -236,7 +256,7 @@ class _Page:
         for place, frame in enumerate(self._worst[number], start=1):
             path = self._directory / f"{slug}_worst_{place}.png"
             write_png(path, frame.picture)
-            parts.append(_image(path, _worst_caption(frame.score)))
+            parts.append(_image("jpeg", jpeg_bytes(frame.picture), _worst_caption(frame.score)))
         return "\n".join(parts)
 
     def _timing(self) -> str:
@@ -279,13 +299,13 @@ class _Page:
     def _figure(self, name: str, figure: object, caption: str) -> str:
         path = self._directory / f"{name}.png"
         save_figure(figure, path)
-        return _image(path, caption)
+        return _image("png", path.read_bytes(), caption)
 
 
-def _image(path: Path, caption: str) -> str:
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
+def _image(kind: str, file: bytes, caption: str) -> str:
+    data = base64.b64encode(file).decode("ascii")
     words = html.escape(caption)
-    return f'<figure><img alt="{words}" src="data:image/png;base64,{data}"><figcaption>{words}</figcaption></figure>'
+    return f'<figure><img alt="{words}" src="data:image/{kind};base64,{data}"><figcaption>{words}</figcaption></figure>'
 
 
 def _row(name: str, values: Values, columns: Columns, css: str = "") -> str:
