@@ -54,6 +54,7 @@ setup(
         "web": ["aiohttp>=3.9"],
         "dev": [
             "colcon-common-extensions",
+            "cyclonedds",
             "hypothesis",
             "mcap-ros2-support",
             "mypy",
