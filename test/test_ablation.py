@@ -49,6 +49,8 @@ def test_an_idea_is_switched_off_and_comes_back(name: str) -> None:
         for key, value in idea.replaced.items():
             assert named(key) is value
             assert before[key] is not value
+            # What replaces a constant is of its kind.
+            assert callable(value) or not isinstance(before[key], float | tuple) or type(value) is type(before[key])
     assert {key: named(key) for key in idea.replaced} == before
 
 
