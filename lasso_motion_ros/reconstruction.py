@@ -3,7 +3,8 @@
 Each image ellipse C and its source span the cone Q = Pᵀ C P. A space conic on both cones lies in a plane
 of the degenerate quadric Q_A + η Q_B of rank two (L. Quan, "Conic reconstruction and correspondence from
 two views", IEEE PAMI 18(2), 1996). Two such planes remain; a lasso being nearly a circle, the more
-circular conic is the one (Brost et al., MICCAI 2009).
+circular conic is the one (Brost et al., MICCAI 2009). Edge-on in both planes, where both cones have collapsed, a circle
+between the four rays that touch the loop is the fourth candidate.
 """
 
 from __future__ import annotations
@@ -26,6 +27,8 @@ SMALLEST_VIEW_ANGLE_DEG = 5.0
 OUTLINE_NOISE_PX = 1.5
 CIRCULARITY_SPREAD = 0.15
 LARGEST_REPROJECTION_SHARE = 0.25  # of the outline's radius; beyond it nothing fits
+OPEN_SHARE = 0.15  # of a loop that may be open, so that no outline lies beside that part of the ellipse
+EDGE_ON_IN_BOTH_DEG = 15.0  # planes through line and source this near to each other may be the loop's own
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,12 +68,12 @@ class Candidate:
 
     Attributes:
         ellipse: the ellipse, world metres.
-        edge_on: the plane in which the loop was taken as a line, or None (cone against cone).
-        reprojection_px: mean distance of the outlines to the projected ellipse, the larger of both planes.
+        edge_on: the planes in which the loop was taken as a line; none for cone against cone.
+        reprojection_px: mean distance between the outlines and the projected ellipse, the larger of both planes.
     """
 
     ellipse: Ellipse3D
-    edge_on: Plane | None
+    edge_on: tuple[Plane, ...]
     reprojection_px: float
 
     @property
@@ -100,8 +103,8 @@ class Reconstruction:
 def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Reconstruction:
     """The 3-D ellipse whose projections are the two outlines.
 
-    All candidates are built, two from cone against cone and one per plane taken as edge-on, and judged by
-    their reprojection and circularity, so that no threshold on conditioning decides.
+    All candidates are built, two from cone against cone, one per plane taken as edge-on, and one for edge-on in both;
+    they are judged by their reprojection and circularity, so that no threshold on conditioning decides.
 
     Args:
         projections: world metres to pixels, per plane.
@@ -120,26 +123,30 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
         except EllipseError as error:
             refusals.append(f"plane {plane.upper()}: {error}")
 
-    def candidate(ellipse: Ellipse3D, edge_on: Plane | None) -> Candidate:
+    def candidate(ellipse: Ellipse3D, edge_on: tuple[Plane, ...]) -> Candidate:
         return Candidate(ellipse, edge_on, max(_reprojection(ellipse, projections[p], outlines[p]) for p in PLANES))
 
     cone_cone: list[Candidate] = []
     if len(conics) == 2:
         for space_plane in quan_planes(conics["a"], conics["b"]):
             # Under noise one plane cuts the two cones a little differently: the cut that reprojects better is kept.
-            cuts = [candidate(e, None) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
+            cuts = [candidate(e, ()) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
             cone_cone += sorted(cuts, key=lambda c: c.reprojection_px)[:1]
-    plane_cone: list[Candidate] = []
+    line_planes: dict[Plane, Array] = {}
+    for plane in PLANES:
+        try:
+            line_planes[plane] = scaled[plane].T @ fit_line(outlines[plane])
+        except EllipseError as error:
+            refusals.append(f"plane {plane.upper()}: {error}")
+    as_line: list[Candidate] = []
     pairs: tuple[tuple[Plane, Plane], ...] = (("a", "b"), ("b", "a"))
     for edge_on, other in pairs:
-        if other in conics:
-            try:
-                space_plane = scaled[edge_on].T @ fit_line(outlines[edge_on])
-            except EllipseError as error:
-                refusals.append(f"plane {edge_on.upper()}: {error}")
-                continue
-            plane_cone += [candidate(e, edge_on) for e in _cut(conics[other], space_plane, frame)]
-    candidates = sorted(cone_cone + plane_cone, key=lambda c: c.misfit)
+        if other in conics and edge_on in line_planes:
+            as_line += [candidate(e, (edge_on,)) for e in _cut(conics[other], line_planes[edge_on], frame)]
+    if len(line_planes) == 2:
+        circles = _circle_between_rays(projections, outlines, line_planes, frame[:3, 3])
+        as_line += [candidate(circle, PLANES) for circle in circles]
+    candidates = sorted(cone_cone + as_line, key=lambda c: c.misfit)
     if not candidates:
         raise ReconstructionError("no 3-D ellipse explains the two outlines: " + ("; ".join(refusals) or "cones miss"))
     chosen = candidates[0]
@@ -249,9 +256,50 @@ def _cut(cone: Array, space_plane: Array, frame: Array) -> list[Ellipse3D]:
     return [Ellipse3D(centre, in_plane @ flat.semi_major, in_plane @ flat.semi_minor)]
 
 
+def _circle_between_rays(
+    projections: dict[Plane, Projection], outlines: dict[Plane, Array], line_planes: dict[Plane, Array], centre: Array
+) -> list[Ellipse3D]:
+    """The circle that touches the outermost rays to the loop in both planes, seen edge-on by both; none if it is not.
+
+    Both planes through line and source are then the loop's own; in it, a circle with centre c and radius r that touches
+    a ray with unit normal m through the source s fulfils m · (c − s) = r: four equations, linear in three unknowns.
+
+    Args:
+        projections: world metres to pixels, per plane.
+        outlines: (N, 2) pixels along the loop, per plane.
+        line_planes: per plane, (4,) through the outline's line and the source, in any scale.
+        centre: (3,) about the loop's, world metres.
+    """
+    normals = {p: line_planes[p][:3] / np.linalg.norm(line_planes[p][:3]) for p in PLANES}
+    cosine = float(normals["a"] @ normals["b"])
+    if abs(cosine) < np.cos(np.radians(EDGE_ON_IN_BOTH_DEG)):
+        return []
+    normal = normals["a"] + np.sign(cosine) * normals["b"]
+    basis = np.linalg.svd(normal[None])[2][1:]
+    rows, right = [], []
+    for plane in PLANES:
+        outline, source = outlines[plane], basis @ (projections[plane].source - centre)
+        _, _, directions = np.linalg.svd(outline - outline.mean(axis=0), full_matrices=False)
+        along = (outline - outline.mean(axis=0)) @ directions[0]
+        ends = projections[plane].rays(outline[[int(along.argmin()), int(along.argmax())]]) @ basis.T
+        ends /= np.linalg.norm(ends, axis=1, keepdims=True)
+        for ray, other in (ends, ends[::-1]):
+            towards = np.array([-ray[1], ray[0]])
+            towards *= np.sign(towards @ other)  # the loop lies on the other ray's side
+            rows.append([*towards, -1.0])
+            right.append(float(towards @ source))
+    (x, y, radius), *_ = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)
+    if not radius > 0.0:
+        return []
+    return [Ellipse3D(centre + np.array([x, y]) @ basis, radius * basis[0], radius * basis[1])]
+
+
 def _reprojection(ellipse: Ellipse3D, projection: Projection, outline: Array) -> float:
+    """Mean distance between outline and projected ellipse, both ways: one that reaches too far is no better."""
     projected = projection.project(ellipse.points(120))
-    return float(distance_to_curve(outline, np.vstack([projected, projected[:1]])).mean())
+    to_ellipse = distance_to_curve(outline, np.vstack([projected, projected[:1]]))
+    to_outline = np.sort(distance_to_curve(projected, outline))[: round((1.0 - OPEN_SHARE) * len(projected))]
+    return 0.5 * float(to_ellipse.mean() + to_outline.mean())
 
 
 def epipolar_shift(

@@ -35,7 +35,7 @@ SIDEWAYS_SHARE = 0.2  # of the motion's size, expected across its direction: bre
 # is what the loop did between the first two exposures, and with it every displacement's depth.
 REBUILD_AT = frozenset({*range(1, 9), 12, 16, 24})
 LONGEST_HISTORY = 24  # sure displacements after which the past is no longer kept
-TIME_SCALE_S = 1.5  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
+TIME_SCALE_S = 1.0  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
 HEARTBEAT_SPREAD_M = 0.00015
 HEARTBEAT_TIME_SCALE_S = 0.12
 
