@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure, share_scale
+from lasso_motion_ros.rendering.plots import (
+    ABSENT_COLOUR,
+    MISSING_COLOUR,
+    error_figure,
+    motion_figure,
+    save_figure,
+    share_scale,
+)
 
 TIMES = np.arange(6) / 3.0
 TRUE = np.column_stack([TIMES, -2.0 * TIMES, 10.0 * np.sin(TIMES)])
@@ -77,3 +84,10 @@ def test_figures_beside_each_other_have_one_scale():
     assert small.axes[0].get_ylim()[1] < top
     share_scale([small, large])
     assert small.axes[0].get_ylim() == large.axes[0].get_ylim() == (0.0, top)
+
+
+def test_where_no_lasso_is_in_its_place_no_pose_is_missing_from_the_motion():
+    found = np.array([[0.0, 0.0, 0.0], [np.nan] * 3, [np.nan] * 3])
+    figure = motion_figure(np.arange(3.0), found, np.zeros((3, 3)), np.array([True, False, True]))
+    bands = {line.get_color(): list(line.get_xdata()) for line in figure.axes[1].lines if line.get_linewidth() == 5}
+    assert bands == {ABSENT_COLOUR: [1.0, 1.0], MISSING_COLOUR: [2.0, 2.0]}

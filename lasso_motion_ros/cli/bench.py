@@ -21,7 +21,7 @@ import numpy as np
 
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.cli.progress import progress
+from lasso_motion_ros.cli.progress import busy, progress
 from lasso_motion_ros.configuration import ProductConfig, load_configuration
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
@@ -233,7 +233,8 @@ def run(args: argparse.Namespace) -> int:
         return _run_growth(args, config, messages)
     with one_thread():
         clock, codec = measure(config, messages, args.pairs, quiet=args.quiet)
-        overlay = measure_overlay()
+        with busy("drawing overlays", args.quiet):
+            overlay = measure_overlay()
     benchmark = summarise(clock, codec, recording.stem, configuration.name)
     print(format_benchmark(benchmark))
     print(format_overlay(overlay))
@@ -271,11 +272,13 @@ def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     for rate in args.rate:
         if not 0.0 < rate <= LIVE_RATE_LIMIT or args.side not in LIVE_SIDES:
             raise LassoMotionError(f"--rate: up to {LIVE_RATE_LIMIT:g}; --side: {LIVE_SIDES[0]} to {LIVE_SIDES[-1]}")
-        figures = measure_live(rate, args.pairs, args.side, configuration)
+        with busy(f"live at {rate:g} pairs/s", args.quiet):
+            figures = measure_live(rate, args.pairs, args.side, configuration)
         print(format_live(figures))
         runs.append(asdict(figures))
         if args.overlay:
-            beside = measure_live(rate, args.pairs, args.side, configuration, overlay=True)
+            with busy(f"live at {rate:g} pairs/s, the overlay beside it", args.quiet):
+                beside = measure_live(rate, args.pairs, args.side, configuration, overlay=True)
             print(format_live(beside))
             print(format_disturbance(figures, beside))
             runs.append(asdict(beside))

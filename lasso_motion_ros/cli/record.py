@@ -11,7 +11,7 @@ from pathlib import Path
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import not_negative
-from lasso_motion_ros.cli.progress import counting
+from lasso_motion_ros.cli.progress import busy, counting
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recording_repair import repair_recording
@@ -111,7 +111,8 @@ def live_topics(namespace: str, more: list[str]) -> dict[str, str]:
 
 
 def _repair(path: Path, quiet: bool) -> int:
-    repaired = repair_recording(path)
+    with busy(f"reading and writing {path.name} anew", quiet):
+        repaired = repair_recording(path)
     if repaired.damage is None:
         print(f"{path} is whole; nothing was changed")
         return EXIT_DONE

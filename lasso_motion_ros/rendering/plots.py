@@ -23,7 +23,12 @@ PAPER_ERROR_MM = 1.0
 
 
 def motion_figure(
-    times_s: Array, found_mm: Array, true_mm: Array | None, *, title: str = "Breathing motion at the lasso"
+    times_s: Array,
+    found_mm: Array,
+    true_mm: Array | None,
+    in_place: Flags | None = None,
+    *,
+    title: str = "Breathing motion at the lasso",
 ) -> Any:
     """The displacement since the reference, one panel an axis.
 
@@ -31,6 +36,8 @@ def motion_figure(
         times_s: (N,) time since the first pair, seconds.
         found_mm: (N, 3) published displacement of the loop's centre, world axes, mm; NaN where there was no pose.
         true_mm: (N, 3) the true one, NaN where unknown; or None.
+        in_place: (N,) the pairs that show the lasso where the atrium's motion carries it, in all if None; in any
+            other no pose is missing.
         title: what stands above.
 
     Returns:
@@ -38,13 +45,15 @@ def motion_figure(
     """
     figure, axes = panels(3, title, height=6.4)
     answered = np.isfinite(found_mm).all(axis=1)
+    due = np.ones(len(times_s), dtype=bool) if in_place is None else in_place
     for number, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
         if true_mm is not None:
             axis.plot(times_s, true_mm[:, number], color=TRUTH_COLOUR, linewidth=2.2, alpha=0.55, label="truth")
         axis.plot(times_s, found_mm[:, number], "o-", color=FOUND_COLOUR, markersize=4, linewidth=1, label="published")
-        mark(axis, times_s[~answered], MISSING_COLOUR, "no pose" if number == 0 else None)
+        mark(axis, times_s[due & ~answered], MISSING_COLOUR, "no pose" if number == 0 else None)
+        mark(axis, times_s[~due], ABSENT_COLOUR, "lasso hidden or moved" if number == 0 else None)
         axis.set_ylabel(f"{name} (mm)")
-    legend_above(axes[0], columns=3)
+    legend_above(axes[0], columns=4)
     axes[-1].set_xlabel("time since the first pair (s)")
     return figure
 

@@ -231,7 +231,7 @@ class _Page:
             figures["error_2d"] = figure, "As the paper's Fig. 3."
         true, found = displacements_mm(scores)
         if np.isfinite(true).any():
-            figure = motion_figure(one.times_s, found, true, title="Motion at the lasso since the reference")
+            figure = motion_figure(one.times_s, found, true, in_place, title="Motion at the lasso since the reference")
             figures["motion"] = figure, "Displacement of the loop's centre, world axes."
             figure = axis_figure(true, residuals_mm(scores), title="Residual against static error")
             figures["axes"] = figure, "Error of the loop's centre, axis by axis."
