@@ -15,7 +15,7 @@ import numpy as np
 from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import Frame
 from lasso_motion_ros.geometry import Projection
-from msg_adapters.calibrations import Extrinsics, decode_camera_info
+from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 
@@ -25,6 +25,16 @@ _PATIENCE = 2
 _LAG_NS = 700_000_000
 _MAX_WAITING = 32
 _REMEMBERED = 64
+
+
+@dataclass(frozen=True, eq=False)
+class _WithoutPose:
+    """A CameraInfo with a plain camera matrix: where the camera stands is asked for with each image's stamp."""
+
+    message: Any
+
+
+_Calibration = Projection | _WithoutPose
 
 
 @dataclass
@@ -57,14 +67,14 @@ class CalibratedFrames:
         self._extrinsics = extrinsics
         self.counts = CalibrationCounts()
         self._waiting: deque[tuple[int, Pixels]] = deque()
-        self._own: dict[int, Projection | None] = {}  # None: refused
-        self._latest: Projection | None = None
+        self._own: dict[int, _Calibration | None] = {}  # None: refused
+        self._latest: _Calibration | None = None
         self._heard = False
         self._newest_ns = 0
         self._per_frame: bool | None = None  # None: the stamps have not shown it yet
         self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
         self._settled: list[tuple[int, Frame | None]] = []
-        self._last_message: tuple[bytes, Projection] | None = None
+        self._last_message: tuple[bytes, _Calibration] | None = None
         self._complaints: list[str] = []
 
     @property
@@ -124,7 +134,7 @@ class CalibratedFrames:
         self.counts.calibrations += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
-            projection: Projection | None = self._decoded(message)
+            projection: _Calibration | None = self._decoded(message)
         except MessageError as error:
             self.counts.refused_calibrations += 1
             self._complaints.append(str(error))
@@ -155,16 +165,32 @@ class CalibratedFrames:
         settled, self._settled = self._settled, []
         return settled
 
-    def _decoded(self, message: Any) -> Projection:
+    def _decoded(self, message: Any) -> _Calibration:
         roi = message.roi
         content = np.concatenate([np.asarray(message.p, np.float64), np.asarray(message.d, np.float64)]).tobytes()
         sizes = (message.width, message.height, message.binning_x, message.binning_y)
         content += repr((*map(int, sizes), roi.x_offset, roi.y_offset, roi.width, roi.height)).encode()
-        if self._last_message is not None and self._last_message[0] == content and self._extrinsics is None:
+        content += message.header.frame_id.encode("utf-8", "replace")
+        if self._last_message is not None and self._last_message[0] == content:
             return self._last_message[1]
-        projection = decode_camera_info(message, extrinsics=self._extrinsics)
-        self._last_message = (content, projection)
-        return projection
+        calibration: _Calibration
+        if self._extrinsics is not None and needs_pose(message):
+            calibration = _WithoutPose(message)
+        else:
+            calibration = decode_camera_info(message)
+        self._last_message = (content, calibration)
+        return calibration
+
+    def _posed(self, calibration: _WithoutPose, stamp: int) -> Projection | None:
+        """The projection as it is at an image's stamp; None, with a complaint, where it is not known."""
+        extrinsics = self._extrinsics
+        if extrinsics is None:
+            return None
+        try:
+            return decode_camera_info(calibration.message, extrinsics=lambda frame_id, _: extrinsics(frame_id, stamp))
+        except MessageError as error:
+            self._complaints.append(str(error))
+            return None
 
     def _settle(self, final: bool) -> None:
         while self._waiting:
@@ -200,7 +226,7 @@ class CalibratedFrames:
             return len(self._waiting) < 2
         return self._per_frame and self._newest_ns < stamp
 
-    def _standing_in(self, stamp: int) -> Projection | None:
+    def _standing_in(self, stamp: int) -> _Calibration | None:
         """The calibration of an image whose own one is not coming."""
         if not self._per_frame:
             if self._heard:
@@ -216,7 +242,13 @@ class CalibratedFrames:
             return before[-1]
         return None
 
-    def _frame(self, stamp: int, pixels: Pixels, projection: Projection | None) -> Frame | None:
+    def _frame(self, stamp: int, pixels: Pixels, calibration: _Calibration | None) -> Frame | None:
+        projection = calibration
+        if isinstance(projection, _WithoutPose):
+            projection = self._posed(projection, stamp)
+            if projection is None:
+                self.counts.uncalibrated += 1
+                return None
         if projection is None:
             self.counts.uncalibrated += 1
             if self._latest is not None or not self._heard:  # else the calibration's own complaint says it

@@ -53,6 +53,12 @@ def decode_camera_info(
     return _published(detector, message, image_shape)
 
 
+def needs_pose(message: Any) -> bool:
+    """Whether a CameraInfo's `p` is a plain camera matrix, whose pose comes from elsewhere and may change by itself."""
+    matrix = np.asarray(message.p, dtype=np.float64)
+    return matrix.size == 12 and bool(np.all(np.isfinite(matrix))) and _is_camera_matrix(matrix.reshape(3, 4))
+
+
 def encode_camera_info(projection: Projection, header: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of the CameraInfo of an unbinned, uncropped image; `k` and `r` agree with `p`."""
     k, rotation, _ = projection.decompose()
@@ -85,16 +91,9 @@ def _full_matrix(message: Any, extrinsics: Extrinsics | None) -> Array:
         raise MessageError("p: expected 12 finite values, found some that are not")
     if not np.any(matrix):
         raise MessageError("p: expected a projection matrix, found all zero (an uncalibrated camera)")
-    left, column = matrix[:, :3], matrix[:, 3]
-    # Upper triangular with a third row (0, 0, s): a camera matrix K′ with no rotation in it.
-    scale = abs(left[2, 2])
-    is_camera_matrix = scale > 0.0 and bool(
-        np.all(np.abs(left[[2, 2], [0, 1]]) <= _NEGLIGIBLE * scale)
-        and abs(left[1, 0]) <= _NEGLIGIBLE * abs(left[1, 1])
-        and abs(column[2]) <= _NEGLIGIBLE * scale
-    )
-    if not is_camera_matrix:
+    if not _is_camera_matrix(matrix):
         return matrix
+    left, column = matrix[:, :3], matrix[:, 3]
     if np.any(np.abs(column[:2]) > _NEGLIGIBLE * np.abs(np.diag(left)[:2])):
         raise MessageError(
             "p: a stereo-style matrix [K′|−f·B 0 0]; expected the full projection K[R|t] from world metres to pixels"
@@ -106,6 +105,17 @@ def _full_matrix(message: Any, extrinsics: Extrinsics | None) -> Array:
         )
     pose = np.asarray(extrinsics(message.header.frame_id, stamp_to_ns(message.header.stamp)), dtype=np.float64)
     return np.asarray(left @ pose[:3])
+
+
+def _is_camera_matrix(matrix: Array) -> bool:
+    """Upper triangular with a third row (0, 0, s, 0): a camera matrix K′ with no rotation in it."""
+    left, column = matrix[:, :3], matrix[:, 3]
+    scale = abs(left[2, 2])
+    return scale > 0.0 and bool(
+        np.all(np.abs(left[[2, 2], [0, 1]]) <= _NEGLIGIBLE * scale)
+        and abs(left[1, 0]) <= _NEGLIGIBLE * abs(left[1, 1])
+        and abs(column[2]) <= _NEGLIGIBLE * scale
+    )
 
 
 def _check_source(detector: Projection) -> None:

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from message_inputs import PERIOD_NS, camera_info, image, projection, stamp
 
+from lasso_motion_ros.errors import MessageError
 from lasso_motion_ros.frames import Frame
 from msg_adapters.calibrated_frames import CalibratedFrames
 
@@ -140,3 +141,28 @@ def test_a_recording_played_again_is_read_as_the_first_time() -> None:
 def test_the_same_calibration_is_the_same_object() -> None:
     found = feed(CalibratedFrames(), *(m for k in range(3) for m in (info(k), image(stamp(k)))))
     assert found[0].projection is found[2].projection
+
+
+def test_a_latched_camera_matrix_is_posed_at_each_image() -> None:
+    """The C-arm turns by TF alone: the pose is that of the image's stamp, not of the calibration's."""
+    full = projection("a")
+    k, rotation, translation = full.decompose()
+    plain = info(None)
+    plain.p = np.column_stack([k, np.zeros(3)]).reshape(-1)
+    asked: list[int] = []
+
+    def extrinsics(frame_id: str, stamp_ns: int) -> np.ndarray:
+        asked.append(stamp_ns)
+        if stamp_ns == stamp(1):
+            raise MessageError("TF does not know")
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = rotation, translation + 1e-3 * len(asked)
+        return pose
+
+    frames = CalibratedFrames(extrinsics)
+    found = feed(frames, plain, *(image(stamp(k)) for k in range(4)))
+    assert asked == [stamp(k) for k in range(4)]
+    assert [frame.stamp_ns for frame in found] == [stamp(0), stamp(2), stamp(3)]
+    assert not np.allclose(found[0].projection.matrix, found[1].projection.matrix)
+    assert frames.take_complaints() == ["TF does not know"]
+    assert frames.counts.uncalibrated == 1

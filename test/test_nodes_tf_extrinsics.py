@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from types import SimpleNamespace
 
 import numpy as np
@@ -53,6 +54,35 @@ def test_a_plain_camera_matrix_with_it_is_the_full_projection() -> None:
     assert asked == [("source_a", 7)]
     point = np.array([[0.01, -0.02, 0.03]])
     np.testing.assert_allclose(decoded.project(point), full.project(point), atol=1e-6)
+
+
+def test_the_look_up_asks_for_the_camera_in_the_world_at_the_stamp(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By a stand-in for `tf2_ros`: what is asked, that it does not block, and what becomes of its errors."""
+    asked: list[tuple] = []
+
+    class TransformException(Exception):  # noqa: N818 - its name in tf2_ros
+        pass
+
+    class Buffer:
+        def lookup_transform(self, *words: object) -> SimpleNamespace:
+            asked.append(words)
+            if words[0] == "elsewhere":
+                raise TransformException('"elsewhere" passed to lookupTransform does not exist')
+            return SimpleNamespace(transform=message((0, 0, 0, 1), (0.1, 0.2, 0.3)))
+
+    listening: list[tuple] = []
+    stand_in = SimpleNamespace(
+        Buffer=Buffer, TransformListener=lambda *words: listening.append(words), TransformException=TransformException
+    )
+    monkeypatch.setitem(sys.modules, "tf2_ros", stand_in)
+    look_up = tf_extrinsics("the node", "patient_table")
+    assert look_up is not None
+    assert listening[0][1] == "the node"
+    np.testing.assert_allclose(look_up("source_a", 7_000_000_001)[:3, 3], [0.1, 0.2, 0.3])
+    target, source, time = asked[0]  # and no timeout: it never waits
+    assert (target, source, time.nanoseconds) == ("source_a", "patient_table", 7_000_000_001)
+    with pytest.raises(MessageError, match='whose pose TF does not know: "elsewhere" passed to'):
+        look_up("elsewhere", 1)
 
 
 def test_without_tf2_there_is_none() -> None:
