@@ -64,14 +64,16 @@ class RingStream:
         spoil_image: Spoil = dict,
         spoil_info: Spoil = dict,
         stamp_ns: int | None = None,
+        shown_ns: int | None = None,
         projection: Any = None,
         said: Any = None,
     ) -> None:
-        """One plane's calibration and image: drawn by `projection`, said to be `said`."""
+        """One plane's calibration and image: drawn by `projection`, as at `shown_ns`, said to be `said`."""
         projection = ring_projection(plane, self._side) if projection is None else projection
         said = projection if said is None else said
+        shown = stamp(number) if shown_ns is None else shown_ns
         header = header_fields(stamp(number) if stamp_ns is None else stamp_ns, f"detector_{plane}")
-        pixels = ring_image(plane, self._side, displacement_mm(stamp(number)), self._generator, projection)
+        pixels = ring_image(plane, self._side, displacement_mm(shown), self._generator, projection)
         info, image = spoil_info(encode_camera_info(said, header)), spoil_image(encode_image(pixels, header))
         if info is not None:
             self.send(topics.camera_info_topic(plane), info)

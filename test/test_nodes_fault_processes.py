@@ -112,6 +112,22 @@ def test_images_without_a_stamp_are_tracked_by_their_arrival(tmp_path: Path) -> 
         assert stamps == sorted(set(stamps))
 
 
+def test_a_known_offset_pairs_what_is_more_than_half_a_period_apart(tmp_path: Path) -> None:
+    """B follows its A by 80 of 100 ms: without the known offset it belongs to none."""
+    behind_ns = 80_000_000
+    with Graph(HEARD, tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph, "sync.plane_b_offset_s:=0.08")
+        stream.connect()
+        stream.clicks({"a": stamp(0), "b": stamp(0) + behind_ns})
+        for number in range(8):
+            stream.frame("a", number)
+            stream.frame("b", number, stamp_ns=stamp(number) + behind_ns)
+        stream.expect([stamp(number) for number in range(8)])
+        stream.await_count("plane_b", "paired", 8)
+        stream.nothing_wrong()
+
+
 def test_a_best_effort_publisher_that_loses_images_is_named_with_the_cure(tmp_path: Path) -> None:
     with Graph(HEARD, tmp_path) as graph:
         stream = RingStream(graph, reliable=False)

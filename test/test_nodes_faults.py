@@ -166,6 +166,27 @@ def test_the_planes_overtake_each_other(stream: RingStream) -> None:
     stream.expect([stamp(number) for number in numbers])
 
 
+@pytest.mark.parametrize("behind_ns", [PERIOD_NS // 2, PERIOD_NS // 4])
+def test_alternating_exposure(stream: RingStream, behind_ns: int) -> None:
+    """B is exposed between two As; the pair is A's, and so is the pose."""
+    numbers = range(stream.number, stream.number + 12)
+    for number in numbers:
+        stream.frame("a", number)
+        stream.frame("b", number, stamp_ns=stamp(number) + behind_ns, shown_ns=stamp(number) + behind_ns)
+    stream.number += 12
+    stream.expect([stamp(number) for number in numbers[3:-1]])
+
+
+def test_stamps_with_jitter(stream: RingStream) -> None:
+    early = [0, 2_000_000, -3_000_000, 4_000_000, -4_000_000, 1_000_000]
+    numbers = range(stream.number, stream.number + len(early))
+    for number, jitter_ns in zip(numbers, early, strict=True):
+        stream.frame("a", number)
+        stream.frame("b", number, stamp_ns=stamp(number) + jitter_ns)
+    stream.number += len(early)
+    stream.expect([stamp(number) for number in numbers])
+
+
 def test_a_plane_stops_and_resumes(stream: RingStream) -> None:
     stream.pairs(6, b_spoil_image=lambda fields: None)
     stream.graph.heard.wait_for(lambda: stream.states()[-1] in ("DEGRADED", "LOST"))
