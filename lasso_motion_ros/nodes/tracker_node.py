@@ -31,8 +31,8 @@ from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, seed_topic
 
-WAITING_PAIRS = 16
-"""Pairs that may wait for the tracker: a second at 15 pairs/s. Ten come at once where calibrations had to be resent."""
+WAITING_PAIRS = 12
+"""Pairs that may wait for the tracker. Ten come at once where calibrations were sent again."""
 DIAGNOSTICS_PERIOD_S = 1.0
 STREAM_COMPLAINT_PERIOD_S = 30.0
 
