@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,7 +16,8 @@ COUNT = 1500
 def test_spoilt_inputs_give_clear_errors_only() -> None:
     script = Path(__file__).with_name("fuzz.py")
     command = [sys.executable, str(script), str(COUNT), "--seed", "2"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=script.parent.parent)
+    environment = os.environ | {"PYTHONPATH": str(script.parent.parent)}
+    done = subprocess.run(command, capture_output=True, encoding="utf-8", check=False, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     assert f"{COUNT} inputs in " in done.stdout
     assert ", seed 2: 0 failures" in done.stdout
