@@ -25,8 +25,11 @@ Array = npt.NDArray[np.float64]
 
 # A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
+# Two planes that are exposed one after the other know the depth as badly at first; then the state is DEGRADED.
+LARGEST_SURE_SIGMA_MM = 1.5
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
+FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
@@ -102,8 +105,8 @@ class AppearanceTracker:
         if finding.gap_mm > finding.lost_gap_mm:
             reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
             return self._result(pair, TrackerState.LOST, reason, None)
-        if finding.faint is not None and not followed:
-            reason = f"plane {finding.faint.upper()} shows the lasso only faintly: after a loss both have to show it"
+        if finding.faint is not None and not followed and finding.gap_mm > FAINT_AGAIN_GAP_MM:
+            reason = f"plane {finding.faint.upper()} shows the lasso only faintly, and not quite where the other does"
             return self._result(pair, TrackerState.LOST, reason, None)
         if len(finding.seen) == 1 and (reason := self._one_plane_refusal(pair, finding, followed=followed)):
             return self._result(pair, TrackerState.LOST, reason, None)
@@ -138,7 +141,7 @@ class AppearanceTracker:
             self._doubt = trial.doubt(displacement)
         sigma_mm = 1e3 * float(np.sqrt(self._doubt * np.trace(trial.at_a.covariance)))
         if len(finding.seen) == 1 and sigma_mm > LARGEST_ONE_PLANE_SIGMA_MM:
-            self._respiration = trial
+            self._respiration, self._followed = trial, True  # it is not lost: where the depth is known again it goes on
             text = f"one plane alone tells the depth to {sigma_mm:.1f} mm only"
             return self._result(pair, TrackerState.LOST, text, None)
         self._respiration, self._displacement, self._followed = trial, displacement, True
@@ -155,6 +158,9 @@ class AppearanceTracker:
                     usual = self._usual.get(plane, fit.correlation)
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
                 self._rotation.learn(self._displacement, finding.alignment.turn, finding.alignment.stretch)
+        if state is TrackerState.TRACKING and sigma_mm > LARGEST_SURE_SIGMA_MM:
+            state = TrackerState.DEGRADED
+            reason = f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
         loop = self._loop(finding.alignment, self._displacement)
         return self._result(pair, state, reason, loop, finding.alignment)
 
