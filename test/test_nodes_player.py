@@ -101,6 +101,24 @@ def test_loop_plays_again_until_interrupted(monkeypatch: pytest.MonkeyPatch, tmp
         assert stamps(started, IMAGES[0])[: FRAMES + 1] == [*range(FRAMES), 0]
 
 
+def test_endless_goes_on_with_later_stamps(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, recording: Path) -> None:
+    with graph(monkeypatch, tmp_path, NOTE, CLOCK, *IMAGES) as started:
+        play(started, recording, "--wait", "20", "--endless", "--rate", "10", "--clock")
+        started.heard.wait_for(lambda: len(stamps(started, IMAGES[1])) > 2 * FRAMES)
+        started.processes.send("player", signal.SIGINT)
+        assert started.wait_for_end("player") == 130
+        later = FRAMES - 1 + round(1e9 / STEP_NS)  # from the last image a second on to the first again
+        rounds = [later * number + index for number in range(3) for index in range(FRAMES)]
+        heard = stamps(started, IMAGES[0])
+        assert heard == rounds[: len(heard)]
+        images = started.heard.messages[IMAGES[0].name]
+        assert bytes(images[FRAMES].data) == bytes(images[0].data)
+        assert images[FRAMES].header.frame_id == images[0].header.frame_id
+        assert {message.data for message in started.heard.messages["note"]} == {"first"}
+        clock = [stamp_to_ns(message.clock) for message in started.heard.messages["/clock"]]
+        assert clock == sorted(clock)
+
+
 def test_who_joins_late_gets_what_is_latched_though_it_lay_before_the_start(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, recording: Path
 ) -> None:

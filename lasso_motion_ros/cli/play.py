@@ -29,6 +29,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
     parser.add_argument("--rate", type=positive, default=1.0, help="times the recorded speed (default 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
+    parser.add_argument(
+        "--endless", action="store_true", help="likewise, but stamps go on: to the nodes it is one long stream"
+    )
     parser.add_argument("--start", type=not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write what was published, and how punctually")
@@ -57,6 +60,7 @@ def run(args: argparse.Namespace) -> int:
     options = PlayOptions(
         rate=args.rate,
         loop=args.loop,
+        endless=args.endless,
         start_s=args.start,
         clock=args.clock,
         everything=args.all,

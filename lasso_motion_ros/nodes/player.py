@@ -17,6 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.nodes.later_stamps import is_stamped, with_later_stamp
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.raw_topics import message_class_of
 from msg_adapters.messages import NANOSECONDS, ns_to_stamp
@@ -39,6 +40,8 @@ READ_AHEAD = 16
 CLOCK_PERIOD_S = 0.01
 ACKNOWLEDGE_WAIT_S = 10.0
 SEED_WAIT_S = 0.2
+ROUND_PAUSE_S = 1.0
+"""Between two rounds of an endless stream: what is filmed has its time to get from its last place to its first."""
 OUTPUT_NAMES = frozenset(
     topic.recorded_name
     for topic in (
@@ -59,6 +62,7 @@ class PlayOptions:
     Attributes:
         rate: times the recorded speed.
         loop: begin again at the end, until interrupted.
+        endless: begin again with later stamps, as one stream that goes on, until interrupted.
         start_s: seconds of the recording to leave out; what is latched in them is published nonetheless.
         clock: publish /clock with the recording's time.
         everything: also what a tracker has put out.
@@ -68,6 +72,7 @@ class PlayOptions:
 
     rate: float = 1.0
     loop: bool = False
+    endless: bool = False
     start_s: float = 0.0
     clock: bool = False
     everything: bool = False
@@ -97,7 +102,7 @@ class PlaySummary:
 
 
 class Player:
-    """Publishes the messages as they were recorded, byte by byte: nothing is decoded on the way.
+    """Publishes the messages as they were recorded, byte by byte (but for later stamps): nothing is decoded on the way.
 
     Args:
         reader: the recording.
@@ -121,6 +126,8 @@ class Player:
         self._node: Node = rclpy.create_node("lasso_player", enable_rosout=False, start_parameter_services=False)
         self._latched = LATCHED_NAMES | reader.latched_topics
         self._publishers: dict[str, Publisher] = {}
+        self._stamped: set[str] = set()
+        self._later_ns = 0
         for topic, type_name in reader.topics.items():
             if topic in OUTPUT_NAMES and not options.everything:
                 continue
@@ -128,6 +135,8 @@ class Player:
             if message_class is None:
                 self._summary.unknown.append(topic)
                 continue
+            if is_stamped(message_class):
+                self._stamped.add(topic)
             self._publishers[topic] = self._node.create_publisher(
                 message_class, topic, qos(depth=DEPTH, latched=topic in self._latched)
             )
@@ -159,8 +168,13 @@ class Player:
         began = time.monotonic()
         while True:
             self._play_once()
-            if not self._options.loop or self._interrupted.is_set():
+            if not (self._options.loop or self._options.endless) or self._interrupted.is_set():
                 break
+            if self._options.endless:
+                first_ns, last_ns = self._reader.time_span_ns
+                skipped_s = ROUND_PAUSE_S - self._options.start_s
+                self._later_ns += last_ns - first_ns + round(skipped_s * NANOSECONDS)
+                self._interrupted.wait(ROUND_PAUSE_S / self._options.rate)
         self._summary.seconds = time.monotonic() - began
         self._summary.damage = self._reader.damage
         if not self._interrupted.is_set():
@@ -189,7 +203,7 @@ class Player:
                 # Time begins here: what lies before has been skipped as fast as it could be read.
                 began = time.monotonic() if began is None else began
                 due = began + (message.log_time_ns - start_ns) / NANOSECONDS / self._options.rate
-                self._wait_until(due, message.log_time_ns)
+                self._wait_until(due, message.log_time_ns + self._later_ns)
                 if self._interrupted.is_set():
                     return
                 self._publish(message)
@@ -220,7 +234,9 @@ class Player:
             # for clicks on the last round's, which has the same stamp.
             for image in IMAGE_NAMES & self._publishers.keys():
                 self._publishers[image].wait_for_all_acked(Duration(seconds=SEED_WAIT_S))
-        self._publishers[message.topic].publish(message.data)
+        later = self._later_ns and message.topic in self._stamped
+        data = with_later_stamp(message.data, self._later_ns) if later else message.data
+        self._publishers[message.topic].publish(data)
         self._summary.published[message.topic] = self._summary.published.get(message.topic, 0) + 1
 
 

@@ -1,0 +1,33 @@
+"""Serialised messages with a later stamp, so that a recording played again goes on instead of beginning anew."""
+
+from __future__ import annotations
+
+import struct
+
+from msg_adapters.messages import NANOSECONDS
+
+_STAMP = 4
+"""Where the stamp of a message that begins with a header stands: behind CDR's own four bytes."""
+HEADER = "std_msgs/Header"
+
+
+def is_stamped(message_class: type) -> bool:
+    """Whether a message of this class begins with a header, or is one."""
+    fields: dict[str, str] = message_class.get_fields_and_field_types()  # type: ignore[attr-defined]
+    first = next(iter(fields.values()), "")
+    return first == HEADER or (first == "builtin_interfaces/Time" and message_class.__name__ == "Header")
+
+
+def with_later_stamp(data: bytes, later_ns: int) -> bytes:
+    """A serialised message that begins with a header, its stamp later by so much; a stamp of 0 means none and stays.
+
+    Args:
+        data: CDR, either byte order.
+        later_ns: nanoseconds.
+    """
+    form = "<iI" if data[1] & 1 else ">iI"
+    sec, nanosec = struct.unpack_from(form, data, _STAMP)
+    if not (sec or nanosec):
+        return data
+    later = divmod(sec * NANOSECONDS + nanosec + later_ns, NANOSECONDS)
+    return data[:_STAMP] + struct.pack(form, *later) + data[_STAMP + 8 :]
