@@ -12,11 +12,21 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "test"))
 
-from browser import open_page  # noqa: E402
+from browser import Page, open_page  # noqa: E402
 
 PORT = 8097
 TRACE_S = 14.0
 """Long enough for some breaths in the trace; the recording is seven seconds long."""
+SHOWN_DEPTH_MM = 6.0
+"""Away from the reference static and compensated differ."""
+
+
+def depth_mm(page: Page) -> float:
+    """How far the loop is from its reference along the patient, as the page says."""
+    try:
+        return abs(float(page.text("shift-z").replace("−", "-")))
+    except ValueError:
+        return 0.0
 
 
 def main() -> int:
@@ -35,7 +45,7 @@ def main() -> int:
                 page.wait_for_state("TRACKING", patience_s=60.0)
                 time.sleep(TRACE_S)
                 page.wait_for_state("TRACKING", patience_s=60.0)
-                time.sleep(3.0)  # a breath's depth away from the reference
+                page.wait_for(lambda: depth_mm(page) > SHOWN_DEPTH_MM, "a deep breath", patience_s=30.0)
                 page.screenshot(ROOT / "docs" / "web.png")
         finally:
             demonstration.send_signal(signal.SIGINT)

@@ -160,7 +160,7 @@ function headline() {
 
 function reasonWords() {
   if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
-  if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
+  if (status.state === "WAITING_FOR_SEED" && status.sent && !refused()) return "Clicks sent, waiting for the tracker …";
   if (status.reason) return status.reason[0].toUpperCase() + status.reason.slice(1);
   return {
     TRACKING: "The loop is followed.",
@@ -170,10 +170,16 @@ function reasonWords() {
   }[status.state] ?? "";
 }
 
+/** Whether the tracker says why it has not taken the clicks. */
+function refused() {
+  return Boolean(status.reason) && status.reason !== "no seed yet";
+}
+
 function detailWords() {
   if (status.held) return "The stream goes on behind the held picture; Esc shows it again.";
   if (status.state === "WAITING_FOR_SEED") {
     if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
+    if (refused()) return "Press S to set clicks anew.";
     if (status.sent && sentAt && performance.now() - sentAt > ANSWER_MS)
       return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";
     return "Press S: the picture is held while you click.";
