@@ -152,4 +152,7 @@ def _published(detector: Projection, message: Any, image_shape: tuple[int, int] 
             f"width, height: the calibration is for an image of {columns}×{rows} (with binning and roi),"
             f" the image has {image_shape[1]}×{image_shape[0]}"
         )
-    return detector.read_out(x, y, columns, rows, binning_x, binning_y)
+    try:
+        return detector.read_out(x, y, columns, rows, binning_x, binning_y)
+    except GeometryError as error:
+        raise MessageError(f"p: with binning {binning_x}×{binning_y} and roi: {error}") from error

@@ -1,4 +1,4 @@
-"""Spoilt inputs by the thousand: only the package's own errors may come out, soon, and without filling the memory.
+"""Spoilt inputs by the thousand: only documented errors may come out, soon, and without filling the memory.
 
 `python test/fuzz.py [COUNT] [--seed N] [--only NUMBER]`, or `make fuzz`. Every input is drawn from the seed and its own
 number, so that `--only` gives one again, with the traceback of what came out.
@@ -19,9 +19,7 @@ import warnings
 from collections import Counter
 from pathlib import Path
 
-from fuzz_inputs import feeds
-
-from lasso_motion_ros.errors import LassoMotionError
+from fuzz_inputs import targets
 
 COUNT = 100_000
 LONGEST_S = 2.0
@@ -61,8 +59,8 @@ def main() -> int:
     slowest_s, slowest, peak, hungriest = 0.0, -1, 0.0, -1
     with tempfile.TemporaryDirectory(prefix="lasso_motion_fuzz_") as name:
         directory = Path(name)
-        table = feeds(directory)
-        names = [name for name, (share, _) in table.items() for _ in range(share)]
+        table = targets(directory)
+        names = [name for name, target in table.items() for _ in range(target.share)]
         resource.setrlimit(resource.RLIMIT_AS, (address_space_bytes() + (LIMIT_MB << 20), resource.RLIM_INFINITY))
         began_s, before_mb = time.monotonic(), peak_mb()
         for number in range(args.count) if args.only is None else [args.only]:
@@ -72,8 +70,8 @@ def main() -> int:
             faulthandler.dump_traceback_later(HANGS_S, exit=True, file=said)
             begin_s = time.process_time()
             try:
-                table[what][1](choice, directory)
-            except LassoMotionError as error:
+                table[what].feed(choice, directory)
+            except table[what].refuses_by as error:
                 refused[what] += 1
                 if not str(error).strip():
                     failures.append(f"input {number} ({what}): an error without a word")

@@ -7,6 +7,7 @@ import random
 import re
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import numpy as np
 import zstandard
 from message_inputs import MESSAGES, SIDE, camera_info, image, seed, stamp, stream
 
+from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, MessageError, RecordingError
 from msg_adapters.calibrations import decode_camera_info
 from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.images import decode_compressed_image, decode_image
@@ -329,22 +331,35 @@ def recording_feed(sound: list[bytes], repair: bool) -> Feed:
     return feed
 
 
-def feeds(directory: Path) -> dict[str, tuple[int, Feed]]:
-    """All feeds by name, each with its share."""
+@dataclass(frozen=True)
+class Target:
+    """What is fed, its share of the inputs, and how it may refuse: by these errors only."""
+
+    share: int
+    feed: Feed
+    refuses_by: tuple[type[LassoMotionError], ...]
+
+
+def targets(directory: Path) -> dict[str, Target]:
+    """All that is fed, by name."""
     sound = recordings(directory)
+    message, file, recording = (MessageError,), (ConfigurationError,), (RecordingError,)
+
+    def messages(share: int, make: Callable[[Choice], Any], type_name: str, take: Callable[[Any], Any]) -> Target:
+        return Target(share, message_feed(make, type_name, take), message)
+
     return {
-        "image": (16, message_feed(_image, "sensor_msgs/msg/Image", decode_image)),
-        "compressed image": (14, message_feed(_compressed, "sensor_msgs/msg/CompressedImage", decode_compressed_image)),
-        "camera info": (
-            16,
-            message_feed(lambda _: camera_info("a", stamp(0)), "sensor_msgs/msg/CameraInfo", decode_camera_info),
+        "image": messages(16, _image, "sensor_msgs/msg/Image", decode_image),
+        "compressed image": messages(14, _compressed, "sensor_msgs/msg/CompressedImage", decode_compressed_image),
+        "camera info": messages(
+            16, lambda _: camera_info("a", stamp(0)), "sensor_msgs/msg/CameraInfo", decode_camera_info
         ),
-        "seed": (8, message_feed(lambda _: seed(stamp(0)), "geometry_msgs/msg/PolygonStamped", decode_seed)),
-        "pose": (8, message_feed(_pose, "geometry_msgs/msg/PoseStamped", decode_pose)),
-        "marker": (8, message_feed(_marker, "visualization_msgs/msg/Marker", decode_points)),
-        "stream": (4, stream_feed),
-        "seeds file": (6, yaml_feed(SEEDS, read_seeds_file)),
-        "calibration file": (6, yaml_feed(CALIBRATION, read_calibration_file)),
-        "recording": (12, recording_feed(sound, repair=False)),
-        "recording's repair": (2, recording_feed(sound, repair=True)),
+        "seed": messages(8, lambda _: seed(stamp(0)), "geometry_msgs/msg/PolygonStamped", decode_seed),
+        "pose": messages(8, _pose, "geometry_msgs/msg/PoseStamped", decode_pose),
+        "marker": messages(8, _marker, "visualization_msgs/msg/Marker", decode_points),
+        "stream": Target(4, stream_feed, ()),
+        "seeds file": Target(6, yaml_feed(SEEDS, read_seeds_file), file),
+        "calibration file": Target(6, yaml_feed(CALIBRATION, read_calibration_file), file),
+        "recording": Target(12, recording_feed(sound, repair=False), (*recording, *message)),
+        "recording's repair": Target(2, recording_feed(sound, repair=True), recording),
     }

@@ -142,3 +142,14 @@ def test_a_view_along_an_axis_is_not_taken_for_a_stereo_matrix() -> None:
     moved = HAND.copy()
     moved[0, 3] -= 100.0  # the source 0.1 m to the right
     assert decode_camera_info(info(moved)).source == pytest.approx([0.1, 0.0, -0.8])
+
+
+def test_binning_that_leaves_no_rank_is_refused_as_a_message() -> None:
+    """A focal length of a billionth of a pixel: of full rank before binning, and not after."""
+    tiny = ROTATED / np.linalg.norm(ROTATED[2, :3])
+    tiny = np.vstack(
+        [2e-28 * tiny[0] / np.linalg.norm(tiny[0, :3]), 2e-28 * tiny[1] / np.linalg.norm(tiny[1, :3]), tiny[2]]
+    )
+    decode_camera_info(info(tiny))
+    with pytest.raises(MessageError, match="p: with binning 16×1 and roi: the projection matrix is singular"):
+        decode_camera_info(info(tiny, binning_x=16))
