@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
-from node_harness import PATIENCE_S, Graph
+from node_harness import Graph
 from ring_stream import diagnosed, start_tracker
 
 from lasso_motion_ros.nodes.fastdds import PROFILE_VARIABLES
@@ -47,7 +47,7 @@ def paired_and_posed(logs: Path, first: str) -> tuple[int, int]:
         start_tracker(graph)
         environment |= {"ROS_DOMAIN_ID": str(graph.domain), **LOOPBACK, "PYTHONPATH": str(script.parent.parent)}
         command = [sys.executable, str(script), "15", str(PAIRS), "1024", first]
-        subprocess.run(command, env=environment, check=True, timeout=PATIENCE_S, stderr=subprocess.DEVNULL, cwd=logs)
+        subprocess.run(command, env=environment, check=True, timeout=90.0, stderr=subprocess.DEVNULL, cwd=logs)
         # All that was published is acknowledged; one second later the diagnostics have counted it.
         graph.heard.wait_for(lambda: diagnosed(graph, "plane_a").get("message", "").startswith("no images"))
         posed = {stamp_to_ns(message.header.stamp) for message in graph.heard.messages["motion"]}
