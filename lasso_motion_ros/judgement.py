@@ -146,6 +146,9 @@ class BreathingEnvelope:
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m at a time as breathing."""
         self._last_interval_s = max(time_s - self._last_time_s, 1e-3)
+        if self._last_interval_s > self._config.longest_jump_interval_s:
+            # Breaths that passed unseen, while somebody clicked along a held pair say, have taught nothing.
+            self._first_time_s += self._last_interval_s
         self._velocity = (displacement - self._last) / self._last_interval_s
         self._last_time_s, self._last = time_s, np.array(displacement)
         if self._complete:

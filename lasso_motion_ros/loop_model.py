@@ -21,6 +21,7 @@ from lasso_motion_ros.errors import ReconstructionError, SeedError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.line_filter import sato
+from lasso_motion_ros.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
 from lasso_motion_ros.seeding import is_bright, line_sigma_px, outlines, require_both_planes
 from lasso_motion_ros.working_image import working_image
@@ -28,11 +29,8 @@ from lasso_motion_ros.working_image import working_image
 Array = npt.NDArray[np.float64]
 
 POINTS = 120
-ANGLES_PER_TURN = 96
 KNOTS_PER_TURN = 14
-OUTLINE_POINTS = 90
-SMALLEST_OVERLAP_TURNS = 0.06  # clicked past its start by this much, a loop overlaps itself
-LARGEST_TURNS = 1.35
+ROUNDS = 3  # of snapping to the lines in the images
 SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
 
 OUTLINE_SIGMA_MM = 0.15
@@ -44,6 +42,7 @@ SNAP_STEP_MM = 0.1
 # below 0.5 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
 SMALLEST_CONTRAST = 0.5
 DOUBTFUL_CONTRAST = 1.0
+OPEN_CONTRAST = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,16 +107,20 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
 
 def _contrast(pair: FramePair, model: LoopModel) -> float:
     """How far the model's curve stands out from what lies beside it, mean of both planes, in units of local noise."""
+    return float(_contrasts(pair, model.points, model.bright, model.shifts).mean())
+
+
+def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, Array]) -> Array:
+    """(N,) the same, point by point of a curve (N, 3)."""
     contrasts = []
     for plane in PLANES:
         frame = pair.frame(plane)
         if frame is not None:
-            image = working_image(frame, model.centre, bright=model.bright, shift=model.shifts[plane])
-            profile = strip_along(model.points, image.projection).sample(image).mean(axis=0)
-            contrasts.append(
-                profile[HALF_WIDTH - 1 : HALF_WIDTH + 2].mean() - 0.5 * (profile[:3].mean() + profile[-3:].mean())
-            )
-    return float(np.mean(contrasts))
+            image = working_image(frame, curve.mean(axis=0), bright=bright, shift=shifts[plane])
+            strip = strip_along(curve, image.projection).sample(image)
+            beside = 0.5 * (strip[:, :3].mean(axis=1) + strip[:, -3:].mean(axis=1))
+            contrasts.append(strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1) - beside)
+    return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
 
 
 def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> LoopModel:
@@ -129,19 +132,35 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) 
     shifts = epipolar_shift(projections, paths, share_of_a)
     shifted = _shifted(projections, shifts)
     ellipse = reconstruct_ellipse(shifted, paths).chosen.ellipse
-    angles, found = _along_the_ellipse(ellipse, shifted, paths)
-    curve = _fit_curve(ellipse, angles, shifted, found)
-    for _ in range(2):
-        found = {p: _snap(curve(angles), frames[p], shifted[p], bright, config.path.line_sigma_mm) for p in PLANES}
-        # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
-        shifts = epipolar_shift(projections, found, share_of_a)
-        shifted = _shifted(projections, shifts)
-        curve = _fit_curve(ellipse, angles, shifted, found)
-    points = resample(curve(np.linspace(angles[0], angles[-1], 8 * POINTS)), POINTS)
+    outline = LoopOutline(ellipse, shifted, paths)
+
+    def fitted(low: float, high: float) -> tuple[_Curve, dict[Plane, Array]]:
+        """The curve between two eccentric angles, and the planes' shifts that go with it."""
+        angles, moved, views = angles_between(low, high), shifts, shifted
+        curve = _fit_curve(ellipse, angles, views, outline.at(angles))
+        for _ in range(ROUNDS):
+            found = {p: _snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
+            # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
+            moved = epipolar_shift(projections, found, share_of_a)
+            views = _shifted(projections, moved)
+            curve = _fit_curve(ellipse, angles, views, found)
+        return curve, moved
+
+    low, high = outline.extent
+    curve, moved = fitted(low, high)
+    if (gap := outline.gap) is not None and high - low <= TURN:
+        # Nobody clicked there; where there is no wire either, the loop is open.
+        inside = _contrasts(pair, curve(angles_between(*gap)), bright, moved).mean()
+        whole = _contrasts(pair, curve(angles_between(low, gap[0])), bright, moved).mean()
+        if inside < OPEN_CONTRAST * whole:
+            low, high = gap[1] - TURN, gap[0]
+            curve, moved = fitted(low, high)
+    shifted = _shifted(projections, moved)
+    points = resample(curve(np.linspace(low, high, 8 * POINTS)), POINTS)
     centre = _circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
     lateral = np.cross(np.cross(ray_a, ray_b), ray_b)
-    return LoopModel(points, centre, bright, shifts, (ray_a, lateral / np.linalg.norm(lateral)))
+    return LoopModel(points, centre, bright, moved, (ray_a, lateral / np.linalg.norm(lateral)))
 
 
 def _circle_centre(points: Array) -> Array:
@@ -166,84 +185,7 @@ class _Curve:
 
     def __call__(self, angles: Array) -> Array:
         basis = BSpline.design_matrix(angles, self._knots, 3).toarray()
-        return np.asarray(_on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
-
-
-def _on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
-    angles = angles[:, None]
-    return np.asarray(ellipse.centre + np.cos(angles) * ellipse.semi_major + np.sin(angles) * ellipse.semi_minor)
-
-
-def _along_the_ellipse(
-    ellipse: Ellipse3D, projections: dict[Plane, Projection], paths: dict[Plane, Array]
-) -> tuple[Array, dict[Plane, Array]]:
-    """Give every outline point its eccentric angle; both planes on one range of angles.
-
-    Returns:
-        (N,) angles from end to end of the loop, and per plane (N, 2) outline pixels at them (NaN where that
-        plane's outline does not reach).
-    """
-    ranges: dict[Plane, tuple[Array, Array]] = {}
-    for plane in PLANES:
-        outline = resample(paths[plane], OUTLINE_POINTS)
-        ranges[plane] = _monotone_angles(outline, ellipse, projections[plane]), outline
-    a, b = ranges["a"][0], ranges["b"][0]
-    # The same angle plus a whole turn is the same place on the ellipse: bring both ranges together.
-    b = b + 2.0 * np.pi * np.round((a.mean() - b.mean()) / (2.0 * np.pi))
-    spans = {"a": float(np.ptp(a)), "b": float(np.ptp(b))}
-    turn = 2.0 * np.pi
-    if max(spans.values()) > turn * (1.0 + SMALLEST_OVERLAP_TURNS):
-        low, high = min(a.min(), b.min()), max(a.max(), b.max())
-        if high - low > turn * LARGEST_TURNS:  # started at opposite ends: trust the longer outline
-            longer = a if spans["a"] >= spans["b"] else b
-            low, high = longer.min(), longer.max()
-        angles = np.linspace(low, high, round(ANGLES_PER_TURN * (high - low) / turn))
-    else:
-        low = a.min()
-        angles = np.linspace(low, low + turn, ANGLES_PER_TURN + 1)
-    found: dict[Plane, Array] = {}
-    for plane, at in (("a", a), ("b", b)):
-        outline = ranges[plane][1]
-        order = np.argsort(at, kind="stable")
-        values = np.full((len(angles), 2), np.nan)
-        for whole in (-turn, 0.0, turn):
-            shifted = at[order] + whole
-            inside = (angles >= shifted[0]) & (angles <= shifted[-1]) & np.isnan(values[:, 0])
-            for axis in range(2):
-                values[inside, axis] = np.interp(angles[inside], shifted, outline[order, axis])
-        found[plane] = values
-    return angles, found
-
-
-def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection) -> Array:
-    """(N,) eccentric angles of outline points (N, 2), monotone along it: dynamic programming, both directions."""
-    turns = 2
-    angles = np.linspace(0.0, 2.0 * np.pi * turns, ANGLES_PER_TURN * turns, endpoint=False)
-    pixels = projection.project(_on_ellipse(ellipse, angles))
-    best_cost, best = np.inf, angles[:1]
-    for direction in (1, -1):
-        ordered = angles[::direction]
-        cost = np.linalg.norm(outline[:, None] - pixels[None, ::direction], axis=-1)
-        total = cost[0].copy()
-        steps = []
-        for row in cost[1:]:
-            # From any earlier angle within an eighth of a turn, to this one.
-            reach = ANGLES_PER_TURN // 8
-            window = np.full((reach, len(total)), np.inf)
-            for back in range(reach):
-                window[back, back:] = total[: len(total) - back]
-            step = np.argmin(window, axis=0)
-            total = window[step, np.arange(len(total))] + row
-            steps.append(step)
-        end = int(np.argmin(total))
-        if total[end] < best_cost:
-            best_cost = float(total[end])
-            index, indices = end, [end]
-            for step in reversed(steps):
-                index -= int(step[index])
-                indices.append(index)
-            best = ordered[indices[::-1]]
-    return best
+        return np.asarray(on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
 
 
 def _fit_curve(
@@ -260,7 +202,7 @@ def _fit_curve(
     prior = np.eye(size) / BULGE_SIGMA_MM**2 + bends.T @ bends / BEND_SIGMA_MM**2
     normal = np.kron(prior, np.eye(3)) * 1e6
     right = np.zeros(3 * size)
-    points = _on_ellipse(ellipse, angles)
+    points = on_ellipse(ellipse, angles)
     for plane in PLANES:
         projection = projections[plane]
         pixels = projection.project(points)

@@ -1,4 +1,4 @@
-"""What of the ring's turning is taken for the atrium's: only what repeats with the breath, and only on strong evidence."""
+"""What of the ring's turning is taken for the atrium's: what repeats with the breath, on strong evidence only."""
 
 import numpy as np
 import pytest

@@ -24,7 +24,7 @@ CONFIG = JudgementConfig(
     deeper_breath_mm=20.0,
     longest_breath_s=9.0,
 )
-GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.9, 1.0, np.zeros((1, 13), np.float32))
+GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.9, 1.0, 0.1, np.zeros((1, 13), np.float32))
 UP, ASIDE = np.array([0.0, 0.0, 1e-3]), np.array([1e-3, 0.0, 0.0])  # a millimetre each
 INTERVAL_S = 0.3
 
@@ -291,3 +291,9 @@ def test_memory_is_bounded():
     for index in range(1200):
         assert stream.show(wave(0.1 * index)) == ""
     assert len(stream.envelope._points) <= 600
+
+
+def test_breaths_that_passed_unseen_have_taught_nothing():
+    envelope = BreathingEnvelope(CONFIG)
+    envelope.accept(20.0, 3.0 * UP)  # the clicks took their time; nobody has seen a breath yet
+    assert envelope.departure(20.3, 13.0 * UP, 3.0 * UP) == ""

@@ -28,7 +28,7 @@ from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.evaluation_input import read_estimates, read_truth
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
-from msg_adapters.topics import overlay_topic
+from msg_adapters.topics import overlay_topic, seed_topic
 
 HELP = """Play a recording in real time to the tracker and the overlay, each a process of its own, over DDS on this
 machine, and write what comes over the wire: a video of the overlay, plots, and a table of the errors. With --web:
@@ -105,7 +105,9 @@ def run(args: argparse.Namespace) -> int:
 def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) -> int:
     from lasso_motion_ros.nodes.page_demonstration import PageInput, run_page
 
-    check_tracking_topics(RecordingReader(recording).topics)
+    topics = RecordingReader(recording).topics
+    check_tracking_topics(topics)
+    seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
     load_configuration(configuration, ProductConfig)
     truth = _truth(recording)
     surface_file: Path | None = None
@@ -116,7 +118,7 @@ def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) ->
     elif not args.quiet:
         print("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
     # The address is a result: without it --quiet would start a page that nobody finds.
-    run_page(PageInput(recording, configuration, surface_file, DEFAULT_HOST, args.port, args.out), print)
+    run_page(PageInput(recording, configuration, surface_file, seeded, DEFAULT_HOST, args.port, args.out), print)
     return EXIT_DONE
 
 

@@ -26,6 +26,7 @@ class PageInput:
         recording: the recording.
         configuration: the tracker's parameter file.
         surface: STL that the overlay draws, world millimetres; None: no overlay.
+        seeded: whether the recording has clicks.
         host: address of the page.
         port: TCP port of the page.
         directory: where the processes' logs go.
@@ -34,6 +35,7 @@ class PageInput:
     recording: Path
     configuration: Path
     surface: Path | None
+    seeded: bool
     host: str
     port: int
     directory: Path
@@ -73,7 +75,9 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
                 return
         url = processes.log("page", 50).partition(READY)[2].split()[0]
         listeners = 2 if given.surface is None else 3
-        player = ["play", str(given.recording), "--loop", "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
+        # Clicks that come with the recording come in each round; a user's are to hold, so nothing may begin anew.
+        again = "--loop" if given.seeded else "--endless"
+        player = ["play", str(given.recording), again, "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
         processes.start("player", "lasso_motion_ros.cli.main", player)
         say(f"open {url} in a browser (ROS_DOMAIN_ID={domain}, this machine only); Ctrl-C ends it")
         _wait(processes, interrupted)

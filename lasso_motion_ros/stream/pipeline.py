@@ -370,7 +370,7 @@ class TrackingPipeline:
         elif self._has_model:
             outputs += self._result_outputs(ready.pair, self._tracked(ready.pair))
         else:
-            self._set_state(TrackerState.WAITING_FOR_SEED, "no seed yet")
+            self._set_state(TrackerState.WAITING_FOR_SEED, self.last_refusal or "no seed yet")
             self._count(ready.pair, None)
             outputs.append(self._state_output(ready.pair.stamp_ns))
         return outputs
