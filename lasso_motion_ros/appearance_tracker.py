@@ -27,6 +27,7 @@ Array = npt.NDArray[np.float64]
 LARGEST_ONE_PLANE_SIGMA_MM = 2.0
 # Two planes that are exposed one after the other know the depth as badly at first; then the state is DEGRADED.
 LARGEST_SURE_SIGMA_MM = 1.5
+LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from the pair that such a pair tells
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
@@ -158,9 +159,11 @@ class AppearanceTracker:
                     usual = self._usual.get(plane, fit.correlation)
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
                 self._rotation.learn(self._displacement, finding.alignment.turn, finding.alignment.stretch)
-        if state is TrackerState.TRACKING and sigma_mm > LARGEST_SURE_SIGMA_MM:
-            state = TrackerState.DEGRADED
+        if len(finding.seen) == 2 and sigma_mm > LARGEST_SURE_SIGMA_MM:
             reason = f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
+            if sigma_mm > LARGEST_SIGMA_MM:
+                return self._result(pair, TrackerState.LOST, reason, None)
+            state = TrackerState.DEGRADED
         loop = self._loop(finding.alignment, self._displacement)
         return self._result(pair, state, reason, loop, finding.alignment)
 
