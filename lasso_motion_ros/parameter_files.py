@@ -12,12 +12,10 @@ from pathlib import Path
 
 import yaml
 
-from lasso_motion_ros.configuration import (
-    OverlayConfig,
+from lasso_motion_ros.configuration import OverlayConfig, ProductConfig, WebConfig
+from lasso_motion_ros.parameters import (
     ParameterSpec,
-    ProductConfig,
     Value,
-    WebConfig,
     configuration_from_values,
     configuration_values,
     parameter_table,

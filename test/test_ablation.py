@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.configuration import ProductConfig, configuration_values
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.parameters import configuration_values
 from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.suite.ablation import Outcome, changes, format_ablation, run_ablation
 from lasso_motion_ros.suite.ideas import IDEAS, PACKAGE

@@ -4,17 +4,15 @@ from pathlib import Path
 import pytest
 import yaml
 
-from lasso_motion_ros.configuration import (
-    OverlayConfig,
-    ProductConfig,
-    TrackerConfig,
+from lasso_motion_ros.configuration import OverlayConfig, ProductConfig, TrackerConfig
+from lasso_motion_ros.errors import ConfigurationError
+from lasso_motion_ros.parameters import (
     configuration_from_values,
     configuration_values,
     load_configuration,
     parameter,
     parameter_table,
 )
-from lasso_motion_ros.errors import ConfigurationError
 
 CONFIG = Path(__file__).resolve().parents[1] / "config"
 TABLES = [ProductConfig, OverlayConfig]

@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 from message_inputs import MESSAGES, FakeTracker
 
-from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
+from lasso_motion_ros.parameters import configuration_from_values
 from lasso_motion_ros.stream.pipeline import PipelineStatistics, TrackingPipeline
 
 

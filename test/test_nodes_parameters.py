@@ -14,10 +14,11 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.configuration import ProductConfig, parameter, parameter_table
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import ConfigurationError
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.processes import LOOPBACK, free_domain
+from lasso_motion_ros.parameters import parameter, parameter_table
 
 pytestmark = pytest.mark.ros
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from lasso_motion_ros.configuration import configuration_from_values, load_configuration, parameter_table
 from lasso_motion_ros.parameter_files import PARAMETER_FILES, ParameterFile, parameter_reference, parameter_yaml
+from lasso_motion_ros.parameters import configuration_from_values, load_configuration, parameter_table
 
 ROOT = Path(__file__).resolve().parents[1]
 by_name = pytest.mark.parametrize("file", PARAMETER_FILES, ids=lambda file: file.name)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image, seed, stamp, stream
 
-from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.parameters import configuration_from_values
 from lasso_motion_ros.stream.pipeline import Output, ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.markers import ADD, DELETE

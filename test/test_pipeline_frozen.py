@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from message_inputs import MESSAGES, FakeTracker, image, seed, stamp, stream
 
-from lasso_motion_ros.configuration import ProductConfig, configuration_from_values
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Seed
+from lasso_motion_ros.parameters import configuration_from_values
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import stamp_to_ns
 

@@ -22,11 +22,12 @@ import numpy as np
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import busy, progress
-from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.overlay_bench import format_overlay, measure_overlay
+from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.share import bundled_recording, share_file
 from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
 from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types

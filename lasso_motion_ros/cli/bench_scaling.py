@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from unittest import mock
 
 from lasso_motion_ros.cli.bench import measure, stages_ms
-from lasso_motion_ros.configuration import ProductConfig, Value, configuration_from_values, configuration_values
+from lasso_motion_ros.configuration import ProductConfig
+from lasso_motion_ros.parameters import Value, configuration_from_values, configuration_values
 from msg_adapters.recording_reader import RawMessage
 
 MODEL_POINTS = (60, 120, 240, 480)

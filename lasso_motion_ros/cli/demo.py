@@ -13,12 +13,13 @@ from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import busy
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
-from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation.measures import Truth
 from lasso_motion_ros.evaluation.report import Summary, report
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surface
 from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from lasso_motion_ros.configuration import ProductConfig, TrackerConfig, configuration_values, load_configuration
+from lasso_motion_ros.configuration import ProductConfig, TrackerConfig
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, score_pairs
 from lasso_motion_ros.frames import FramePair, Seed
+from lasso_motion_ros.parameters import configuration_values, load_configuration
 from lasso_motion_ros.rendering.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from lasso_motion_ros.tracker import Tracker, TrackResult

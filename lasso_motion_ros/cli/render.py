@@ -14,15 +14,10 @@ from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import busy, progress
 from lasso_motion_ros.cli.track import add_remap, parse_remap
-from lasso_motion_ros.configuration import (
-    OverlayConfig,
-    ProductConfig,
-    configuration_from_values,
-    configuration_values,
-    load_configuration,
-)
+from lasso_motion_ros.configuration import OverlayConfig, ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import FramePair
+from lasso_motion_ros.parameters import configuration_from_values, configuration_values, load_configuration
 from lasso_motion_ros.rendering.offline import VIEWS, DrawnPair, OfflineOverlay, View, video_picture
 from lasso_motion_ros.rendering.overlay import OverlayPainter
 from lasso_motion_ros.rendering.overlay_object import read_overlay_object

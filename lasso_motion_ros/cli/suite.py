@@ -9,9 +9,10 @@ from pathlib import Path
 
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.phantom import Scenario
 from lasso_motion_ros.share import share_file
 from lasso_motion_ros.suite.cache import SequenceCache

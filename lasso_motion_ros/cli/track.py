@@ -14,9 +14,10 @@ from typing import Any
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.configuration import ProductConfig, load_configuration
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.share import share_file
 from lasso_motion_ros.stream.pipeline import Output, PipelineStatistics, Problem, ReadyPair, TrackingPipeline
 from lasso_motion_ros.tracker import Tracker

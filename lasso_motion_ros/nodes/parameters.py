@@ -10,13 +10,8 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.configuration import (
-    ParameterSpec,
-    configuration_from_values,
-    configuration_values,
-    parameter_table,
-)
 from lasso_motion_ros.errors import ConfigurationError, LassoMotionError
+from lasso_motion_ros.parameters import ParameterSpec, configuration_from_values, configuration_values, parameter_table
 
 Config = TypeVar("Config")
 

@@ -11,10 +11,9 @@ import math
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-import yaml
-
-from lasso_motion_ros.errors import ScenarioError
+from lasso_motion_ros.errors import ConfigurationError, ScenarioError
 from lasso_motion_ros.phantom.settings import Event, Scenario
+from lasso_motion_ros.plain_yaml import read_plain_yaml
 from lasso_motion_ros.share import share_directory
 
 Group = TypeVar("Group")
@@ -44,9 +43,9 @@ def load_scenario(name_or_path: str | Path) -> Scenario:
             f"{name_or_path}: no such file, nor one of the scenarios {', '.join(known) or '(none found)'}"
         )
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise ScenarioError(f"{path}: cannot be read as YAML: {' '.join(str(error).split())}") from error
+        document = read_plain_yaml(path)
+    except ConfigurationError as error:
+        raise ScenarioError(str(error)) from error
     try:
         scenario = scenario_from_values({} if document is None else document)
     except ScenarioError as error:

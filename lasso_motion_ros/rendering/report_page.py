@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.configuration import Value
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
 from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.report import BLOCKS, Columns, Values, mean_row, summarise
 from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.parameters import Value
 from lasso_motion_ros.rendering.plots import error_figure, motion_figure, save_figure, share_scale
 from lasso_motion_ros.rendering.png import jpeg_bytes, write_png
 from lasso_motion_ros.rendering.report_figures import axis_figure, comparison_figure, compensation_figure, timing_figure

@@ -19,10 +19,11 @@ import numpy.typing as npt
 from lasso_motion_ros import appearance
 from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
-from lasso_motion_ros.configuration import ProductConfig, Value, configuration_from_values, configuration_values
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.finding import Finding, LoopFinder
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.respiration import FIRST_SPREAD_M, Estimate, RespiratoryMotion
 from lasso_motion_ros.tracker import TrackResult
 from lasso_motion_ros.transforms import rigid

@@ -21,10 +21,10 @@ from lasso_motion_ros.rendering.tracking_view import STATE_COLOURS
 from lasso_motion_ros.tracker import TrackerState
 from lasso_motion_ros.transforms import apply
 from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
-from msg_adapters.calibrated_frames import CalibratedFrames
+from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.pairing import Pair, PairSynchroniser
+from msg_adapters.pairing import Pair
 from msg_adapters.poses import decode_pose
 
 Array = npt.NDArray[np.float64]
@@ -78,8 +78,7 @@ class LiveView:
     ) -> None:
         self._tracker, self._world_frame, self._wait_s, self._clock = tracker, world_frame, answer_wait_s, clock
         self._lock = threading.RLock()
-        self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
-        self._pairing: PairSynchroniser[Frame] = PairSynchroniser(sync.jitter_s, sync.plane_b_offset_s)
+        self._intake = FramePairs(sync.jitter_s, sync.plane_b_offset_s)
         self._pairs: deque[_Seen] = deque(maxlen=PAIRS_KEPT)
         self._held: _Seen | None = None
         self._loops: OrderedDict[int, Array | None] = OrderedDict()
@@ -112,29 +111,25 @@ class LiveView:
                     self._received.clear()  # another run: its stamps may be those of the last
                 # A pair that waits for clicks is answered when they come: that says nothing about speed.
                 _keep(self._received, stamp_ns, (now, self.has_pose))
-            self._pair(plane, self._frames[plane].add_image(message))
-            return self._frames[plane].take_complaints()
+            self._take_pairs(self._intake.add_image(plane, message))
+            return self._intake.frames[plane].take_complaints()
 
     def add_camera_info(self, plane: Plane, message: Any) -> list[str]:
         """Take a calibration; returns complaints."""
         with self._lock:
-            self._pair(plane, self._frames[plane].add_camera_info(message))
-            return self._frames[plane].take_complaints()
+            self._take_pairs(self._intake.add_camera_info(plane, message))
+            return self._intake.frames[plane].take_complaints()
 
-    def _pair(self, plane: Plane, frames: list[Frame]) -> None:
-        for frame in frames:
-            for pair in self._pairing.add(plane, frame.stamp_ns, frame):
-                self._take_pair(pair)
-
-    def _take_pair(self, pair: Pair[Frame]) -> None:
-        if pair.new_run:
-            self.new_runs += 1
-            self.pairs_of_run = 0
-            self._loops.clear()
-            self._pairs.clear()
-        self._number += 1
-        self.pairs_of_run += 1
-        self._pairs.append(_Seen(FramePair(pair.stamp_ns, pair.a, pair.b), self._number, self._clock()))
+    def _take_pairs(self, pairs: list[Pair[Frame]]) -> None:
+        for pair in pairs:
+            if pair.new_run:
+                self.new_runs += 1
+                self.pairs_of_run = 0
+                self._loops.clear()
+                self._pairs.clear()
+            self._number += 1
+            self.pairs_of_run += 1
+            self._pairs.append(_Seen(FramePair(pair.stamp_ns, pair.a, pair.b), self._number, self._clock()))
 
     def add_state(self, state: str) -> None:
         """Take a `state`."""
@@ -281,7 +276,7 @@ class LiveView:
                 "has_pose": self.has_pose,
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in stopped.items()},
                 "seen": {plane: bool(self._arrivals[plane]) for plane in PLANES},
-                "calibrated": {plane: self._frames[plane].calibrated for plane in PLANES},
+                "calibrated": {plane: self._intake.frames[plane].calibrated for plane in PLANES},
                 "tracker_latency_ms": self._tracker_latency_ms,
                 "latency_ms": round(statistics.median(self._latencies_ms), 1) if self._latencies_ms else None,
                 "worst_latency_ms": round(max(self._latencies_ms), 1) if self._latencies_ms else None,
