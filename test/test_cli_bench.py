@@ -13,7 +13,8 @@ from drawn_recording import PERIOD_NS, write_input
 from threadpoolctl import threadpool_info
 
 from lasso_motion_ros import loop_model
-from lasso_motion_ros.cli.bench import available_codec, one_thread, read_undecoded
+from lasso_motion_ros.cli.bench import one_thread, read_undecoded
+from lasso_motion_ros.cli.bench_codecs import available_codec
 from lasso_motion_ros.cli.bench_memory import _forth_and_back
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.share import share_file

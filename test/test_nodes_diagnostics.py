@@ -12,7 +12,8 @@ from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
 from lasso_motion_ros.parameters import configuration_from_values
-from lasso_motion_ros.stream.pipeline import PipelineStatistics, TrackingPipeline
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.reports import PipelineStatistics
 
 
 def statistics(**values: Any) -> PipelineStatistics:

@@ -12,7 +12,9 @@ from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.parameters import configuration_from_values
-from lasso_motion_ros.stream.pipeline import Output, ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.reports import Output
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.markers import ADD, DELETE
 from msg_adapters.messages import header_fields, stamp_to_ns

@@ -10,15 +10,15 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from importlib.metadata import version as installed_version
 from pathlib import Path
 from pkgutil import resolve_name
-from typing import Any, Protocol
+from typing import Any
 from unittest import mock
 
 import numpy as np
 
+from lasso_motion_ros.cli.bench_codecs import Codec, available_codec
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.progress import busy, progress
@@ -29,8 +29,9 @@ from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.overlay_bench import format_overlay, measure_overlay
 from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.share import bundled_recording, share_file
-from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
-from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
+from lasso_motion_ros.stream.intake import recorded_intake
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from msg_adapters.messages import MessageFactory
 from msg_adapters.recording_reader import RawMessage, RecordingReader
 from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic
 
@@ -59,61 +60,6 @@ INNER_STAGES = (
     ("lasso_motion_ros.brost2009.register", "registration"),
 )
 MESSAGES = "messages"  # making the answers, but for their bytes
-
-
-class Codec(Protocol):
-    """Messages to bytes and back, as the node's middleware or the offline command does it."""
-
-    name: str
-    factory: MessageFactory
-
-    def decode(self, data: bytes, type_name: str) -> Any:
-        """The message in CDR bytes."""
-
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-
-
-class RosCodec:
-    """What rclpy does for the node."""
-
-    name = "rclpy"
-
-    def __init__(self) -> None:
-        from rclpy import serialization
-
-        self._serialization = serialization
-        self._classes: dict[str, Any] = {}
-        self.factory: MessageFactory = RosMessages()
-
-    def decode(self, data: bytes, type_name: str) -> Any:
-        """The message in CDR bytes."""
-        if type_name not in self._classes:
-            package, _, name = type_name.partition("/msg/")
-            self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), name)
-        return self._serialization.deserialize_message(data, self._classes[type_name])
-
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-        return bytes(self._serialization.serialize_message(message))
-
-
-class RecordedCodec:
-    """What the offline command does, where there is no ROS."""
-
-    name = "rosbags"
-
-    def __init__(self) -> None:
-        self._types = jazzy_types()
-        self.factory: MessageFactory = RecordedMessages(self._types)
-
-    def decode(self, data: bytes, type_name: str) -> Any:
-        """The message in CDR bytes."""
-        return self._types.deserialize_cdr(data, type_name)
-
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-        return bytes(self._types.serialize_cdr(message, type_name))
 
 
 @dataclass
@@ -316,14 +262,6 @@ def one_thread() -> Iterator[None]:
         cv2.setNumThreads(before)
 
 
-def available_codec() -> Codec:
-    """The node's own where ROS 2 is installed, else the offline command's."""
-    try:
-        return RosCodec()
-    except ImportError:
-        return RecordedCodec()
-
-
 def measure(
     config: ProductConfig,
     messages: Sequence[RawMessage],
@@ -363,11 +301,7 @@ def measure(
 def _play(config: ProductConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
     """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
     pipeline = TrackingPipeline(config, codec.factory)
-    feed: dict[str, Callable[[Any], list[ReadyPair]]] = {}
-    for plane in PLANES:
-        feed[image_topic(plane).recorded_name] = partial(pipeline.add_image, plane)
-        feed[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
-        feed[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
+    feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
     tracked = False
     clock.drop()
     wall, processor = time.perf_counter(), time.process_time()

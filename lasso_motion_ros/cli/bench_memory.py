@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from lasso_motion_ros.cli.bench import available_codec
+from lasso_motion_ros.cli.bench_codecs import available_codec
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.intake import recorded_intake
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import ns_to_stamp, stamp_to_ns
 from msg_adapters.recording_reader import RawMessage
-from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic
+from msg_adapters.topics import MOTION_RAW, image_topic, seed_topic
 
 JITTER_NS = 5_000_000
 SAMPLES = 20
@@ -66,11 +65,7 @@ def measure_memory(
         raise RecordingError(f"{STATM}: not there; memory is measured on Linux only")
     codec = available_codec()
     pipeline = TrackingPipeline(config, codec.factory)
-    feed: dict[str, Callable[[Any], list[ReadyPair]]] = {}
-    for plane in PLANES:
-        feed[image_topic(plane).recorded_name] = partial(pipeline.add_image, plane)
-        feed[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
-        feed[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
+    feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
     stamps = [stamp_to_ns(codec.decode(raw.data, raw.type_name).header.stamp) for raw in messages]
     at_pair, resident, spent = [], [], []
     done = poses = 0

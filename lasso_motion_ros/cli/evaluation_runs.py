@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
 
-from lasso_motion_ros.configuration import ProductConfig, TrackerConfig
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, score_pairs
-from lasso_motion_ros.frames import FramePair, Seed
 from lasso_motion_ros.parameters import configuration_values, load_configuration
 from lasso_motion_ros.rendering.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from lasso_motion_ros.tracker import Tracker, TrackResult
+from lasso_motion_ros.timed_tracker import TimedTracker
 from msg_adapters.evaluation_input import ReadTruth, read_estimates, read_latencies_ms
 from msg_adapters.recording_reader import RecordingReader
 
@@ -67,39 +65,12 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
     return [shown[score.index] for score in worst if score.index in shown]
 
 
-class _TimedTracker:
-    """A tracker that takes note of how long each pair took."""
-
-    def __init__(self, tracker: Tracker) -> None:
-        self._tracker = tracker
-        self.milliseconds: list[float] = []
-
-    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
-        return self._tracker.initialise(pair, seed)
-
-    def track(self, pair: FramePair) -> TrackResult:
-        begin = time.perf_counter()
-        try:
-            return self._tracker.track(pair)
-        finally:
-            self.milliseconds.append(1e3 * (time.perf_counter() - begin))
-
-    def reset(self) -> None:
-        self._tracker.reset()
-
-    def set_reference(self) -> None:
-        self._tracker.set_reference()
-
-    def reconfigure(self, config: TrackerConfig) -> None:
-        self._tracker.reconfigure(config)
-
-
 def _tracked(recording: Path, config: ProductConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
     from lasso_motion_ros.cli.track import track_recording
     from lasso_motion_ros.tracker_factory import create_tracker
 
-    tracker = _TimedTracker(create_tracker(config))
+    tracker = TimedTracker(create_tracker(config))
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
         result = Path(directory) / "result.mcap"
         summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker)

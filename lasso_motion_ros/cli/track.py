@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,13 +18,16 @@ from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.share import share_file
-from lasso_motion_ros.stream.pipeline import Output, PipelineStatistics, Problem, ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.intake import recorded_intake
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem
 from lasso_motion_ros.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
 from msg_adapters.recording_writer import RecordingWriter
 from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP, read_calibration_file, read_seeds_file
-from msg_adapters.topics import R_PEAK, camera_info_topic, compressed_image_topic, image_topic, seed_topic
+from msg_adapters.topics import camera_info_topic, seed_topic
 
 HELP = """Follow the lasso through a recording, offline: the node's own tracker, without DDS and without a clock.
 Writes the topics that the node would publish, at plane A's stamps; two runs write the same file."""
@@ -198,7 +200,7 @@ def track_recording(
                 if given_seeds is not None:
                     topic = seed_topic(plane)
                     session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
-            intake = _intake(pipeline, reader, with_seeds=seeds is None, with_calibration=calibration is None)
+            intake = recorded_intake(pipeline, reader.topics, seeds=seeds is None, calibrations=calibration is None)
             for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
                 session.take(intake[recorded.topic](recorded.message))
             session.take(pipeline.flush())
@@ -249,23 +251,6 @@ class _Session:
             output.stamp_ns or self._time_ns,
             latched=topic.latched,
         )
-
-
-def _intake(
-    pipeline: TrackingPipeline, reader: RecordingReader, *, with_seeds: bool, with_calibration: bool
-) -> dict[str, Callable[[Any], list[ReadyPair]]]:
-    """Recorded topic → what takes its messages."""
-    intake: dict[str, Callable[[Any], list[ReadyPair]]] = {}
-    for plane in PLANES:
-        raw, compressed = image_topic(plane), compressed_image_topic(plane)
-        images = raw if reader.topics.get(raw.recorded_name) == raw.type_name else compressed
-        intake[images.recorded_name] = partial(pipeline.add_image, plane)
-        if with_calibration:
-            intake[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
-        if with_seeds:
-            intake[seed_topic(plane).recorded_name] = partial(pipeline.add_seed, plane)
-    intake[R_PEAK.recorded_name] = pipeline.add_r_peak
-    return intake
 
 
 def _check_seeds(reader: RecordingReader) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.nodes.watch import StreamWatch
-from lasso_motion_ros.stream.pipeline import PipelineStatistics
+from lasso_motion_ros.stream.reports import PipelineStatistics
 from lasso_motion_ros.tracker import TrackerState
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"

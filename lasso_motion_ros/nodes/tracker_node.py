@@ -24,7 +24,8 @@ from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns

@@ -16,7 +16,7 @@ from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.rendering.tracking_view import draw_tracking
-from lasso_motion_ros.stream.pipeline import Output
+from lasso_motion_ros.stream.reports import Output
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.images import encode_image
 from msg_adapters.messages import MessageFactory, header_fields

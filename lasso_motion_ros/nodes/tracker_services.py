@@ -12,7 +12,8 @@ from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
-from lasso_motion_ros.stream.pipeline import ReadyPair, TrackingPipeline
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
 
 
 class TrackerServices:

@@ -9,21 +9,20 @@ from __future__ import annotations
 import dataclasses
 import threading
 from collections import Counter, deque
-from dataclasses import dataclass, field
 from typing import Any
 
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation, HeartbeatStatus
+from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
-from lasso_motion_ros.tracker import RingMotion, Tracker, TrackerState, TrackResult
-from msg_adapters.calibrated_frames import CalibrationCounts
+from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem
+from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import MessageFactory, header_fields, stamp_to_ns
-from msg_adapters.pairing import Pair, PlaneCounts
+from msg_adapters.pairing import Pair
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 from msg_adapters.seeds import decode_seed
 from msg_adapters.topics import (
@@ -39,79 +38,8 @@ from msg_adapters.topics import (
     seed_topic,
 )
 
-__all__ = ["Output", "PipelineStatistics", "Problem", "ReadyPair", "TrackingPipeline"]
-
 _CATHETER_NAMESPACE = "catheter"
 _MAX_PROBLEMS = 64
-
-
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong with what came in.
-
-    Attributes:
-        topic: relative name of the topic it came on, or empty where it is none's in particular.
-        text: what was found and what was expected.
-    """
-
-    topic: str
-    text: str
-
-
-@dataclass(frozen=True, eq=False)
-class Output:
-    """A message to be published.
-
-    Attributes:
-        topic: where.
-        message: made by the pipeline's message factory.
-        stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
-    """
-
-    topic: Topic
-    message: Any
-    stamp_ns: int
-
-
-@dataclass(frozen=True, eq=False)
-class PipelineStatistics:
-    """Counts since the start, for diagnostics and summaries.
-
-    Attributes:
-        state: the state now.
-        reason: why, in a few plain words.
-        pairs: pairs answered.
-        half_pairs: of those, with a plane missing.
-        poses: of those, with a pose.
-        states: pairs answered, by state.
-        problems: problems, by topic.
-        frames: per plane, what became of images and calibrations before pairing.
-        pairing: per plane, what became of images in pairing.
-        last_pair_ns: stamp of the last pair answered, or None.
-        last_pose_ns: stamp of the last pose, or None.
-        residual_px: per plane, the last result's residual.
-        ring: what the ring did by itself in the last pair.
-        offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
-        calibrated: the planes whose last calibration is valid.
-        heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
-    """
-
-    state: TrackerState
-    reason: str
-    pairs: int
-    half_pairs: int
-    poses: int
-    states: dict[TrackerState, int]
-    problems: dict[str, int]
-    frames: dict[Plane, CalibrationCounts]
-    pairing: dict[Plane, PlaneCounts]
-    last_pair_ns: int | None
-    last_pose_ns: int | None
-    residual_px: dict[Plane, float] = field(default_factory=dict)
-    ring: RingMotion | None = None
-    offset_ns: int = 0
-    calibrated: tuple[Plane, ...] = ()
-    heartbeat: HeartbeatStatus | None = None
 
 
 class TrackingPipeline:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.frames import PLANES, FramePair
+from lasso_motion_ros.frames import FramePair
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recording_reader import RecordingReader
-from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic
 
 
 def recorded_pairs(reader: RecordingReader, config: ProductConfig) -> Iterator[FramePair]:
@@ -22,12 +21,7 @@ def recorded_pairs(reader: RecordingReader, config: ProductConfig) -> Iterator[F
         config: how pairs are made (`sync`); nothing is tracked.
     """
     pipeline = TrackingPipeline(config, RecordedMessages())
-    intake = {}
-    for plane in PLANES:
-        raw, compressed = image_topic(plane), compressed_image_topic(plane)
-        images = raw if reader.topics.get(raw.recorded_name) == raw.type_name else compressed
-        intake[images.recorded_name] = partial(pipeline.add_image, plane)
-        intake[camera_info_topic(plane).recorded_name] = partial(pipeline.add_camera_info, plane)
+    intake = recorded_intake(pipeline, reader.topics, seeds=False)
     ready: list[ReadyPair]
     for recorded in reader.messages(intake):
         ready = intake[recorded.topic](recorded.message)

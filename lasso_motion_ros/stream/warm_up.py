@@ -9,7 +9,8 @@ import numpy as np
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
-from lasso_motion_ros.stream.pipeline import Output, TrackingPipeline
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.reports import Output
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import MessageFactory, header_fields

@@ -6,13 +6,12 @@ import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from lasso_motion_ros.configuration import ProductConfig, TrackerConfig
-from lasso_motion_ros.frames import FramePair, Seed
+from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.suite.ideas import Idea
 from lasso_motion_ros.suite.report import Measures, measures, percent, table_cell
 from lasso_motion_ros.suite.run import Sequence as RenderedSequence
 from lasso_motion_ros.suite.run import SequenceResult, run_sequence
-from lasso_motion_ros.tracker import Tracker, TrackResult
+from lasso_motion_ros.timed_tracker import TimedTracker
 from lasso_motion_ros.tracker_factory import create_tracker
 
 # Changes smaller than these are not called a cost or a gain.
@@ -50,40 +49,6 @@ class Outcome:
         return measures([score for result in self.results for score in result.scores])
 
 
-class TimedTracker:
-    """A tracker, and the processor time that tracking has taken, seconds."""
-
-    def __init__(self, tracker: Tracker) -> None:
-        self._tracker = tracker
-        self.spent_s = 0.0
-        self.pairs = 0
-
-    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
-        """Build the model; not timed."""
-        return self._tracker.initialise(pair, seed)
-
-    def track(self, pair: FramePair) -> TrackResult:
-        """Find the catheter in the next pair."""
-        begin = time.process_time()
-        try:
-            return self._tracker.track(pair)
-        finally:
-            self.spent_s += time.process_time() - begin
-            self.pairs += 1
-
-    def reset(self) -> None:
-        """Forget model and motion."""
-        self._tracker.reset()
-
-    def set_reference(self) -> None:
-        """Make the present phase the reference."""
-        self._tracker.set_reference()
-
-    def reconfigure(self, config: TrackerConfig) -> None:
-        """Go on with other tuning parameters."""
-        self._tracker.reconfigure(config)
-
-
 def run_ablation(config: ProductConfig, sequences: Iterable[RenderedSequence], ideas: Iterable[Idea]) -> list[Outcome]:
     """Track every sequence with all ideas, then with each of them switched off.
 
@@ -107,10 +72,10 @@ def run_ablation(config: ProductConfig, sequences: Iterable[RenderedSequence], i
 
 
 def _run(outcome: Outcome, sequence: RenderedSequence, config: ProductConfig) -> None:
-    tracker = TimedTracker(create_tracker(config))
+    tracker = TimedTracker(create_tracker(config), time.process_time)
     outcome.results.append(run_sequence(sequence, config, tracker))
-    outcome.spent_s += tracker.spent_s
-    outcome.pairs += tracker.pairs
+    outcome.spent_s += 1e-3 * sum(tracker.milliseconds)
+    outcome.pairs += len(tracker.milliseconds)
 
 
 def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:

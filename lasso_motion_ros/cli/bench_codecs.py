@@ -1,0 +1,71 @@
+"""Messages to bytes and back, as what is measured does it."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Protocol
+
+from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
+
+
+class Codec(Protocol):
+    """Messages to bytes and back, as the node's middleware or the offline command does it."""
+
+    name: str
+    factory: MessageFactory
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+
+
+class RosCodec:
+    """What rclpy does for the node."""
+
+    name = "rclpy"
+
+    def __init__(self) -> None:
+        from rclpy import serialization
+
+        self._serialization = serialization
+        self._classes: dict[str, Any] = {}
+        self.factory: MessageFactory = RosMessages()
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+        if type_name not in self._classes:
+            package, _, name = type_name.partition("/msg/")
+            self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), name)
+        return self._serialization.deserialize_message(data, self._classes[type_name])
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+        return bytes(self._serialization.serialize_message(message))
+
+
+class RecordedCodec:
+    """What the offline command does, where there is no ROS."""
+
+    name = "rosbags"
+
+    def __init__(self) -> None:
+        self._types = jazzy_types()
+        self.factory: MessageFactory = RecordedMessages(self._types)
+
+    def decode(self, data: bytes, type_name: str) -> Any:
+        """The message in CDR bytes."""
+        return self._types.deserialize_cdr(data, type_name)
+
+    def encode(self, message: Any, type_name: str) -> bytes:
+        """CDR bytes of a message."""
+        return bytes(self._types.serialize_cdr(message, type_name))
+
+
+def available_codec() -> Codec:
+    """The node's own where ROS 2 is installed, else the offline command's."""
+    try:
+        return RosCodec()
+    except ImportError:
+        return RecordedCodec()
