@@ -50,7 +50,7 @@ def test_circles_are_recovered_exactly(normal, centre, radius, mirrored):
     assume(all(10.0 < angle_deg(normal, sight) < 80.0 for sight in lines_of_sight))
     expected = ring(normal, centre, radius)
     found = reconstruct_ellipse(views, outlines(expected, views))
-    assume(found.margin > 1e-3)
+    assume(found.margin > 5e-3)  # nearer than that the outlines, polylines as they are, decide between the two
     assert_same(found.chosen.ellipse, expected, 1e-6)
     assert found.chosen.edge_on == ()
     assert found.chosen.reprojection_px < 0.1  # what polylines of 120 points leave

@@ -136,6 +136,12 @@ class Stage:
         self.graph.heard.wait_for(lambda: stamp_to_ns(motions[-1].header.stamp) == self.stream.last_ns)
         return decode_pose(motions[-1])
 
+    def go_on(self) -> None:
+        """Start the images again and wait for another phase of the breath."""
+        now_mm = self.stream.last_mm
+        self.stream.start()
+        self.page.wait_for(lambda: abs(self.stream.last_mm - now_mm) > BREATH_MM, "another phase")
+
     def outline(self, plane: str) -> np.ndarray:
         """(N, 2) image pixels where the overlay's compensated outline is green on the page's film."""
         film = self.page.pixels(plane, "film").astype(int)
@@ -204,9 +210,7 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
             assert distances(expected, drawn).max() < 2.0  # all of it is drawn, not a part
             assert distances(drawn, true).mean() < 1.5  # and that is where the ring is
         places.append((stream.last_mm, page.loop_pixels("a", SIDE).mean(axis=0)))
-        now_mm = stream.last_mm
-        stream.start()
-        page.wait_for(lambda now=now_mm: abs(stream.last_mm - now) > BREATH_MM, "another phase")
+        stage.go_on()
     (first_mm, first), (second_mm, second) = places
     assert abs(second_mm - first_mm) > 3.0
     moved = second - first
@@ -221,27 +225,44 @@ def near(drawn: np.ndarray, expected: np.ndarray) -> bool:
 
 
 def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -> None:
-    page, stream = stage.page, stage.stream
+    page = stage.page
     page.wait_for_state("TRACKING")
     page.wait_for(lambda: page.driver.find_element("id", "drawing").is_enabled(), "the overlay's style")
     page.press("o")
     page.wait_for(lambda: page.driver.find_element("id", "drawing").get_attribute("value") == "outline", "its change")
     seen = []
     for _ in range(2):
-        corners = apply(stage.settled_motion(), CORNERS)
-        for plane in "ab":
-            matrix = encode_camera_info(projections()[plane], {})["p"]
-            hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
-            hull = np.concatenate([hull, hull[:1]])
-            page.wait_for(
-                lambda p=plane, h=hull: outlined(stage.outline(p), h), f"the outline of plane {plane} in its place"
-            )
-        seen.append((stream.last_mm, hull.mean(axis=0)))
-        now_mm = stream.last_mm
-        stream.start()
-        page.wait_for(lambda now=now_mm: abs(stream.last_mm - now) > BREATH_MM, "another phase")
-    assert np.linalg.norm(seen[1][1] - seen[0][1]) > 4.0
+        seen.append(outline_in_place(stage).mean(axis=0))
+        stage.go_on()
+    assert np.linalg.norm(seen[1] - seen[0]) > 4.0
     assert page.complaints() == []
+
+
+def outline_in_place(stage: Stage, attempts: int = 4) -> np.ndarray:
+    """Stop at a pair whose overlay lies in both planes where its motion puts it; plane B's outline there, (N, 2).
+
+    On a busy machine a pair's motion may come later than the overlay waits for it: then it is drawn, as it must be,
+    with the motion before.
+    """
+    for attempt in range(attempts):
+        corners = apply(stage.settled_motion(), CORNERS)
+        try:
+            for plane in "ab":
+                matrix = encode_camera_info(projections()[plane], {})["p"]
+                hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
+                hull = np.concatenate([hull, hull[:1]])
+                stage.page.wait_for(
+                    lambda p=plane, h=hull: outlined(stage.outline(p), h),
+                    f"the outline of plane {plane} in its place",
+                    patience_s=5.0,
+                )
+        except AssertionError:
+            if attempt == attempts - 1:
+                raise
+            stage.go_on()
+        else:
+            break
+    return hull
 
 
 def outlined(drawn: np.ndarray, hull: np.ndarray) -> bool:
