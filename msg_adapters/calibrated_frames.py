@@ -37,6 +37,25 @@ class _WithoutPose:
 _Calibration = Projection | _WithoutPose
 
 
+@dataclass(eq=False)
+class _Waiting:
+    """An image that waits for its calibration.
+
+    Attributes:
+        stamp_ns: its stamp.
+        pixels: its grey values.
+        elsewhere: images of the other plane that came since.
+        first_elsewhere_ns: stamp of the first of them.
+        last_elsewhere_ns: stamp of the last of them.
+    """
+
+    stamp_ns: int
+    pixels: Pixels
+    elsewhere: int = 0
+    first_elsewhere_ns: int = 0
+    last_elsewhere_ns: int = 0
+
+
 @dataclass
 class CalibrationCounts:
     """What became of one plane's messages before pairing.
@@ -66,7 +85,7 @@ class CalibratedFrames:
     def __init__(self, extrinsics: Extrinsics | None = None) -> None:
         self._extrinsics = extrinsics
         self.counts = CalibrationCounts()
-        self._waiting: deque[tuple[int, Pixels]] = deque()
+        self._waiting: deque[_Waiting] = deque()
         self._own: dict[int, _Calibration | None] = {}  # None: refused
         self._latest: _Calibration | None = None
         self._heard = False
@@ -126,8 +145,16 @@ class CalibratedFrames:
                 self._own.clear()
                 self._newest_ns = 0
         self._recent_images.append(stamp)
-        self._waiting.append((stamp, pixels))
+        self._waiting.append(_Waiting(stamp, pixels))
         return stamp
+
+    def note_elsewhere(self, stamp_ns: int) -> None:
+        """Take note of the other plane's image: this plane may have stopped, and its images must not wait for ever."""
+        for waiting in self._waiting:
+            if waiting.elsewhere == 0:
+                waiting.first_elsewhere_ns = stamp_ns
+            waiting.elsewhere += 1
+            waiting.last_elsewhere_ns = stamp_ns
 
     def take_camera_info(self, message: Any) -> None:
         """Take a calibration; what it settles is among `settled()`."""
@@ -194,7 +221,7 @@ class CalibratedFrames:
 
     def _settle(self, final: bool) -> None:
         while self._waiting:
-            stamp, pixels = self._waiting[0]
+            stamp, pixels = self._waiting[0].stamp_ns, self._waiting[0].pixels
             if stamp in self._own:
                 self._per_frame = True
                 projection = self._own[stamp]
@@ -210,15 +237,20 @@ class CalibratedFrames:
     def _leave_behind(self) -> None:
         """Settle the images before a step back in time: what comes now says nothing about them."""
         while self._waiting:
-            stamp, pixels = self._waiting.popleft()
+            waiting = self._waiting.popleft()
+            stamp = waiting.stamp_ns
             projection = self._own.get(stamp, None if self._per_frame else self._latest)
-            self._settled.append((stamp, self._frame(stamp, pixels, projection)))
+            self._settled.append((stamp, self._frame(stamp, waiting.pixels, projection)))
 
     def _must_wait(self, stamp: int, final: bool) -> bool:
         """Whether this image's own calibration, or any at all, may still come."""
         if final or len(self._waiting) > _MAX_WAITING:
             return False
-        if len(self._waiting) > _PATIENCE and self._waiting[-1][0] - stamp >= _LAG_NS:
+        first = self._waiting[0]
+        if len(self._waiting) > _PATIENCE and self._waiting[-1].stamp_ns - stamp >= _LAG_NS:
+            return False
+        # The planes' clocks may differ: only stamps of one plane are compared.
+        if first.elsewhere > _PATIENCE and first.last_elsewhere_ns - first.first_elsewhere_ns >= _LAG_NS:
             return False
         if not self._heard:
             return True

@@ -15,6 +15,9 @@ from msg_adapters.calibrated_frames import CalibratedFrames
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.pairing import Pair, PairSynchroniser
 
+# Decided pairs that may wait for calibrations, beyond what the planes' own patience lets wait.
+_MAX_DECIDED = 64
+
 
 @dataclass(eq=False)
 class _Slot:
@@ -53,25 +56,37 @@ class FramePairs:
         """Take an Image or CompressedImage, give back the pairs that are complete now."""
         stamp_ns = self.frames[plane].take_image(message)
         if stamp_ns is not None:
+            self.frames["b" if plane == "a" else "a"].note_elsewhere(stamp_ns)
             slot = _Slot()
             self._unsettled[plane].append(slot)
             self._decided.extend(self.pairing.add(plane, stamp_ns, slot))
-        return self._complete(plane)
+        return self._complete()
 
     def add_camera_info(self, plane: Plane, message: Any) -> list[Pair[Frame]]:
         """Take a CameraInfo, give back the pairs that are complete now."""
         self.frames[plane].take_camera_info(message)
-        return self._complete(plane)
+        return self._complete()
 
     def flush(self) -> list[Pair[Frame]]:
         """The pairs that are left when nothing more will come."""
         self._decided.extend(self.pairing.flush())
-        return [pair for plane in PLANES for pair in self._complete(plane, final=True)]
+        return self._complete(final=True)
 
-    def _complete(self, plane: Plane, final: bool = False) -> list[Pair[Frame]]:
-        for _, frame in self.frames[plane].settled(final):
-            slot = self._unsettled[plane].popleft()
-            slot.settled, slot.frame = True, frame
+    def _complete(self, final: bool = False) -> list[Pair[Frame]]:
+        self._settle(final)
+        complete = self._take_settled()
+        if len(self._decided) > _MAX_DECIDED:
+            self._settle(final=True)
+            complete += self._take_settled()
+        return complete
+
+    def _settle(self, final: bool) -> None:
+        for plane in PLANES:
+            for _, frame in self.frames[plane].settled(final):
+                slot = self._unsettled[plane].popleft()
+                slot.settled, slot.frame = True, frame
+
+    def _take_settled(self) -> list[Pair[Frame]]:
         complete: list[Pair[Frame]] = []
         while self._decided and all(slot.settled for slot in _slots(self._decided[0])):
             pair = self._decided.popleft()

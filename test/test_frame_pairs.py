@@ -98,6 +98,30 @@ def test_images_that_wait_for_their_calibration_do_not_hold_up_a_new_run() -> No
     assert [pair.new_run for pair in found] == [False, True]
 
 
+def test_a_plane_that_stops_before_its_last_calibration_does_not_hold_up_the_other() -> None:
+    pairs = FramePairs(0.005, -1.0)
+    feed(pairs, *(message for k in range(3) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
+    found = feed(pairs, picture("b", 3))
+    for k in range(3, 43):
+        found += feed(pairs, info("a", k), picture("a", k))
+    assert len(found) > 30
+    # The first takes the last calibration that B had; then A goes on alone, a few images behind.
+    assert indices(found[1:]) == [(k, None) for k in range(4, 3 + len(found))]
+
+
+def test_what_waits_for_calibrations_is_bounded_whatever_the_stamps() -> None:
+    """B's last image without calibration; A's stamps stand almost still."""
+    pairs = FramePairs(0.005, -1.0)
+    feed(pairs, *(message for k in range(3) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
+    feed(pairs, picture("a", 3), info("a", 3), picture("b", 3))
+    given_out = 0
+    for k in range(1000):
+        stamp_ns = at(3) + 10_000 + 1_000 * k
+        calibration = ("a", "info", camera_info("a", stamp_ns))
+        given_out += len(feed(pairs, calibration, ("a", "image", image(stamp_ns))))
+    assert given_out > 800
+
+
 @given(st.integers(0, 2**32 - 1), st.integers(0, 9))
 @settings(max_examples=40, deadline=None)
 def test_any_lateness_up_to_nine_frames_changes_no_pair(seed: int, latest: int) -> None:
