@@ -21,12 +21,13 @@ PlaneName = Literal["a", "b"]
 NEW_RUN_NS = 1_000_000_000
 # The slowest sequence is 1 frame/s: a longer interval is a pause, and says nothing about the period.
 MAX_PERIOD_NS = 1_000_000_000
+# Intervals of plane A, and offsets of plane B, that the medians are taken of.
+RECENT = 5
 # How far its own plane goes on, at least, before a frame gives up its partner: topics lag behind each other, and a
 # reliable publisher sends lost pieces of an image again after some frames. And how far where the other plane is silent.
 _LAG_NS = 500_000_000
 _SILENT_LAG_NS = 200_000_000
 _MAX_WAITING = 32
-_RECENT = 5
 _MAX_BACKWARD = 16
 
 
@@ -149,8 +150,8 @@ class PairSynchroniser(Generic[Item]):
 
     def _start_run(self) -> None:
         self._queues: dict[PlaneName, _PlaneQueue[Item]] = {"a": _PlaneQueue(), "b": _PlaneQueue()}
-        self._intervals: deque[int] = deque(maxlen=_RECENT)
-        self._offsets: deque[int] = deque(maxlen=_RECENT)
+        self._intervals: deque[int] = deque(maxlen=RECENT)
+        self._offsets: deque[int] = deque(maxlen=RECENT)
         self._last_pair_ns: int | None = None
         self._new_run = False
 

@@ -62,6 +62,36 @@ def test_an_old_motion_is_not_used() -> None:
     assert choice.status == "1.1 s old"
 
 
+def test_a_pause_is_not_taken_for_a_frame_period() -> None:
+    made = history()
+    resumed = 20_000 * MS
+    made.add_image("a", resumed)
+    made.add_motion(resumed, shift(2))
+    assert made.answered("b", resumed + 150 * MS)
+    assert not made.answered("b", resumed + 151 * MS)
+    assert made.choose("b", resumed + 9_900 * MS).motion is None
+
+
+def test_after_a_pause_at_the_start_the_period_is_a_second_at_most() -> None:
+    made = MotionHistory(OverlayConfig())
+    made.add_state("TRACKING")
+    for stamp_ns in (0, 20_000 * MS):
+        made.add_image("a", stamp_ns)
+    made.add_motion(20_000 * MS, shift(2))
+    assert made.answered("b", 20_500 * MS)
+    assert not made.answered("b", 20_501 * MS)
+
+
+def test_no_motion_older_than_the_timeout_is_an_image_s_own() -> None:
+    made = MotionHistory(dataclasses.replace(OverlayConfig(), motion_timeout_s=0.1))
+    made.add_state("TRACKING")
+    for index in range(3):
+        made.add_image("a", index * PERIOD)
+    made.add_motion(2 * PERIOD, shift(2))
+    assert made.answered("b", 2 * PERIOD + 100 * MS)
+    assert not made.answered("b", 2 * PERIOD + 101 * MS)
+
+
 def test_a_motion_of_the_future_is_not_used() -> None:
     made = history()
     assert made.choose("a", -100 * MS).motion is None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import statistics
 from collections import deque
 from dataclasses import dataclass
 
@@ -11,12 +12,12 @@ import numpy.typing as npt
 from lasso_motion_ros.configuration import OverlayConfig
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.tracker import TrackerState
+from msg_adapters.pairing import MAX_PERIOD_NS, NEW_RUN_NS, RECENT
 
 Array = npt.NDArray[np.float64]
 
 KEPT = 64
 NANOSECONDS = 1_000_000_000
-NEW_RUN_NS = NANOSECONDS
 NOT_YET = "not yet received"
 
 
@@ -39,7 +40,8 @@ class MotionHistory:
     """Motions by stamp, and the rule that finds an image's own.
 
     An image of plane A has the motion with its stamp. An image of plane B has that of the last A not later than it, up
-    to half of A's frame period before it, or at the known exposure offset. Only stamps are compared.
+    to half of A's frame period before it (no more than `motion_timeout_s`), or at the known exposure offset. Only
+    stamps are compared.
 
     Args:
         config: the overlay's parameters.
@@ -54,7 +56,7 @@ class MotionHistory:
         self._loops: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._state = ""
         self._last_a_ns: int | None = None
-        self._period_ns: int | None = None
+        self._intervals: deque[int] = deque(maxlen=RECENT)
 
     def add_state(self, state: str) -> None:
         """Take a `state`. One without a pose ends the validity of every motion before it."""
@@ -76,8 +78,12 @@ class MotionHistory:
         """Take note of an image's stamp: plane A's frame period is learnt from them."""
         if plane != "a":
             return
-        if self._last_a_ns is not None and stamp_ns - self._last_a_ns > 0:
-            self._period_ns = stamp_ns - self._last_a_ns
+        if self._last_a_ns is not None and stamp_ns < self._last_a_ns - NEW_RUN_NS:
+            self._intervals.clear()
+        elif self._last_a_ns is not None:
+            if stamp_ns <= self._last_a_ns:
+                return
+            self._intervals.append(min(stamp_ns - self._last_a_ns, MAX_PERIOD_NS))
         self._last_a_ns = stamp_ns
 
     def answered(self, plane: Plane, stamp_ns: int) -> bool:
@@ -122,8 +128,8 @@ class MotionHistory:
             elif self._offset_ns is not None:
                 belongs = abs(later_ns - self._offset_ns) <= self._jitter_ns
             else:
-                half_ns = self._period_ns // 2 if self._period_ns is not None else 0
-                belongs = -self._jitter_ns <= later_ns <= max(half_ns, self._jitter_ns)
+                half_ns = statistics.median_low(self._intervals) // 2 if self._intervals else 0
+                belongs = -self._jitter_ns <= later_ns <= min(max(half_ns, self._jitter_ns), self._timeout_ns)
             if belongs:
                 return at, motion
         return None
