@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image, seed, stamp, stream
 
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import TrackingError
-from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.frames import FramePair, Plane, Seed
 from lasso_motion_ros.parameters import configuration_from_values
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.reports import Output
-from lasso_motion_ros.tracker import TrackerState
+from lasso_motion_ros.tracker import TrackerState, TrackResult
 from msg_adapters.markers import ADD, DELETE
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -138,6 +139,87 @@ def test_refused_clicks_do_not_disturb_a_running_track() -> None:
     (ready,) = line.add_seed("b", seed(stamp(1)))
     assert line.process(ready) == []
     assert poses(run(line, stream(1, seeded=None, start=3))) == {stamp(3): 3.0}
+
+
+METHOD_FAILURES = [
+    (ValueError("shapes differ"), "ValueError: shapes differ"),
+    (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero"),
+    (np.linalg.LinAlgError("Singular matrix"), "LinAlgError: Singular matrix"),
+    (cv2.error("bad\n argument"), "error: bad argument"),
+]
+
+
+class FailingTracker(FakeTracker):
+    """Raises `error` while there is one."""
+
+    error: Exception | None = None
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        if self.error is not None:
+            raise self.error
+        return super().initialise(pair, seed)
+
+    def track(self, pair: FramePair) -> TrackResult:
+        if self.error is not None:
+            raise self.error
+        return super().track(pair)
+
+
+@pytest.mark.parametrize(("error", "words"), METHOD_FAILURES)
+def test_mathematics_that_fail_on_a_pair_are_a_reported_loss(error: Exception, words: str) -> None:
+    tracker = FailingTracker()
+    line = pipeline(tracker)
+    run(line, stream(2))
+    tracker.error = error
+    assert states(run(line, stream(1, seeded=None, start=2))) == ["LOST"]
+    assert [problem.text for problem in line.take_problems()] == [words]
+    assert line.statistics().reason == words
+    tracker.error = None
+    assert states(run(line, stream(1, seeded=None, start=3))) == ["TRACKING"]
+
+
+@pytest.mark.parametrize(("error", "words"), METHOD_FAILURES)
+def test_mathematics_that_fail_on_clicks_refuse_them(error: Exception, words: str) -> None:
+    tracker = FailingTracker()
+    tracker.error = error
+    line = pipeline(tracker)
+    assert set(states(run(line, stream(2)))) == {"WAITING_FOR_SEED"}
+    assert line.last_refusal == words
+    assert [(problem.topic, problem.text) for problem in line.take_problems()] == [("seed", words)]
+
+
+def test_a_refusal_does_not_outlive_a_reset() -> None:
+    line = pipeline(FakeTracker(refuse=True))
+    run(line, stream(1))
+    assert line.last_refusal == "no loop here"
+    line.reset()
+    assert line.last_refusal == ""
+
+
+def test_a_model_from_before_the_start_is_lost_until_a_pair_comes() -> None:
+    line = pipeline()
+    run(line, stream(2))
+    again = line.initial_outputs()
+    assert names(again) == ["state", "catheter"]
+    assert states(again) == ["LOST"]
+    assert again[1].message.action == DELETE
+    assert line.statistics().reason == "no pair since activation"
+    assert states(run(line, stream(1, seeded=None, start=2))) == ["TRACKING"]
+
+
+def test_statistics_may_be_taken_while_a_state_is_counted_for_the_first_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    line = pipeline()
+    run(line, stream(2, seeded=None))
+    seeded = list(stream(1, seeded=2, start=2))
+
+    def has_pose(state: TrackerState) -> bool:
+        monkeypatch.undo()
+        run(line, seeded)
+        return False
+
+    monkeypatch.setattr(TrackerState, "has_pose", property(has_pose))
+    line.statistics()
+    assert line.statistics().states[TrackerState.TRACKING] == 1
 
 
 def test_a_missing_plane_is_answered_without_a_pose() -> None:

@@ -11,6 +11,9 @@ import threading
 from collections import Counter, deque
 from typing import Any
 
+import cv2
+import numpy as np
+
 from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
@@ -40,6 +43,8 @@ from msg_adapters.topics import (
 
 _CATHETER_NAMESPACE = "catheter"
 _MAX_PROBLEMS = 64
+# What the method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
+_METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
 
 
 class TrackingPipeline:
@@ -82,7 +87,8 @@ class TrackingPipeline:
         self._said_calibrated = False
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
         self._problem_counts: Counter[str] = Counter()
-        self._states: Counter[TrackerState] = Counter()
+        # All keys from the start: `statistics` goes through them while the tracker counts.
+        self._states: Counter[TrackerState] = Counter(dict.fromkeys(TrackerState, 0))
         # State of the last pairs by stamp, since a pair may be answered again when its clicks come late.
         self._answers: dict[int, TrackerState] = {}
         self._half_pairs = 0
@@ -192,9 +198,13 @@ class TrackingPipeline:
     # What goes out.
 
     def initial_outputs(self) -> list[Output]:
-        """What is published on start: the state."""
+        """What is published on start: the state. A model that stands since before the start is LOST till a pair comes."""
         with self._tracking:
-            return [self._state_output(0)]
+            if not self._has_model:
+                return [self._state_output(0)]
+            self._set_state(TrackerState.LOST, "no pair since activation")
+            self.last_result = None
+            return [self._state_output(0), *self._take_catheter_away(0)]
 
     def pending_outputs(self) -> list[Output]:
         """State changes that no pair brings: the calibration of both planes has come."""
@@ -307,9 +317,9 @@ class TrackingPipeline:
         """The tracker's answer to clicks; None where it refuses them."""
         try:
             result = self._tracker.initialise(pair, seed)
-        except LassoMotionError as error:
-            self.last_refusal = str(error)
-            self._report("seed", str(error))
+        except _METHOD_ERRORS as error:
+            self.last_refusal = _words(error)
+            self._report("seed", self.last_refusal)
             return None
         self.last_refusal = ""
         self._has_model = True
@@ -319,10 +329,10 @@ class TrackingPipeline:
         """The tracker's answer to the next pair; a pair that it cannot work with is one where the lasso is lost."""
         try:
             return self._tracker.track(pair)
-        except LassoMotionError as error:
-            self._report("", str(error))
+        except _METHOD_ERRORS as error:
+            self._report("", _words(error))
             reference = self._reference_ns if self._reference_ns is not None else pair.stamp_ns
-            return TrackResult(pair.stamp_ns, TrackerState.LOST, str(error), None, None, None, reference)
+            return TrackResult(pair.stamp_ns, TrackerState.LOST, _words(error), None, None, None, reference)
 
     def _count(self, pair: FramePair, result: TrackResult | None) -> None:
         self.last_pair, self.last_result = pair, result
@@ -383,6 +393,7 @@ class TrackingPipeline:
         self._reference_ns = None
         self._answers.clear()
         self.last_result = None
+        self.last_refusal = ""
         if self._state is not TrackerState.WAITING_FOR_CALIBRATION:
             self._set_state(TrackerState.WAITING_FOR_SEED, "the model was forgotten")
         return self._take_catheter_away(stamp_ns)
@@ -395,3 +406,9 @@ class TrackingPipeline:
 
     def _output(self, topic: Topic, fields: dict[str, Any], stamp_ns: int) -> Output:
         return Output(topic, self._messages.make(topic.type_name, fields), stamp_ns)
+
+
+def _words(error: Exception) -> str:
+    """One line on an error; where it is none of the package's, its type says what kind."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, LassoMotionError) else f"{type(error).__name__}: {text}"
