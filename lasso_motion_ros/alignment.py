@@ -80,7 +80,7 @@ class Alignment:
 
     Attributes:
         planes: fit of each plane that took part.
-        turn: (3,) rotation vector of the ring about its centre since the reference, rad.
+        turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
         turn_covariance: (3, 3) rad², prior included.
         stretch: natural logarithm of the ring's size relative to the reference.
     """

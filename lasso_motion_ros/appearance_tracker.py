@@ -12,7 +12,7 @@ from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.breathing_rotation import BreathingRotation, Rotation
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
-from lasso_motion_ros.finding import BOTH_AGREE, Finding, LoopFinder
+from lasso_motion_ros.finding import Finding, LoopFinder
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.judgement import BreathingEnvelope
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
@@ -73,7 +73,10 @@ class AppearanceTracker:
         self._reference = np.zeros(3)
         self._reference_stamp_ns = self._last_stamp_ns = pair.stamp_ns
         self._displacement: Array | None = np.zeros(3)
-        self._turn, self._stretch = np.zeros(3), 0.0
+        self._turn, self._stretch = np.zeros(3), 0.0  # to start the next alignment from
+        self._lay = self._home_turn = np.zeros(3)  # how the ring lay when last seen, and where it belongs
+        self._home = np.zeros(3)
+        self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
         self._displaced_place = 0.0, np.zeros(3), 0.0  # time, displacement and correlation when last seen there
         self._lost = False
@@ -96,7 +99,7 @@ class AppearanceTracker:
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
         finding = None if self._lost else self._find(pair, near=True)
         self._lost = False
-        if finding is None or finding.rank[0] < BOTH_AGREE:
+        if finding is None or finding.rank[0] < 2 * len(self._finder.exposures(pair)):
             anywhere = self._find(pair, near=False)
             if finding is None or (anywhere is not None and anywhere.rank > finding.rank):
                 finding = anywhere
@@ -126,11 +129,11 @@ class AppearanceTracker:
                 self._displaced_place = time_s, displacement, finding.rank[1]
                 # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
                 self._displaced = departure
-                self._displacement = displacement
+                self._displacement, self._lay = displacement, finding.alignment.turn
                 loop = self._loop(finding.alignment, displacement)
                 return self._result(pair, TrackerState.DISPLACED, departure, loop, finding.alignment)
             return self._result(pair, TrackerState.LOST, departure, None)
-        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._turn)))
+        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._lay)))
         if not followed and turned_deg > FOUND_AGAIN_TURN_DEG:
             reason = f"found again, but turned by {turned_deg:.0f} degrees: moved?"
             return self._result(pair, TrackerState.LOST, reason, None)
@@ -151,6 +154,7 @@ class AppearanceTracker:
             self._envelope.accept(time_s, displacement)
             self._respiration.learn(displacement)
             self._revise(self._respiration.at_a.displacement)
+            self._lay = finding.alignment.turn
             self._turn, self._stretch = 0.5 * finding.alignment.turn, 0.5 * finding.alignment.stretch
             if state is TrackerState.TRACKING:
                 for plane in finding.seen:
@@ -158,7 +162,7 @@ class AppearanceTracker:
                     self._appearances[plane].update(fit.strip)
                     usual = self._usual.get(plane, fit.correlation)
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
-                self._rotation.learn(self._displacement, finding.alignment.turn, finding.alignment.stretch)
+                self._rotation.learn(displacement - self._home, finding.alignment.turn, finding.alignment.stretch)
         if len(finding.seen) == 2 and sigma_mm > LARGEST_SURE_SIGMA_MM:
             reason = f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
             if sigma_mm > LARGEST_SIGMA_MM:
@@ -225,8 +229,14 @@ class AppearanceTracker:
         if self._displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
         self._reference, self._reference_stamp_ns = self._displacement, self._last_stamp_ns
+        self._reference_covariance = self._respiration.at_a.covariance
         if self._displaced:
+            # It belongs where and as it lies now; what was learnt of the breathing, but not of its place, still holds.
             self._displaced = ""
+            self._home, self._home_turn = self._displacement, self._lay
+            self._turn, self._followed, self._usual = 0.5 * self._lay, True, {}
+            self._rotation = BreathingRotation()
+            self._respiration.move(self._displacement)
             self._envelope = BreathingEnvelope(
                 self._config.judgement, self._displacement, self._seconds(self._last_stamp_ns)
             )
@@ -252,7 +262,7 @@ class AppearanceTracker:
             if alone_s > config.one_plane_s:
                 return TrackerState.LOST, f"plane {other} {missing} for {alone_s:.1f} s"
             return TrackerState.DEGRADED, f"plane {other} {missing}: depth from the breathing so far"
-        turn_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn)))
+        turn_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._home_turn)))
         if turn_deg > config.degraded_turn_deg:
             lost = turn_deg > config.lost_turn_deg
             reason = f"the lasso is turned by {turn_deg:.0f} degrees: moved C-arm without a new calibration?"
@@ -282,7 +292,7 @@ class AppearanceTracker:
         return np.asarray(model.centre - depth * ray_a + displacement + model.arms @ rotation.T)
 
     def _ring(self, alignment: Alignment) -> RingMotion:
-        """What the ring has done by itself since the first pair."""
+        """What the ring has done by itself since the seed pair."""
         moved = np.zeros(3) if self._displacement is None else self._displacement
         own = alignment.turn - self._rotation.between(np.zeros(3), moved).vector
         axis = np.linalg.svd(self._require_model().arms, full_matrices=False)[2][2]
@@ -339,7 +349,8 @@ class AppearanceTracker:
         jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
         at_ring = np.zeros((6, 6))
         at_ring[:3, :3] = self._doubt * self._respiration.at_a.covariance
-        at_ring[:3, :3] += CALIBRATION_SHARE**2 * float(moved @ moved) * np.eye(3)
+        since = moved - self._reference
+        at_ring[:3, :3] += self._reference_covariance + CALIBRATION_SHARE**2 * float(since @ since) * np.eye(3)
         if alignment is not None:
             turn, stretch = alignment.turn, alignment.stretch
             # An offset r of the pivot shows as a displacement θ × r + s r: with r's covariance σ² 1, this.

@@ -11,7 +11,7 @@ from lasso_motion_ros.features import distance_map
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.reconstruction import reconstruct_ellipse
 from lasso_motion_ros.registration import View, register
-from lasso_motion_ros.seeding import is_bright, outlines, require_both_planes
+from lasso_motion_ros.seeding import is_bright, outlines, require_both_planes, require_lasso_size
 from lasso_motion_ros.tracker import TrackerState, TrackResult
 from lasso_motion_ros.transforms import apply, inverse
 
@@ -38,13 +38,16 @@ class Brost2009Tracker:
         """Build the model from the clicks on `pair`; its motion is the identity, its phase the reference.
 
         Raises:
-            SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
+            SeedError: clicks that are too few or outside the image, that make a loop of no lasso's size, or a pair that
+                lacks a plane.
             ReconstructionError: no 3-D ellipse explains the clicks.
         """
         projections = require_both_planes(pair)
         bright = is_bright(pair, seed, self._config)
         reconstruction = reconstruct_ellipse(projections, outlines(pair, seed, self._config, bright=bright))
-        self._model = reconstruction.chosen.ellipse.points(self._config.model.points)
+        ellipse = reconstruction.chosen.ellipse
+        require_lasso_size(1e3 * float(np.linalg.norm(ellipse.semi_major)))
+        self._model = ellipse.points(self._config.model.points)
         self._bright = bright
         self._motion = self._reference = np.eye(4)
         self._reference_stamp_ns = self._stamp_ns = pair.stamp_ns

@@ -27,7 +27,7 @@ class PathConfig:
 class ModelConfig:
     """The 3-D model of the loop."""
 
-    points: int = parameter(100, "points on the model curve (L)", minimum=16, maximum=1000)
+    points: int = parameter(100, "points on the model curve (L) of the published method", minimum=16, maximum=1000)
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class JudgementConfig:
     lost_gap_mm: float = tuning(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)
     degraded_turn_deg: float = parameter(
         6.0,
-        "turn of the ring since the reference, as a C-arm that moved unsaid makes it: DEGRADED",
+        "turn of the ring since the seed, as a C-arm that moved unsaid makes it: DEGRADED",
         unit="deg",
         minimum=1.0,
     )
@@ -156,7 +156,7 @@ class JudgementConfig:
     deeper_breath_mm: float = tuning(
         20.0, "a breath may go this far beyond the ones before, if foreseeable", unit="mm", minimum=0.0
     )
-    longest_breath_s: float = tuning(9.0, "by then a whole breath has been seen", unit="s", minimum=1.0)
+    longest_breath_s: float = tuning(9.0, "by then a whole breath has been seen", unit="s", minimum=1.0, maximum=30.0)
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,8 @@ class Finding:
     Attributes:
         alignment: where the loop would be.
         seen: the planes that show it.
-        faint: the plane that counts as seen only because it lies where the other plane and the motion so far say.
+        faint: the weaker plane, where one or both count as seen only because they lie where the motion so far, and the
+            other plane, say.
         edge_on: whether both planes see the loop edge-on, so that the place along the line is uncertain.
         gap_mm: by which the planes disagree, mm.
         degraded_gap_mm: disagreement above which the state is DEGRADED, mm.

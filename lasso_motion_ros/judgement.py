@@ -12,6 +12,7 @@ from lasso_motion_ros.curves import distance_to_curve
 Array = npt.NDArray[np.float64]
 
 LONGEST_TRAJECTORY = 600  # accepted pairs kept
+POINTS_A_BREATH = 200  # of these, in the longest breath at most, so that always several breaths are kept
 FIRST_AXIS_SPREAD_M = 0.003  # motion seen before its axis is believed
 FIRST_BREATH_REACH_M = 0.040  # along that axis, before a whole breath has been seen
 CURVE_WIDTH_SHARE = 0.6
@@ -23,7 +24,7 @@ REVERSAL_SHARE = 0.3  # of the range so far: a turn of the breathing, not a jitt
 
 
 def is_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
-    """Whether one plane shows the loop, on top of what the other plane says."""
+    """Whether one plane shows the loop, by itself."""
     return (
         config.smallest_gain <= fit.gain <= config.largest_gain
         and fit.correlation >= config.smallest_correlation
@@ -157,8 +158,9 @@ class BreathingEnvelope:
             if sideways > CURVE_WIDTH_SHARE * self._sideways_limit_mm:
                 return
             self._widest_mm = max(self._widest_mm, sideways)
-        self._points = np.vstack([self._points, displacement])[-LONGEST_TRAJECTORY:]
-        self._times_s = np.append(self._times_s, time_s)[-LONGEST_TRAJECTORY:]
+        if time_s - self._times_s[-1] >= self._config.longest_breath_s / POINTS_A_BREATH or not self._complete:
+            self._points = np.vstack([self._points, displacement])[-LONGEST_TRAJECTORY:]
+            self._times_s = np.append(self._times_s, time_s)[-LONGEST_TRAJECTORY:]
         if not self._complete:
             long_enough = time_s - self._first_time_s > self._config.longest_breath_s
             self._complete = long_enough or _count_turns(self._points) >= 2

@@ -23,7 +23,13 @@ from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.line_filter import sato
 from lasso_motion_ros.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
-from lasso_motion_ros.seeding import is_bright, line_sigma_px, outlines, require_both_planes
+from lasso_motion_ros.seeding import (
+    is_bright,
+    line_sigma_px,
+    outlines,
+    require_both_planes,
+    require_lasso_size,
+)
 from lasso_motion_ros.working_image import working_image
 
 Array = npt.NDArray[np.float64]
@@ -81,7 +87,8 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
     """The loop's curve from the clicks.
 
     Raises:
-        SeedError: clicks that are too few, outside the image or beside any catheter, or a pair that lacks a plane.
+        SeedError: clicks that are too few, outside the image or beside any catheter, that make a loop of no lasso's
+            size, or a pair that lacks a plane.
         ReconstructionError: no 3-D loop explains the clicks.
     """
     require_both_planes(pair)
@@ -102,6 +109,7 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
             f"no catheter is seen along the clicks: contrast {contrast:.1f} times the noise, "
             f"expected at least {SMALLEST_CONTRAST}"
         )
+    require_lasso_size(model.radius_mm)
     return model
 
 

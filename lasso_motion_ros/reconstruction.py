@@ -27,6 +27,7 @@ SMALLEST_VIEW_ANGLE_DEG = 5.0
 OUTLINE_NOISE_PX = 1.5
 CIRCULARITY_SPREAD = 0.15
 LARGEST_REPROJECTION_SHARE = 0.25  # of the outline's radius; beyond it nothing fits
+MOST_REFINEMENTS = 200  # of η: thirty halvings, and some steps between them
 OPEN_SHARE = 0.15  # of a loop that may be open, so that no outline lies beside that part of the ellipse
 EDGE_ON_IN_BOTH_DEG = 15.0  # planes through line and source this near to each other may be the loop's own
 
@@ -196,7 +197,9 @@ def _most_nearly_rank_two(cone_a: Array, cone_b: Array, eta: float) -> float:
         return float(max(abs(values[1]), abs(values[2])) / min(-values[0], values[3]))
 
     step, best = 0.05 * abs(eta), rank_excess(eta)
-    while step > 1e-9 * abs(eta):
+    for _ in range(MOST_REFINEMENTS):
+        if step <= 1e-9 * abs(eta):
+            break
         trials = [(rank_excess(eta + s), eta + s) for s in (-step, step)]
         if min(trials)[0] < best:
             best, eta = min(trials)

@@ -92,6 +92,7 @@ class RespiratoryMotion:
         self._learned = 0
         self._scatter_mean = np.zeros(3)
         self._history: tuple[_Exposure, ...] = ()
+        self._keeps_history = True
         self._begin()
 
     def _begin(self) -> None:
@@ -143,7 +144,7 @@ class RespiratoryMotion:
     def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> None:
         """Take in one exposure's measurements; times must not decrease.
 
-        After plane A's, `at_a` refers to this time; later exposures of plane B still sharpen it.
+        Plane B's, though later, still sharpens `at_a`, which is of the last `mark_a`.
         """
         self._remember(_Exposure(time_s, a, b, is_mark=False))
         self._advance(time_s)
@@ -177,10 +178,21 @@ class RespiratoryMotion:
         delta = displacement - self._scatter_mean
         self._scatter_mean = self._scatter_mean + delta / (self._learned + 1)  # the reference's zero counts, too
         self._scatter = self._scatter + np.outer(delta, displacement - self._scatter_mean)
+        if not self._keeps_history:
+            return
         if self._learned in REBUILD_AT and self._start_s[0] != self._start_s[1]:
             self._rebuild()
         if self._learned >= LONGEST_HISTORY:
-            self._history = ()
+            self._history, self._keeps_history = (), False
+
+    def move(self, displacement: Array) -> None:
+        """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
+        shift = displacement - DISPLACEMENT @ self._state
+        state = self._state.copy()
+        state[MEAN] += shift
+        self._state = state
+        self._scatter_mean = self._scatter_mean + shift
+        self._history, self._keeps_history = (), False  # it tells of another place
 
     def doubt(self, displacement: Array) -> float:
         """By what factor the covariance (3, 3) understates a depth that rests on the direction learned so far.
@@ -192,7 +204,7 @@ class RespiratoryMotion:
         return 1.0 + float(delta @ np.linalg.solve(self.spread, delta)) / (self._learned + 1)
 
     def _remember(self, exposure: _Exposure) -> None:
-        if self._learned < LONGEST_HISTORY:
+        if self._keeps_history:
             self._history = (*self._history, exposure)
 
     def _rebuild(self) -> None:

@@ -15,6 +15,7 @@ from lasso_motion_ros.minimal_path import path_through_clicks
 Array = npt.NDArray[np.float64]
 
 FEWEST_CLICKS = 6
+LASSO_RADII_MM = (3.0, 30.0)  # catheters of 15 to 25 mm are made; any projection scale that is wrong is further off
 CLICK_REACH_PX = 4
 
 
@@ -60,6 +61,20 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
             dark, bright = float(sato(grey, (sigma,))[near].max()), float(sato(-grey, (sigma,))[near].max())
             evidence += (bright - dark) / max(dark + bright, 1e-6)
     return evidence > 0.0
+
+
+def require_lasso_size(radius_mm: float) -> None:
+    """Refuse a loop that no lasso has the size of.
+
+    Raises:
+        SeedError: clicks beside it, or not along it, or a calibration that is not in metres.
+    """
+    low, high = LASSO_RADII_MM
+    if not low <= radius_mm <= high:
+        raise SeedError(
+            f"the clicks make a loop of {radius_mm:.1f} mm radius, expected {low:g} to {high:g} mm: "
+            "were they set along the lasso in both planes?"
+        )
 
 
 def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> dict[Plane, Array]:

@@ -34,7 +34,7 @@ class TrackerState(Enum):
 
 @dataclass(frozen=True)
 class RingMotion:
-    """What the ring has done by itself since the reference pair, the atrium's rotation taken away.
+    """What the ring has done by itself since the seed pair, the atrium's rotation taken away.
 
     Attributes:
         tilt_rad: angle of its axis against then.

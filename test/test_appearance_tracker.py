@@ -15,7 +15,7 @@ from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.tracker import TrackerState
-from lasso_motion_ros.transforms import apply
+from lasso_motion_ros.transforms import apply, rotation_from_vector
 
 CONFIG = TrackerConfig()
 TRACKING, DEGRADED, LOST, DISPLACED = (
@@ -182,6 +182,29 @@ def test_a_displaced_lasso_can_be_made_the_reference(tracker):
         assert result.state is TRACKING
         assert result.reference_stamp_ns == (WARM + 1) * PERIOD_NS
         assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.3
+
+
+def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(tracker):
+    tilt = np.array([np.radians(5.5), 0.0, 0.0])
+    lying = (CURVE - LOOP.centre) @ rotation_from_vector(tilt).T + LOOP.centre + ASIDE
+
+    def shown(index):
+        frames = {p: Frame(index * PERIOD_NS, seen(index, p), VIEWS[p]) for p in "ab"}
+        return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+
+    def seen(index, name):
+        return noisy(lasso_image(lying + moved(index), VIEWS[name]), [index, ord(name)])
+
+    for index in (WARM, WARM + 1):
+        assert tracker.track(shown(index)).state is DISPLACED
+    tracker.set_reference()
+    reference = moved(WARM + 1) + ASIDE
+    for index in range(WARM + 2, WARM + 14):
+        result = tracker.track(shown(index))
+        assert result.state is TRACKING, result.reason
+        assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.5
+        # That it was tilted in the move is no rotation of the atrium.
+        np.testing.assert_array_equal(result.motion[:3, :3], np.eye(3))
 
 
 def test_a_seed_ends_being_displaced(tracker):

@@ -293,6 +293,13 @@ def test_memory_is_bounded():
     assert len(stream.envelope._points) <= 600
 
 
+def test_many_pairs_in_a_long_breath_are_judged():
+    # 1500 pairs, more than are kept, in one longest breath.
+    stream = Stream(dataclasses.replace(CONFIG, longest_breath_s=30.0), interval_s=0.02)
+    for index in range(3000):
+        assert stream.show(wave(0.02 * index, period_s=30.0)) == ""
+
+
 def test_breaths_that_passed_unseen_have_taught_nothing():
     envelope = BreathingEnvelope(CONFIG)
     envelope.accept(20.0, 3.0 * UP)  # the clicks took their time; nobody has seen a breath yet
