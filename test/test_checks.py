@@ -393,7 +393,7 @@ def test_a_cut_recording_is_said_to_be_cut(tmp_path: Path, capsys: pytest.Captur
     path = write(tmp_path / "r.mcap", sound_stream())
     path.write_bytes(path.read_bytes()[:-5000])
     status, findings = check(path, capsys)
-    assert (status, findings[0].severity, findings[0].cure) == (0, "warning", "lasso-motion record --repair FILE")
+    assert (status, findings[0].severity, findings[0].cure) == (3, "warning", "lasso-motion record --repair FILE")
 
 
 def live_stamps(age_s: float) -> list[Finding]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lasso_motion_ros.cli.json_output import write_json
-from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE
+from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import positive
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.cli.track import parse_remap
@@ -24,8 +24,9 @@ from msg_adapters.recording_reader import RecordingReader
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
 service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
-from working, `warning` costs frames or accuracy, `note` is for information; behind -> stands how to mend it. Exit
-status: 0 nothing keeps the tracker from working; 2 at least one error, or nothing to look at."""
+from working, `warning` costs frames or accuracy, `note` is for information; behind -> stands how to mend it. Exit status:
+0 nothing keeps the tracker from working; 2 at least one error, or nothing to look at; 3 a recording that was cut short, of
+which this holds as far as it goes."""
 
 DEFAULT_SECONDS = 5.0
 
@@ -50,10 +51,10 @@ def run(args: argparse.Namespace) -> int:
     if args.recording is None:
         if args.remap:
             raise LassoMotionError("--remap is for recordings; live, the nodes are remapped (--ros-args -r from:=to)")
-        examination, topics, more = _look_live(args)
+        examination, topics, cut = _look_live(args)
     else:
-        examination, topics, more = _look_at_recording(args)
-    findings = [*more, *examination.findings(topics)]
+        examination, topics, cut = _look_at_recording(args)
+    findings = [*cut, *examination.findings(topics)]
     works = all(finding.severity != "error" for finding in findings)
     facts = examination.facts()
     if not args.quiet:
@@ -65,7 +66,9 @@ def run(args: argparse.Namespace) -> int:
         print("nothing keeps the tracker from working" if works else "the tracker cannot work with this")
     if args.json is not None:
         write_json(args.json, {"works": works, "facts": facts, "findings": [asdict(one) for one in findings]})
-    return EXIT_DONE if works else EXIT_BAD_INPUT
+    if not works:
+        return EXIT_BAD_INPUT
+    return EXIT_PART if cut else EXIT_DONE
 
 
 def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import cast
+from typing import NoReturn, cast
 
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.share import version
@@ -68,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except SystemExit as stop:  # argparse's own way out: 0 after --help, 2 after a usage error
         return int(stop.code or 0)
     if named is None:
-        parser.print_help()
+        print("lasso-motion: name a command (--help lists them)", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
         return cast(Callable[[argparse.Namespace], int], options.run)(options)
@@ -84,6 +84,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
 
 
+class _Parser(argparse.ArgumentParser):
+    """Says in one line what is wrong with the arguments; the usage is `--help`'s."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (--help shows the usage)\n")
+
+
 def _show_lines_at_once() -> None:
     """Whoever reads our output through a pipe (`| tee log`, a supervisor) sees each line when it is written.
 
@@ -96,7 +103,7 @@ def _show_lines_at_once() -> None:
 
 def _parser(named: Command | None) -> argparse.ArgumentParser:
     """The parser; only the command that was named has its module imported, which keeps the others' cost away."""
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="lasso-motion",
         description="Breathing motion from a lasso catheter in biplane X-ray. Research use only, not a medical device.",
     )

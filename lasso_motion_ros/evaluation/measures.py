@@ -293,10 +293,18 @@ def _with_motion_errors(
         error = published - true_centre
         score = replace(
             score,
-            nees=float(error @ np.linalg.pinv(spread) @ error),
+            nees=_squared_mahalanobis(error, spread),
             centre_sigma_mm=1e3 * float(np.sqrt(np.trace(spread))),
         )
     return score
+
+
+def _squared_mahalanobis(error: Array, covariance: Array) -> float:
+    """Squared length of an error (3,) in units of its covariance (3, 3); infinite where that claims to be exact."""
+    try:
+        return float(np.sum(np.linalg.solve(np.linalg.cholesky(covariance), error) ** 2))
+    except np.linalg.LinAlgError:
+        return float("inf")
 
 
 def _mean_length_mm(vectors: Array) -> float:

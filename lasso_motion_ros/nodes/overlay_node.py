@@ -130,8 +130,10 @@ class OverlayNode(Node):  # type: ignore[misc]
         motion = decode_pose(message)
         with self._changed:
             self._history.add_motion(stamp_to_ns(message.header.stamp), motion)
+            compensated = self._history.has_pose
             self._changed.notify()
-        self._publish_surface(stamp_to_ns(message.header.stamp), motion)
+        if compensated:
+            self._publish_surface(stamp_to_ns(message.header.stamp), motion)
 
     @guarded
     def _on_catheter(self, message: Marker) -> None:
