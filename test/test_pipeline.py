@@ -395,3 +395,11 @@ def test_images_are_released() -> None:
     del ready
     gc.collect()
     assert sum(pair() is not None for pair in kept) <= 5
+
+
+def test_clicks_given_while_one_plane_went_back_for_a_moment_are_used() -> None:
+    line = pipeline()
+    run(line, stream(4, seeded=None))
+    run(line, [("/plane_a/image_raw", "", image(stamp(-30)), 0)])  # a stray one: A goes on forwards afterwards
+    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(1))) == []
+    assert poses(run(line, stream(1, seeded=None, start=4))) == {stamp(k): k - 1.0 for k in range(1, 5)}

@@ -123,17 +123,34 @@ class ClickedPairs:
         first, *later = self._known()[index:]
         return self._numbered(ReadyPair(first, self._take_seed(), answered=True, later=tuple(later)))
 
-    def add_pair(self, pair: FramePair, new_run: bool) -> ReadyPair:
-        """Remember the next pair; it carries the seed if it is the one that was clicked."""
+    def add_pair(self, pair: FramePair, new_run: bool, hold: bool = False) -> list[ReadyPair]:
+        """Remember the next pair; it carries the seed if it is the one that was clicked.
+
+        Args:
+            pair: the next pair.
+            new_run: the first pair after the stamps went back.
+            hold: the stamps may be about to start anew, as in `add_clicks`: clicks are not judged by this pair.
+
+        Returns:
+            The pair; before it the one that clicks are on which were held back until now, as from `add_clicks`.
+        """
         if new_run:
             self._pairs.clear()
             self._held = None  # its stamp is of the old run
             self._clicks = {plane: clicks for plane, clicks in self._clicks.items() if clicks.held}
         self._pairs.append(pair)
-        seed = None
-        if self._is_next_clicked(pair) or self._clicked_index() == len(self._known()) - 1:
-            seed = self._take_seed()
-        return self._numbered(ReadyPair(pair, seed, new_run))
+        if hold:
+            return [self._numbered(ReadyPair(pair, None, new_run))]
+        known = self._known()
+        index = len(known) - 1 if self._is_next_clicked(pair) else self._clicked_index()
+        if index is None:
+            return [self._numbered(ReadyPair(pair, None, new_run))]
+        seed = self._take_seed()
+        if index == len(known) - 1:
+            return [self._numbered(ReadyPair(pair, seed, new_run))]
+        first, *later = known[index:-1]
+        clicked = ReadyPair(first, seed, answered=True, later=tuple(later))
+        return [self._numbered(clicked), self._numbered(ReadyPair(pair, None, new_run))]
 
     def _numbered(self, ready: ReadyPair) -> ReadyPair:
         self.number += 1

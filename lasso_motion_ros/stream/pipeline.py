@@ -171,9 +171,11 @@ class TrackingPipeline:
         return self._given_out(pairs)
 
     def _given_out(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
-        for pair in pairs:
+        ready: list[ReadyPair] = []
+        for place, pair in enumerate(pairs, start=1):
             self._heartbeat.add_pair(pair.stamp_ns, new_run=pair.new_run)
-        ready = [self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run) for pair in pairs]
+            hold = self._pairs.pairing.restarting or any(later.new_run for later in pairs[place:])
+            ready += self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run, hold)
         self._report_clicks()
         return self._registered(ready)
 
@@ -198,7 +200,7 @@ class TrackingPipeline:
     # What goes out.
 
     def initial_outputs(self) -> list[Output]:
-        """What is published on start: the state. A model that stands since before the start is LOST till a pair comes."""
+        """What is published on start: the state. A model from before it is LOST till a pair comes."""
         with self._tracking:
             if not self._has_model:
                 return [self._state_output(0)]
