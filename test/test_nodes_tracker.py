@@ -80,6 +80,12 @@ def counts(graph: Graph, part: str) -> dict[str, str]:
     return {}
 
 
+def reasons(graph: Graph) -> list[str]:
+    """What the diagnostics said of the tracker."""
+    messages = graph.heard.messages["/diagnostics"]
+    return [s.message for message in messages for s in message.status if s.name == "/lasso_tracker: tracker"]
+
+
 def test_every_pair_is_answered_as_offline(tmp_path: Path, recording: Path, offline: list[np.ndarray]) -> None:
     with Graph(HEARD, tmp_path) as graph:
         start(graph)
@@ -196,6 +202,11 @@ def test_managed_life(tmp_path: Path, recording: Path) -> None:
         assert change(graph, Transition.TRANSITION_ACTIVATE)
         play(graph, recording, "--rate", "2")
         graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
+        # The model is kept; what was tracked before says nothing about now.
+        assert change(graph, Transition.TRANSITION_DEACTIVATE)
+        assert change(graph, Transition.TRANSITION_ACTIVATE)
+        graph.heard.wait_for(lambda: states(graph)[-1] == "LOST")
+        graph.heard.wait_for(lambda: any("no pair since activation" in reason for reason in reasons(graph)))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -61,6 +62,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._pipeline: TrackingPipeline | None = None
         self._worker: Worker[_Received] | None = None
         self._inputs: TrackerInputs | None = None
+        # Answers are published in the order in which they came about: nothing of before a reset comes after it.
+        self._answering = threading.Lock()
         self._frame_ids: dict[Plane, str] = {}
         self._latencies = Latencies()
         self._warm = False
@@ -96,7 +99,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         return self._transition(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop listening and working; the model is kept."""
+        """Stop listening and working; the model is kept, and is LOST until a pair comes after the next activation."""
         return self._transition(self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -159,6 +162,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         if self._worker is not None:
             self._worker.stop()
             self._worker = None
+        if self._pipeline is not None:
+            self._pipeline.release()
         self._calls.give_up("the node is not active")
         self._outlets.say_state(TrackerState.INACTIVE)
 
@@ -181,7 +186,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         pipeline = self._active()
         self._enqueue(pipeline.add_camera_info(plane, message))
         if self._outlets.state == TrackerState.WAITING_FOR_CALIBRATION.value:
-            self._outlets.publish(pipeline.pending_outputs())
+            with self._answering:
+                self._outlets.publish(pipeline.pending_outputs())
 
     @guarded
     def _on_seed(self, plane: Plane, message: PolygonStamped) -> None:
@@ -204,7 +210,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         pipeline = self._active()
         if self._worker is not None:
             self._worker.clear()
-        self._outlets.publish(pipeline.reset())
+        with self._answering:
+            self._outlets.publish(pipeline.reset())
 
     def _active(self) -> TrackingPipeline:
         if self._pipeline is None or self._worker is None:
@@ -218,12 +225,17 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     def _track(self, received: _Received) -> None:
         pipeline, ready = self._active(), received.ready
-        self._outlets.publish(pipeline.process(ready))
+        refusal = "the tracker failed on these clicks; its log says why"
+        try:
+            with self._answering:
+                self._outlets.publish(pipeline.process(ready))
+            refusal = pipeline.last_refusal
+        finally:
+            self._calls.seeded(ready, refusal)
         if not ready.answered:  # one that was answered before waited for clicks, not for us
             age_s = (self.get_clock().now().nanoseconds - ready.pair.stamp_ns) / NANOSECONDS
             self._latencies.add(time.monotonic() - received.at_s, age_s)
         self._complain()
-        self._calls.seeded(ready, pipeline.last_refusal)
         self._show()
 
     def _show(self) -> None:

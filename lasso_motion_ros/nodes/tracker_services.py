@@ -15,6 +15,8 @@ from lasso_motion_ros.nodes.clicking import ClickBoard
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 
+RESET_MEANWHILE = "reset meanwhile"
+
 
 class TrackerServices:
     """Answers each call with success, or with the reason why not.
@@ -60,9 +62,12 @@ class TrackerServices:
 
     def give_up(self, reason: str) -> None:
         """Answer whoever waits; show the stream again."""
+        self.board.freeze(None)
+        self._disappoint(reason)
+
+    def _disappoint(self, reason: str) -> None:
         with self._lock:
             awaited, self._awaited = self._awaited, None
-        self.board.freeze(None)
         if awaited is not None:
             self._finish(awaited[1], reason)
 
@@ -78,7 +83,11 @@ class TrackerServices:
             return  # no longer active: there is nothing to release
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, self._reset)
+        def reset() -> None:
+            self._reset()
+            self._disappoint(RESET_MEANWHILE)
+
+        return self._answer(response, reset)
 
     def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._answer(response, lambda: self._active().set_reference())
