@@ -241,7 +241,7 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
 
         for transition, state, says in (
             (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, "INACTIVE"),
-            (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, "TRACKING"),
+            (Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, "LOST"),  # until a pair comes
             (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, "INACTIVE"),
             (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED, "INACTIVE"),
             (Transition.TRANSITION_UNCONFIGURED_SHUTDOWN, State.PRIMARY_STATE_FINALIZED, "INACTIVE"),
