@@ -91,6 +91,7 @@ class CalibratedFrames:
         self._heard = False
         self._newest_ns = 0
         self._per_frame: bool | None = None  # None: the stamps have not shown it yet
+        self._latched, self._matches = False, 0
         self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
         self._settled: list[tuple[int, Frame | None]] = []
         self._last_message: tuple[bytes, _Calibration] | None = None
@@ -114,12 +115,17 @@ class CalibratedFrames:
         self.take_image(message)
         return _frames_of(self.settled())
 
-    def add_camera_info(self, message: Any) -> list[Frame]:
+    def add_camera_info(self, message: Any, *, latched: bool = False) -> list[Frame]:
         """Take a CameraInfo, give back the frames that are complete now.
 
         One that breaks the contract is a complaint; images that would have used it are left out.
+
+        Args:
+            message: the CameraInfo.
+            latched: it is known to come from a publisher that latches: it holds until the next, though it may have an
+                image's stamp, and no image waits for another.
         """
-        self.take_camera_info(message)
+        self.take_camera_info(message, latched=latched)
         return _frames_of(self.settled())
 
     def flush(self) -> list[Frame]:
@@ -156,8 +162,8 @@ class CalibratedFrames:
             waiting.elsewhere += 1
             waiting.last_elsewhere_ns = stamp_ns
 
-    def take_camera_info(self, message: Any) -> None:
-        """Take a calibration; what it settles is among `settled()`."""
+    def take_camera_info(self, message: Any, *, latched: bool = False) -> None:
+        """Take a calibration; what it settles is among `settled()`. See `add_camera_info`."""
         self.counts.calibrations += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
@@ -169,8 +175,11 @@ class CalibratedFrames:
         if stamp < self._newest_ns - NANOSECONDS:
             self._own.clear()
             self._newest_ns = 0
+        if latched and not self._latched:
+            self._latched, self._per_frame = True, None
         if stamp != 0 and stamp in self._recent_images:
-            self._per_frame = True
+            self._matches += stamp not in self._own
+            self._per_frame = self._shows_per_frame()
         elif stamp == 0 and self._per_frame is None:
             self._per_frame = False
         self._own[stamp] = projection
@@ -223,7 +232,7 @@ class CalibratedFrames:
         while self._waiting:
             stamp, pixels = self._waiting[0].stamp_ns, self._waiting[0].pixels
             if stamp in self._own:
-                self._per_frame = True
+                self._per_frame = self._shows_per_frame()
                 projection = self._own[stamp]
                 for older in [other for other in self._own if other < stamp]:
                     del self._own[older]
@@ -233,6 +242,10 @@ class CalibratedFrames:
                 projection = self._standing_in(stamp)
             self._waiting.popleft()
             self._settled.append((stamp, self._frame(stamp, pixels, projection)))
+
+    def _shows_per_frame(self) -> bool | None:
+        """Whether a calibration with an image's stamp shows that each image has one: of a latched one, two do."""
+        return True if not self._latched or self._matches > 1 else None
 
     def _leave_behind(self) -> None:
         """Settle the images before a step back in time: what comes now says nothing about them."""
@@ -255,7 +268,7 @@ class CalibratedFrames:
         if not self._heard:
             return True
         if self._per_frame is None:
-            return len(self._waiting) < 2
+            return len(self._waiting) < 2 and not self._latched
         return self._per_frame and self._newest_ns < stamp
 
     def _standing_in(self, stamp: int) -> _Calibration | None:

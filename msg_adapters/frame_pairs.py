@@ -62,9 +62,9 @@ class FramePairs:
             self._decided.extend(self.pairing.add(plane, stamp_ns, slot))
         return self._complete()
 
-    def add_camera_info(self, plane: Plane, message: Any) -> list[Pair[Frame]]:
-        """Take a CameraInfo, give back the pairs that are complete now."""
-        self.frames[plane].take_camera_info(message)
+    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[Pair[Frame]]:
+        """Take a CameraInfo (`latched`: from a publisher that latches), give back the pairs that are complete now."""
+        self.frames[plane].take_camera_info(message, latched=latched)
         return self._complete()
 
     def flush(self) -> list[Pair[Frame]]:

@@ -77,6 +77,27 @@ def test_latched_heard_after_the_first_images() -> None:
     assert views(feed(frames, info(None, 3), image(stamp(2)))) == [(0, 3), (1, 3), (2, 3)]
 
 
+@pytest.mark.parametrize("index", [0, -50, None])
+@pytest.mark.parametrize("heard_twice", [False, True])
+def test_of_a_latched_publisher_no_image_waits_whatever_the_stamp(index: int | None, heard_twice: bool) -> None:
+    frames = CalibratedFrames()
+    if heard_twice:  # a volatile subscription hears it as well
+        frames.add_camera_info(info(index, 3))
+    frames.add_camera_info(info(index, 3), latched=True)
+    for k in range(4):
+        assert views(feed(frames, image(stamp(k)))) == [(k, 3)]
+    frames.add_camera_info(info(4, 5), latched=True)
+    assert views(feed(frames, image(stamp(4)))) == [(4, 5)]
+
+
+def test_a_latching_publisher_may_calibrate_every_frame() -> None:
+    frames = CalibratedFrames()
+    found = []
+    for k in range(6):
+        found += frames.add_camera_info(info(k, k), latched=True) + feed(frames, image(stamp(k)))
+    assert views(found) == [(k, k) for k in range(6)]
+
+
 def test_the_first_image_waits_for_its_own_calibration_though_an_older_one_is_known() -> None:
     messages = [info(-1, 9), image(stamp(0)), info(0, 2), image(stamp(1)), info(1, 3)]
     assert views(feed(CalibratedFrames(), *messages)) == [(0, 2), (1, 3)]

@@ -24,9 +24,9 @@ from msg_adapters.recording_reader import RecordingReader
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
 service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
-from working, `warning` costs frames or accuracy, `note` is for information; behind -> stands how to mend it. Exit status:
-0 nothing keeps the tracker from working; 2 at least one error, or nothing to look at; 3 a recording that was cut short, of
-which this holds as far as it goes."""
+from working, `warning` costs frames or accuracy, `note` is for information; behind -> stands how to mend it. Exit
+status: 0 nothing keeps the tracker from working; 2 at least one error, or nothing to look at; 3 nothing does, as far
+as a recording that was cut short can tell."""
 
 DEFAULT_SECONDS = 5.0
 

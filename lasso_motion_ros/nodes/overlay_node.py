@@ -145,8 +145,8 @@ class OverlayNode(Node):  # type: ignore[misc]
             self._changed.notify()
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
-        self._take(plane, self._frames[plane].add_camera_info(message))
+    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
+        self._take(plane, self._frames[plane].add_camera_info(message, latched=latched))
 
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:

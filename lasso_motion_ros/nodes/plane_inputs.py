@@ -23,11 +23,11 @@ class PlaneInputs:
     Args:
         node: the node.
         on_image: called with each plane's images.
-        on_camera_info: called with each plane's calibrations.
+        on_camera_info: called with each plane's calibrations, and whether they are known to be latched.
     """
 
     def __init__(
-        self, node: Node, on_image: Callable[[Plane, Any], None], on_camera_info: Callable[[Plane, Any], None]
+        self, node: Node, on_image: Callable[[Plane, Any], None], on_camera_info: Callable[[Plane, Any, bool], None]
     ) -> None:
         self._infos = [
             CalibrationSubscription(

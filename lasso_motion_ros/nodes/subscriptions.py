@@ -98,18 +98,22 @@ class CalibrationSubscription:
         node: the node.
         message_type: sensor_msgs/msg/CameraInfo.
         topic: name, relative or absolute, before remapping.
-        callback: called with each message.
+        callback: called with each message, and whether it is known to come from a publisher that latches.
         depth: of the queues.
     """
 
-    def __init__(self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None], depth: int) -> None:
+    def __init__(
+        self, node: Node, message_type: type, topic: str, callback: Callable[[Any, bool], None], depth: int
+    ) -> None:
         self._node = node
-        self._per_frame = OfferedSubscription(node, message_type, topic, callback, reliability="auto", depth=depth)
+        self._per_frame = OfferedSubscription(
+            node, message_type, topic, lambda message: callback(message, False), reliability="auto", depth=depth
+        )
         # That it does not match a volatile publisher is as meant: no warning about it.
         self._latched = node.create_subscription(
             message_type,
             topic,
-            callback,
+            lambda message: callback(message, True),
             qos(depth=depth, latched=True),
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
         )

@@ -24,10 +24,10 @@ CALIBRATION_DEPTH = 32
 
 @dataclass(frozen=True)
 class InputCallbacks:
-    """What is called with each message; all but `r_peak` get the plane first."""
+    """What is called with each message; all but `r_peak` get the plane first, `camera_info` whether it is latched."""
 
     image: Callable[[Plane, Image], None]
-    camera_info: Callable[[Plane, CameraInfo], None]
+    camera_info: Callable[[Plane, CameraInfo, bool], None]
     seed: Callable[[Plane, PolygonStamped], None]
     click: Callable[[Plane, Point], None]
     r_peak: Callable[[Header], None]

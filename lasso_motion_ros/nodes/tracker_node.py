@@ -180,11 +180,11 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._enqueue(self._active().add_image(plane, message))
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
+    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
         if self._by_arrival:
             message.header.stamp.sec = message.header.stamp.nanosec = 0  # holds until the next
         pipeline = self._active()
-        self._enqueue(pipeline.add_camera_info(plane, message))
+        self._enqueue(pipeline.add_camera_info(plane, message, latched=latched))
         if self._outlets.state == TrackerState.WAITING_FOR_CALIBRATION.value:
             with self._answering:
                 self._outlets.publish(pipeline.pending_outputs())

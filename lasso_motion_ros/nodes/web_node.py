@@ -264,8 +264,8 @@ class WebNode(Node):  # type: ignore[misc]
         self._changed()
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo) -> None:
-        self._complain(plane, self._view.add_camera_info(plane, message))
+    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
+        self._complain(plane, self._view.add_camera_info(plane, message, latched=latched))
         self._changed()
 
     @guarded

@@ -104,10 +104,11 @@ class TrackingPipeline:
         with self._intake:
             return self._issued(self._pairs.add_image(plane, message), plane, image_topic(plane))
 
-    def add_camera_info(self, plane: Plane, message: Any) -> list[ReadyPair]:
-        """Take a CameraInfo of one plane; give back the pairs whose turn it is."""
+    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[ReadyPair]:
+        """Take a CameraInfo of one plane, from a publisher that latches or not; give back the pairs now due."""
         with self._intake:
-            return self._issued(self._pairs.add_camera_info(plane, message), plane, camera_info_topic(plane))
+            pairs = self._pairs.add_camera_info(plane, message, latched=latched)
+            return self._issued(pairs, plane, camera_info_topic(plane))
 
     def add_seed(self, plane: Plane, message: Any) -> list[ReadyPair]:
         """Take the clicks in one plane; give back the pairs to go through (again), see `ClickedPairs`."""

@@ -114,10 +114,10 @@ class LiveView:
             self._take_pairs(self._intake.add_image(plane, message))
             return self._intake.frames[plane].take_complaints()
 
-    def add_camera_info(self, plane: Plane, message: Any) -> list[str]:
-        """Take a calibration; returns complaints."""
+    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[str]:
+        """Take a calibration, from a publisher that latches or not; returns complaints."""
         with self._lock:
-            self._take_pairs(self._intake.add_camera_info(plane, message))
+            self._take_pairs(self._intake.add_camera_info(plane, message, latched=latched))
             return self._intake.frames[plane].take_complaints()
 
     def _take_pairs(self, pairs: list[Pair[Frame]]) -> None:
