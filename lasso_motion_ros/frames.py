@@ -30,6 +30,19 @@ class Frame:
 
 
 @dataclass(frozen=True, eq=False)
+class UncalibratedFrame:
+    """An image of which it is not known where it looks: to be shown only.
+
+    Attributes:
+        stamp_ns: time of exposure, nanoseconds.
+        pixels: (H, W) uint8 or uint16 in native byte order, as published.
+    """
+
+    stamp_ns: int
+    pixels: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+
+@dataclass(frozen=True, eq=False)
 class FramePair:
     """Plane A's frame and the plane B frame that belongs to it; either may be missing.
 

@@ -293,3 +293,19 @@ def set_parameters(graph: Graph, *, atomically: bool = False, **values: float) -
     return graph.call(
         SetParameters, "/lasso_tracker/set_parameters", SetParameters.Request(parameters=parameters)
     ).results
+
+
+def test_images_without_calibration_are_shown_as_they_are(tmp_path: Path) -> None:
+    with Graph((*PICTURES, *HEARD), tmp_path) as graph:
+        stream = RingStream(graph)
+        start_tracker(graph)
+        stream.connect()
+        while not all(graph.heard.messages[f"plane_{plane}/tracking"] for plane in "ab"):
+            answered = len(graph.heard.messages["plane_a/tracking"])
+            stream.pairs(1, spoil_info=lambda fields: None)
+            graph.wait_until(lambda n=answered: len(graph.heard.messages["plane_a/tracking"]) > n)
+            assert stream.number < 10
+        picture = graph.heard.messages["plane_b/tracking"][-1]
+        assert (picture.encoding, picture.height, picture.width) == ("rgb8", SIDE, SIDE)
+        assert stream.states() == ["WAITING_FOR_CALIBRATION"]
+        stream.seeded()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -13,8 +14,8 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, TrackingError
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
+from lasso_motion_ros.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
@@ -29,6 +30,7 @@ from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracker import TrackerState
+from msg_adapters.images import decode_image
 from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, seed_topic
@@ -65,6 +67,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         # Answers are published in the order in which they came about: nothing of before a reset comes after it.
         self._answering = threading.Lock()
         self._frame_ids: dict[Plane, str] = {}
+        self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies = Latencies()
         self._warm = False
         self._outlets = TrackerOutlets(self, self._messages, self.complaints.error, self._publish_diagnostics)
@@ -177,7 +180,12 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()
         self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
-        self._enqueue(self._active().add_image(plane, message))
+        pipeline = self._active()
+        self._enqueue(pipeline.add_image(plane, message))
+        if plane in pipeline.calibrated:
+            self._uncalibrated.pop(plane, None)
+        elif self._outlets.watched:
+            self._show_uncalibrated(plane, message)
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
@@ -250,7 +258,19 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         result, statistics = pipeline.last_result, pipeline.statistics()
         loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
         clicks = {plane: board.clicks(plane) for plane in PLANES}
-        self._outlets.show(View(pair, loop, statistics.state, statistics.reason, clicks, dict(self._frame_ids)))
+        frames: dict[Plane, Frame | UncalibratedFrame] = {
+            plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None
+        }
+        self._outlets.show(View(frames, loop, statistics.state, statistics.reason, clicks, dict(self._frame_ids)))
+
+    def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
+        """Have the newest images drawn as they are: whoever sets the system up sees that they come."""
+        with contextlib.suppress(MessageError):  # it is complained about where it was to be used
+            stamp = stamp_to_ns(message.header.stamp)
+            self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message))
+            statistics = self._active().statistics()
+            shown, ids = dict(self._uncalibrated), dict(self._frame_ids)
+            self._outlets.show(View(shown, None, statistics.state, statistics.reason, {}, ids))
 
     def _complain(self) -> None:
         if self._pipeline is not None:

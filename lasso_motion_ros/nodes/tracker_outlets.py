@@ -12,7 +12,7 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from lasso_motion_ros.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.rendering.tracking_view import draw_tracking
@@ -27,10 +27,10 @@ GOODBYE_WAIT_S = 1.0
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What the pictures of a pair show.
+    """What the pictures show.
 
     Attributes:
-        pair: the pair.
+        frames: the planes' images, of one pair, or the newest while there is no calibration.
         loop: (N, 3) the catheter's curve, world metres, or None.
         state: the state.
         reason: why, in a few words.
@@ -38,7 +38,7 @@ class View:
         frame_ids: per plane, of the images.
     """
 
-    pair: FramePair
+    frames: dict[Plane, Frame | UncalibratedFrame]
     loop: npt.NDArray[np.float64] | None
     state: TrackerState
     reason: str
@@ -113,7 +113,7 @@ class TrackerOutlets:
 
     def _draw(self, view: View) -> None:
         for plane in PLANES:
-            publisher, frame = self._publishers[tracking_topic(plane).name], view.pair.frame(plane)
+            publisher, frame = self._publishers[tracking_topic(plane).name], view.frames.get(plane)
             if frame is None or publisher.get_subscription_count() == 0:
                 continue
             picture = draw_tracking(frame, view.loop, view.state, view.reason, clicks=view.clicks.get(plane))

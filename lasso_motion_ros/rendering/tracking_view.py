@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.frames import Frame
+from lasso_motion_ros.frames import Frame, UncalibratedFrame
 from lasso_motion_ros.rendering.annotation import (
     WHITE,
     Colour,
@@ -34,7 +34,7 @@ CLICK_COLOUR: Colour = (120, 190, 255)
 
 
 def draw_tracking(
-    frame: Frame,
+    frame: Frame | UncalibratedFrame,
     loop: Array | None,
     state: TrackerState | str,
     reason: str = "",
@@ -44,7 +44,7 @@ def draw_tracking(
     """One plane as `plane_x/tracking` shows it.
 
     Args:
-        frame: image and geometry, of any bit depth.
+        frame: image of any bit depth, with its geometry where that is known.
         loop: (N, 3) the catheter's curve now, world metres, or None. It is drawn only in a state that has a pose:
             a curve left from earlier would look like a result.
         state: the tracker's state.
@@ -57,7 +57,7 @@ def draw_tracking(
     state = TrackerState(state)
     picture = grey_to_rgb(window_image(frame.pixels))
     colour = STATE_COLOURS[state]
-    if loop is not None and state.has_pose:
+    if loop is not None and state.has_pose and isinstance(frame, Frame):
         draw_loop(picture, frame.projection, loop, colour)
     if clicks is not None:
         size = max(5, picture.shape[0] // 100)

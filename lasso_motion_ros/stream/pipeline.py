@@ -272,6 +272,11 @@ class TrackingPipeline:
             self._problems.clear()
             return problems
 
+    @property
+    def calibrated(self) -> tuple[Plane, ...]:
+        """The planes whose last calibration is valid."""
+        return tuple(plane for plane in PLANES if self._pairs.frames[plane].calibrated)
+
     def statistics(self) -> PipelineStatistics:
         """Counts since the start; never waits for the tracker."""
         result, pair = self.last_result, self.last_pair
@@ -292,7 +297,7 @@ class TrackingPipeline:
                 ring=None if result is None else result.ring,
                 heartbeat=self._heartbeat.status,
                 offset_ns=self._pairs.pairing.offset_ns,
-                calibrated=tuple(plane for plane in PLANES if self._pairs.frames[plane].calibrated),
+                calibrated=self.calibrated,
             )
 
     def _answer(self, ready: ReadyPair) -> list[Output]:
