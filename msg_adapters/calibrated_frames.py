@@ -91,7 +91,8 @@ class CalibratedFrames:
         self._heard = False
         self._newest_ns = 0
         self._per_frame: bool | None = None  # None: the stamps have not shown it yet
-        self._latched, self._matches = False, 0
+        self._latched = False
+        self._matched: set[int] = set()  # the first two stamps that an image and a calibration shared
         self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
         self._settled: list[tuple[int, Frame | None]] = []
         self._last_message: tuple[bytes, _Calibration] | None = None
@@ -178,8 +179,7 @@ class CalibratedFrames:
         if latched and not self._latched:
             self._latched, self._per_frame = True, None
         if stamp != 0 and stamp in self._recent_images:
-            self._matches += stamp not in self._own
-            self._per_frame = self._shows_per_frame()
+            self._per_frame = self._shows_per_frame(stamp)
         elif stamp == 0 and self._per_frame is None:
             self._per_frame = False
         self._own[stamp] = projection
@@ -232,7 +232,7 @@ class CalibratedFrames:
         while self._waiting:
             stamp, pixels = self._waiting[0].stamp_ns, self._waiting[0].pixels
             if stamp in self._own:
-                self._per_frame = self._shows_per_frame()
+                self._per_frame = self._shows_per_frame(stamp)
                 projection = self._own[stamp]
                 for older in [other for other in self._own if other < stamp]:
                     del self._own[older]
@@ -243,9 +243,11 @@ class CalibratedFrames:
             self._waiting.popleft()
             self._settled.append((stamp, self._frame(stamp, pixels, projection)))
 
-    def _shows_per_frame(self) -> bool | None:
-        """Whether a calibration with an image's stamp shows that each image has one: of a latched one, two do."""
-        return True if not self._latched or self._matches > 1 else None
+    def _shows_per_frame(self, stamp: int) -> bool | None:
+        """Whether a stamp that image and calibration share shows that each image has one: of a latched one, two do."""
+        if len(self._matched) < 2:
+            self._matched.add(stamp)
+        return True if not self._latched or len(self._matched) > 1 else None
 
     def _leave_behind(self) -> None:
         """Settle the images before a step back in time: what comes now says nothing about them."""
