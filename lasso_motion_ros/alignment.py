@@ -20,7 +20,7 @@ from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
 Array = npt.NDArray[np.float64]
 
 ITERATIONS = 8
-CONVERGED_MM = 0.008
+CONVERGED_MM = 0.015
 LARGEST_STEP_MM = 0.4
 LARGEST_TURN_RAD = 0.03
 # Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
@@ -32,7 +32,7 @@ LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count fo
 # Mean of the planes' correlations, iteration by iteration, below which no loop is there: of 759 true places in the
 # phantom suite the worst had 0.27, 0.37 and 0.42; half of the false ones have less than 0.26 at once.
 HOPELESS_CORRELATION = (0.2, 0.32, 0.4)
-BEHIND = 0.08  # another alignment's correlation by then, and it will not be overtaken
+BEHIND = (0.3, 0.18, 0.08)  # another alignment's correlation by then, and it will not be overtaken
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
 
 
@@ -129,8 +129,7 @@ def align(
             view.look(moved)
         if iteration < len(HOPELESS_CORRELATION):
             correlation = sum(view.correlation for view in views.values()) / len(views)
-            is_last_chance = iteration == len(HOPELESS_CORRELATION) - 1
-            if correlation < HOPELESS_CORRELATION[iteration] or (is_last_chance and correlation < at_least - BEHIND):
+            if correlation < max(HOPELESS_CORRELATION[iteration], at_least - BEHIND[iteration]):
                 break
         normal[:] = 0.0
         gradient = np.zeros(shared + 4)

@@ -209,15 +209,17 @@ class LoopFinder:
         if len(times) < 2:
             return False
         model, config = self._model, self.config.judgement
+        if not all(
+            is_faintly_seen(fit, config) and fit.gain >= config.smallest_gain and fit.visible >= config.smallest_visible
+            for fit in alignment.planes.values()
+        ):
+            return False
         expected = {
             "a": respiration.predict(times["a"]).displacement,
             "b": respiration.expected_between(times["b"]).displacement,
         }
         return all(
-            is_faintly_seen(fit, config)
-            and fit.gain >= config.smallest_gain
-            and fit.visible >= config.smallest_visible
-            and float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
+            float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
             for plane, fit in alignment.planes.items()
         )
 
