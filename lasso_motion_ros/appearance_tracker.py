@@ -32,6 +32,7 @@ LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from th
 FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
+STILL_TURNED_SHARE = 0.6  # of that, once it did not: the ring's own tilt takes it to and fro across a limit
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 USUAL_MEMORY = 0.2
 # A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
@@ -76,6 +77,7 @@ class AppearanceTracker:
         self._turn, self._stretch = np.zeros(3), 0.0  # to start the next alignment from
         self._lay = self._home_turn = np.zeros(3)  # how the ring lay when last seen, and where it belongs
         self._home = np.zeros(3)
+        self._turned_away = False  # found again, but lying otherwise
         self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
         self._displaced_place = 0.0, np.zeros(3), 0.0  # time, displacement and correlation when last seen there
@@ -134,13 +136,14 @@ class AppearanceTracker:
                 return self._result(pair, TrackerState.DISPLACED, departure, loop, finding.alignment)
             return self._result(pair, TrackerState.LOST, departure, None)
         turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._lay)))
-        if not followed and turned_deg > FOUND_AGAIN_TURN_DEG:
+        if not followed and turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
+            self._turned_away = True
             reason = f"found again, but turned by {turned_deg:.0f} degrees: moved?"
             return self._result(pair, TrackerState.LOST, reason, None)
         if not followed and (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
             reason = f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
             return self._result(pair, TrackerState.LOST, reason, None)
-        self._displaced = ""
+        self._displaced, self._turned_away = "", False
         if len(finding.seen) == 1:
             self._doubt = trial.doubt(displacement)
         sigma_mm = 1e3 * float(np.sqrt(self._doubt * np.trace(trial.at_a.covariance)))
