@@ -167,7 +167,8 @@ class AppearanceTracker:
                     self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
                 self._rotation.learn(displacement - self._home, finding.alignment.turn, finding.alignment.stretch)
         if len(finding.seen) == 2 and sigma_mm > LARGEST_SURE_SIGMA_MM:
-            reason = f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
+            # What was said before, edge-on in both planes say, is why.
+            reason = reason or f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
             if sigma_mm > LARGEST_SIGMA_MM:
                 return self._result(pair, TrackerState.LOST, reason, None)
             state = TrackerState.DEGRADED
