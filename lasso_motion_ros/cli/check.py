@@ -9,11 +9,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import positive
 from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.cli.track import parse_remap
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
@@ -31,7 +31,7 @@ as a recording that was cut short can tell."""
 DEFAULT_SECONDS = 5.0
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument(
         "recording", nargs="?", metavar="IN.mcap", help="a recording (MCAP file or bag directory); none: the live graph"
@@ -40,9 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--seconds", type=positive, default=DEFAULT_SECONDS, metavar="N", help="live: how long to look (default 5)"
     )
     parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
-    parser.add_argument(
-        "--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help="read the recorded topic FROM as TO"
-    )
+    add_remap(parser, "read the recorded topic FROM as TO")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write facts and findings")
 
 

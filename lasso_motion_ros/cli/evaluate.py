@@ -12,6 +12,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.evaluation_runs import evaluated_file, evaluated_tracking, worst_frames
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
@@ -36,24 +37,21 @@ DEFAULT_CONFIG = "config/tracker.yaml"
 DEFAULT_WORST = 3
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_argument("recordings", nargs="+", type=Path, metavar="IN.mcap", help="recording with truth")
-    parser.add_argument(
+    parser.add_argument("recordings", nargs="*", type=Path, metavar="IN.mcap", help="recording with truth")
+    parser.add_several(
         "--result",
+        lambda word: True,
         type=Path,
-        nargs="+",
-        action="extend",
-        default=[],
         metavar="OUT.mcap",
-        help="what the tracker published: several results of one recording, or one for each recording",
+        help="what the tracker published: several results of one recording, or one for each recording; the recordings"
+        " stand before it",
     )
-    parser.add_argument(
+    parser.add_several(
         "--config",
+        lambda word: not names_recording(word),
         type=Path,
-        nargs="+",
-        action="extend",
-        default=[],
         metavar="FILE",
         help=f"tracker parameters, several stand side by side (default: {DEFAULT_CONFIG})",
     )
@@ -111,6 +109,11 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_DONE if complete else EXIT_PART
 
 
+def names_recording(word: str) -> bool:
+    """Whether an argument is a recording: an MCAP file or a bag directory."""
+    return word.endswith(".mcap") or Path(word).is_dir()
+
+
 def versions() -> dict[str, str]:
     """What figures were made with, by name."""
     return {
@@ -125,6 +128,8 @@ def versions() -> dict[str, str]:
 
 def _check(args: argparse.Namespace) -> None:
     recordings, results = len(args.recordings), len(args.result)
+    if not recordings:
+        raise LassoMotionError("no recording: name IN.mcap, and before --result, which takes every file behind it")
     if results and recordings > 1 and results != recordings:
         raise LassoMotionError(
             f"--result belongs to one recording, or there is one for each: found {results} for {recordings} recordings"

@@ -9,13 +9,14 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from types import ModuleType
-from typing import NoReturn, cast
+from typing import cast
 
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.share import version
 
 EXIT_DONE = 0
-EXIT_BAD_INPUT = 2
+EXIT_BAD_INPUT = 2  # argparse's own too
 EXIT_PART = 3  # done, with part of the input (a truncated recording, say)
 EXIT_INTERRUPTED = 130
 
@@ -84,13 +85,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         return EXIT_INTERRUPTED
 
 
-class _Parser(argparse.ArgumentParser):
-    """Says in one line what is wrong with the arguments; the usage is `--help`'s."""
-
-    def error(self, message: str) -> NoReturn:
-        self.exit(EXIT_BAD_INPUT, f"{self.prog}: {message} (--help shows the usage)\n")
-
-
 def _show_lines_at_once() -> None:
     """Whoever reads our output through a pipe (`| tee log`, a supervisor) sees each line when it is written.
 
@@ -101,9 +95,9 @@ def _show_lines_at_once() -> None:
             stream.reconfigure(line_buffering=True)
 
 
-def _parser(named: Command | None) -> argparse.ArgumentParser:
+def _parser(named: Command | None) -> CommandParser:
     """The parser; only the command that was named has its module imported, which keeps the others' cost away."""
-    parser = _Parser(
+    parser = CommandParser(
         prog="lasso-motion",
         description="Breathing motion from a lasso catheter in biplane X-ray. Research use only, not a medical device.",
     )

@@ -10,10 +10,10 @@ import threading
 from dataclasses import asdict
 from pathlib import Path
 
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.cli.progress import counting
-from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
@@ -24,7 +24,7 @@ has put out is left out, so that one can be run on it. Only this machine sees it
 ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
     parser.add_argument("--rate", type=positive, default=1.0, help="times the recorded speed (default 1)")

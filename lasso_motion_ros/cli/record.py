@@ -8,6 +8,7 @@ import sys
 import threading
 from pathlib import Path
 
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import not_negative
@@ -36,14 +37,15 @@ RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANE_NAMES), *OUTPUTS, D
 NEEDED = tuple(make(plane) for plane in PLANE_NAMES for make in (image_topic, camera_info_topic))
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument("output", nargs="?", type=Path, metavar="OUT.mcap", help="the recording to write")
     what.add_argument(
         "--repair", type=Path, metavar="FILE", help="write index, summary and footer of a recording that was cut short"
     )
-    parser.add_argument("--topics", nargs="+", action="extend", default=[], metavar="NAME", help="record these too")
+    # A topic's name has no dot, which OUT.mcap has.
+    parser.add_several("--topics", lambda word: "." not in word, metavar="NAME", help="record these too")
     parser.add_argument(
         "--namespace", default="", metavar="NS", help="of the nodes (/lab); it is left out of the recorded names"
     )

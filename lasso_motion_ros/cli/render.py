@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import busy, progress
-from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.configuration import OverlayConfig, ProductConfig
 from lasso_motion_ros.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.frames import FramePair
@@ -36,7 +36,7 @@ DEFAULT_CONFIG = "config/overlay.yaml"
 CELL_PX = 768
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.add_argument("recording", type=Path, metavar="IN.mcap", help="recording with the images")
     parser.add_argument("result", type=Path, metavar="RESULT.mcap", help="what a tracker published on it")

@@ -42,13 +42,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's own arguments."""
     parser.add_argument("--sequences", type=int, metavar="N", help=f"default {DEFAULT_SEQUENCES}")
     parser.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="S", help="default %(default)s")
-    parser.add_argument("--only", type=int, nargs="+", metavar="K", help="only these sequences, by number")
     parser.add_argument(
-        "--config", type=Path, nargs="+", metavar="FILE", help="tracker parameters (default: config/tracker.yaml)"
+        "--only", type=int, nargs="+", action="extend", metavar="K", help="only these sequences, by number"
+    )
+    parser.add_argument(
+        "--config",
+        type=Path,
+        nargs="+",
+        action="extend",
+        metavar="FILE",
+        help="tracker parameters (default: config/tracker.yaml)",
     )
     parser.add_argument(
         "--sweep",
         nargs="+",
+        action="extend",
         choices=(*SWEEPS, "all"),
         metavar="NAME",
         help=f"vary one property instead, with N sequences a value (default 4): {', '.join(SWEEPS)}, all",

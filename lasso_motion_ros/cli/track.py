@@ -5,11 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
@@ -50,7 +51,7 @@ class TrackSummary:
     damage: str | None
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = f"{SEEDS_HELP}\n{CALIBRATION_HELP}"
@@ -117,33 +118,6 @@ def describe(statistics: PipelineStatistics) -> str:
     half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
     heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
     return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}"
-
-
-def add_remap(parser: argparse.ArgumentParser, meaning: str) -> None:
-    """Declare `--remap`, whose values `parse_remap` takes.
-
-    Args:
-        parser: the command's.
-        meaning: what a rule does in this command.
-    """
-    parser.add_argument("--remap", nargs="+", action="extend", default=[], metavar="FROM:=TO", help=meaning)
-
-
-def parse_remap(rules: Sequence[str]) -> dict[str, str]:
-    """Rules `from:=to` as a mapping.
-
-    Raises:
-        LassoMotionError: a rule of another form, or two for one topic.
-    """
-    remap: dict[str, str] = {}
-    for rule in rules:
-        old, separator, new = rule.partition(":=")
-        if not (separator and old and new) or ":=" in new:
-            raise LassoMotionError(f"--remap: expected FROM:=TO, found {rule!r}")
-        if old in remap:
-            raise LassoMotionError(f"--remap: {old} is given twice")
-        remap[old] = new
-    return remap
 
 
 def track_recording(

@@ -7,8 +7,8 @@ import os
 import sys
 from pathlib import Path
 
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.track import add_remap, parse_remap
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.nodes.processes import LOOPBACK
 from lasso_motion_ros.nodes.running import require_ros
@@ -22,7 +22,7 @@ DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
     parser.add_argument("--host", default=DEFAULT_HOST, help=f"address to listen on (default {DEFAULT_HOST})")
     parser.add_argument("--port", type=port, default=DEFAULT_PORT, help=f"TCP port (default {DEFAULT_PORT}; 0: any)")
