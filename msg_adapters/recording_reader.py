@@ -298,10 +298,11 @@ class _Decoder:
             raise RecordingError(f"the definition of {schema.name} cannot be read: {error}") from error
 
 
-def check_tracking_topics(topics: Mapping[str, str], calibrated: bool = False) -> None:
+def check_tracking_topics(recording: Path, topics: Mapping[str, str], calibrated: bool = False) -> None:
     """Check that a recording has what tracking needs in both planes: images and calibration.
 
     Args:
+        recording: its path, for the error.
         topics: topic → type, as `RecordingReader.topics`.
         calibrated: the calibration comes from elsewhere.
 
@@ -317,7 +318,7 @@ def check_tracking_topics(topics: Mapping[str, str], calibrated: bool = False) -
             info = camera_info_topic(plane)
             missing += _missing(topics, info.recorded_name, info.type_name)
     if missing:
-        raise RecordingError(f"the recording lacks {', '.join(missing)}{_found(topics)}; --remap a:=b renames topics")
+        raise RecordingError(f"{recording} lacks {', '.join(missing)}{_found(topics)}; --remap a:=b renames topics")
 
 
 def _missing(topics: Mapping[str, str], name: str, type_name: str) -> list[str]:

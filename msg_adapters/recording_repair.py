@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,8 +11,6 @@ from msg_adapters.messages import NANOSECONDS
 from msg_adapters.recording_copy import RecordingCopier
 from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.recording_writer import RecordingWriter
-
-_WORKING_SUFFIX = ".repairing"
 
 
 @dataclass(frozen=True)
@@ -49,22 +46,13 @@ def repair_recording(path: Path) -> Repaired:
             pass  # only reading shows whether a chunk is corrupt
         if reader.damage is None:
             return Repaired(None)
-    working = path.with_name(path.name + _WORKING_SUFFIX)
     compression = "zstd" if any(segment.compression for segment in layout.segments) else "none"
     times: list[int] = []
-    try:
-        with RecordingWriter(working, compression, overwrite=True) as writer:
-            copier = RecordingCopier(reader, writer)
-            for message in reader.raw_messages():
-                copier.copy(message)
-                times = [*times[:1], message.log_time_ns]
+    with RecordingWriter(path, compression, overwrite=True, whole=True) as writer:
+        copier = RecordingCopier(reader, writer)
+        for message in reader.raw_messages():
+            copier.copy(message)
+            times = [*times[:1], message.log_time_ns]
         if not times:
             raise RecordingError(f"{path}: no message in it can be read; it was left as it is")
-        with working.open("rb") as file:
-            os.fsync(file.fileno())
-        working.replace(path)
-    except OSError as error:
-        raise RecordingError(f"{path} cannot be replaced: {error.strerror}") from error
-    finally:
-        working.unlink(missing_ok=True)
     return Repaired(reader.damage, writer.counts, (times[-1] - times[0]) / NANOSECONDS)

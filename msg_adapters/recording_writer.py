@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -36,25 +38,34 @@ class RecordingWriter:
     """An MCAP file being written: profile `ros2`, schemas `ros2msg`, CDR, indexed chunks, rosbag2 metadata.
 
     The same input gives the same bytes. Use it as a context manager; leaving it finishes the file, so that what
-    was written before an error stays readable.
+    was written before an error stays readable, unless it shall be whole.
 
     Args:
         path: the file to write.
         compression: of the chunks, `zstd` or `none`.
         overwrite: whether an existing file is replaced.
+        whole: the file is there whole or not at all: it grows beside its place and moves there at the end. After an
+            error what stood there before still does.
 
     Raises:
         RecordingError: the file exists and may not be overwritten, or cannot be created.
     """
 
-    def __init__(self, path: str | Path, compression: str = "zstd", overwrite: bool = False) -> None:
+    def __init__(
+        self, path: str | Path, compression: str = "zstd", overwrite: bool = False, *, whole: bool = False
+    ) -> None:
         self.path = Path(path)
         if compression not in _COMPRESSIONS:
             raise RecordingError(f"compression must be one of {', '.join(_COMPRESSIONS)}, found {compression!r}")
+        if self.path.is_dir():
+            raise RecordingError(f"{self.path} is a directory: expected the name of a file to write")
+        check_free(self.path, overwrite)
+        self._unfinished: Path | None = None
+        if whole and not _is_device(self.path):
+            place = self.path.resolve()  # of a link, what it leads to
+            self._unfinished = place.with_name(f".{place.name}.unfinished")
         try:
-            self._file = self.path.open("wb" if overwrite else "xb")
-        except FileExistsError as error:
-            raise RecordingError(f"{self.path} exists; it is replaced only when told to overwrite") from error
+            self._file = (self._unfinished or self.path).open("wb" if overwrite or self._unfinished else "xb")
         except OSError as error:
             raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
         self._writer = Writer(self._file, compression=_COMPRESSIONS[compression])
@@ -72,7 +83,11 @@ class RecordingWriter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self.close()
+        if error is not None and self._unfinished is not None:
+            self._closed = True
+            self._discard(self._unfinished)
+        else:
+            self.close()
 
     def write(
         self,
@@ -175,9 +190,21 @@ class RecordingWriter:
         try:
             self._writer.add_metadata("rosbag2", {"serialized_metadata": self._bag_metadata()})
             self._writer.finish()
+            if self._unfinished is not None:
+                self._file.flush()
+                os.fsync(self._file.fileno())
             self._file.close()
+            if self._unfinished is not None:
+                self._unfinished.replace(self.path.resolve())
         except OSError as error:
+            if self._unfinished is not None:
+                self._discard(self._unfinished)
             raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+
+    def _discard(self, unfinished: Path) -> None:
+        with suppress(OSError):  # what a full disk did not take is not wanted any more
+            self._file.close()
+        unfinished.unlink(missing_ok=True)
 
     def _add_channel(
         self, topic: str, type_name: str, latched: bool, reliable: bool, definition: str | None
@@ -233,6 +260,20 @@ class RecordingWriter:
             "ros_distro": "jazzy",
         }
         return yaml.safe_dump(document, sort_keys=False, width=1 << 20)
+
+
+def check_free(path: Path, overwrite: bool) -> None:
+    """Check that an output file or directory may be written: every command that writes one asks here.
+
+    Raises:
+        RecordingError: it exists, and is not to be overwritten.
+    """
+    if path.exists() and not overwrite and not (path.is_dir() and not any(path.iterdir())):
+        raise RecordingError(f"{path} exists: choose another name or add --overwrite")
+
+
+def _is_device(path: Path) -> bool:
+    return path.exists() and not path.is_file()
 
 
 def _definition(type_name: str) -> str:

@@ -188,5 +188,5 @@ def test_a_recording_is_not_replaced_unless_told_to(tmp_path: Path, capsys: pyte
     assert main(["record", str(output)]) == 2
     assert output.read_bytes() == b"precious"
     assert capsys.readouterr().err == (
-        f"lasso-motion record: {output} exists; it is replaced only when told to overwrite\n"
+        f"lasso-motion record: {output} exists: choose another name or add --overwrite\n"
     )

@@ -14,6 +14,9 @@ from message_inputs import FakeTracker, projection, seed, stamp, stream
 
 from lasso_motion_ros import tracker_factory
 from lasso_motion_ros.cli.main import main
+from lasso_motion_ros.cli.track import problem_lines
+from lasso_motion_ros.share import bundled_recording
+from lasso_motion_ros.stream.reports import Problem
 from msg_adapters.images import decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -148,18 +151,76 @@ def test_images_that_are_all_refused_leave_no_output(tmp_path: Path, capsys: pyt
             yield topic, type_name, message, at
 
     assert track(record(tmp_path / "in.mcap", coloured()), "-o", tmp_path / "out.mcap") == 2
-    assert "no image pair could be made: plane_a/image_raw: encoding: expected mono8" in capsys.readouterr().err
+    assert (
+        "no image pair could be made: plane_a/image_raw, plane_b/image_raw: encoding: expected mono8"
+        in capsys.readouterr().err
+    )
     assert not (tmp_path / "out.mcap").exists()
 
 
-def test_refused_clicks_are_reported(
+def test_refused_clicks_are_one_line_and_leave_no_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tracker_factory, "create_tracker", lambda config: FakeTracker(refuse=True))
-    assert track(record(tmp_path / "in.mcap"), "-o", tmp_path / "out.mcap") == 2
+    recording = record(tmp_path / "in.mcap")
+    assert track(recording, "-o", tmp_path / "out.mcap") == 2
+    assert capsys.readouterr().err == f"lasso-motion track: {recording}: no pair got a pose: seed: no loop here\n"
+    assert list(tmp_path.iterdir()) == [recording]
+
+
+def millimetres(message: Any) -> None:
+    message.p = message.p * np.array([1e-3, 1e-3, 1e-3, 1.0] * 3)
+
+
+def too_few_clicks(message: Any) -> None:
+    message.polygon.points = message.polygon.points[:3]
+
+
+def other_clock(message: Any) -> None:
+    message.header.stamp.sec -= 100
+
+
+def without_stamp(message: Any) -> None:
+    message.header.stamp.sec = message.header.stamp.nanosec = 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "mistake", "lines"),
+    [
+        ("/camera_info", millimetres, "no image pair could be made: plane_a/camera_info, plane_b/camera_info: p: "
+         "expected the source 0.3 to 2 m from the world origin, found 785 m; the matrix looks like millimetres, "
+         "metres are expected"),
+        ("b/camera_info", millimetres, "no pair got a pose: plane_b/camera_info: p: expected the source"),
+        ("/seed", too_few_clicks, "no pair got a pose: plane_a/seed, plane_b/seed: polygon: expected 6 clicks or more"),
+        ("/seed", other_clock, "no pair got a pose: plane_a/seed, plane_b/seed: the clicked image (1759999900.0000"),
+        ("/image_raw", without_stamp, "no image pair could be made: plane_a/image_raw, plane_b/image_raw: "
+         "header.stamp: expected the time of exposure"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_one_line_and_what_was_there_before_stays(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], kind: str, mistake: Any, lines: str
+) -> None:
+    """In the bundled recording, with all that it has besides."""
+    recording, out = tmp_path / "in.mcap", tmp_path / "out.mcap"
+    with RecordingWriter(recording) as writer:
+        for number, one in enumerate(RecordingReader(bundled_recording()).messages()):
+            if number > 40:
+                break
+            if one.topic.endswith(kind):
+                mistake(one.message)
+            writer.write(one.topic, one.type_name, one.message, one.log_time_ns)
+    out.write_bytes(b"a good result")
+    assert track(recording, "-o", out, "--overwrite") == 2
     error = capsys.readouterr().err
-    assert "seed: no loop here" in error
-    assert "no pair got a pose" in error
+    assert error.startswith(f"lasso-motion track: {recording}: {lines}")
+    assert error.count("\n") == 1
+    assert sorted(tmp_path.iterdir()) == [recording, out]
+    assert out.read_bytes() == b"a good result"
+
+
+def test_what_is_wrong_on_both_planes_is_said_once() -> None:
+    problems = {Problem("plane_a/x", "bad"): 3, Problem("", "a new run"): 1, Problem("plane_b/x", "bad"): 1}
+    assert problem_lines(problems) == ["plane_a/x, plane_b/x: bad (4 times)", "a new run"]
 
 
 def test_output_is_not_overwritten_by_accident(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -128,9 +128,50 @@ def test_a_file_is_replaced_only_when_told(tmp_path: Path) -> None:
     path = write(tmp_path / "r.mcap")
     with pytest.raises(RecordingError, match="exists"):
         RecordingWriter(path)
+    with pytest.raises(RecordingError, match="is a directory"):
+        RecordingWriter(tmp_path, overwrite=True)
     with RecordingWriter(path, overwrite=True):
         pass
     assert content(path) == []
+
+
+def test_a_whole_file_takes_its_place_at_the_end_or_not_at_all(tmp_path: Path) -> None:
+    path = write(tmp_path / "r.mcap")
+    before = path.read_bytes()
+
+    def interrupted() -> None:
+        with RecordingWriter(path, overwrite=True, whole=True) as writer:
+            writer.write("/note", "std_msgs/msg/String", {"data": "half"}, 1)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert list(tmp_path.iterdir()) == [path]
+    assert path.read_bytes() == before
+    link = tmp_path / "link.mcap"
+    link.symlink_to(path)
+    with RecordingWriter(link, overwrite=True, whole=True) as writer:
+        writer.write("/note", "std_msgs/msg/String", {"data": "whole"}, 1)
+        assert path.read_bytes() == before
+    assert link.is_symlink()
+    assert [message.message.data for message in RecordingReader(path).messages()] == ["whole"]
+    assert sorted(tmp_path.iterdir()) == [link, path]
+
+
+def test_a_whole_file_is_said_to_be_what_it_is_called(tmp_path: Path) -> None:
+    for name, whole in (("1", True), ("2", False)):
+        (tmp_path / name).mkdir()
+        with RecordingWriter(tmp_path / name / "r.mcap", whole=whole) as writer:
+            writer.write("/note", "std_msgs/msg/String", {"data": ""}, 1)
+    assert (tmp_path / "1" / "r.mcap").read_bytes() == (tmp_path / "2" / "r.mcap").read_bytes()
+
+
+def test_a_device_is_not_replaced_by_a_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    replaced: list[Path] = []
+    monkeypatch.setattr(Path, "replace", lambda _, target: replaced.append(target))
+    with RecordingWriter("/dev/null", overwrite=True, whole=True) as writer:
+        writer.write("/note", "std_msgs/msg/String", {"data": ""}, 1)
+    assert replaced == []
 
 
 def test_an_error_while_writing_leaves_a_readable_file(tmp_path: Path) -> None:
@@ -315,16 +356,16 @@ def test_missing_topics_are_named_with_what_is_there() -> None:
         "/lateral": "sensor_msgs/msg/Image",
     }
     with pytest.raises(RecordingError) as caught:
-        check_tracking_topics(topics)
+        check_tracking_topics(Path("r.mcap"), topics)
     assert str(caught.value).startswith(
-        "the recording lacks /plane_b/image_raw (sensor_msgs/msg/Image), "
+        "r.mcap lacks /plane_b/image_raw (sensor_msgs/msg/Image), "
         "/plane_b/camera_info (sensor_msgs/msg/CameraInfo); it has"
     )
     assert "/lateral" in str(caught.value)
     topics |= {"/plane_b/image_raw/compressed": "sensor_msgs/msg/CompressedImage"}
-    check_tracking_topics(topics, calibrated=True)
+    check_tracking_topics(Path("r.mcap"), topics, calibrated=True)
     with pytest.raises(RecordingError, match="it is std_msgs/msg/String"):
-        check_tracking_topics(topics | {"/plane_a/image_raw": "std_msgs/msg/String"}, calibrated=True)
+        check_tracking_topics(Path("r.mcap"), topics | {"/plane_a/image_raw": "std_msgs/msg/String"}, calibrated=True)
 
 
 def test_reading_holds_a_few_chunks_only(tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: P
 def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(b"mine")
-    with pytest.raises(RecordingError, match="exists; it is replaced only"):
+    with pytest.raises(RecordingError, match="exists: choose another name or add --overwrite"):
         Annotation(bare, copy)
     with pytest.raises(RecordingError, match="is the recording itself"):
         Annotation(bare, bare, overwrite=True)

@@ -107,7 +107,7 @@ def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) ->
     from lasso_motion_ros.nodes.page_demonstration import PageInput, run_page
 
     topics = RecordingReader(recording).topics
-    check_tracking_topics(topics)
+    check_tracking_topics(recording, topics)
     seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
     load_configuration(configuration, ProductConfig)
     truth = _truth(recording)
@@ -142,7 +142,7 @@ def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:
         RecordingError: the recording cannot be read, lacks a topic, or was cut short.
     """
     reader = RecordingReader(recording)
-    check_tracking_topics(reader.topics)
+    check_tracking_topics(recording, reader.topics)
     pairs = list(recorded_pairs(reader, config))
     if reader.damage is not None:
         raise RecordingError(f"{reader.damage}: the demonstration needs a whole recording")

@@ -67,17 +67,16 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
 
 def _tracked(recording: Path, config: ProductConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
-    from lasso_motion_ros.cli.track import track_recording
+    from lasso_motion_ros.cli.track import track_recording, why_nothing
     from lasso_motion_ros.tracker_factory import create_tracker
 
     tracker = TimedTracker(create_tracker(config))
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
         result = Path(directory) / "result.mcap"
-        summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker)
+        summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker, without_poses=True)
         if summary.statistics.poses == 0:
             # A table of dashes would leave the reader to guess.
-            why = "; ".join(problem.text for problem in summary.problems)
-            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why}", file=sys.stderr)
+            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why_nothing(summary)}", file=sys.stderr)
         timing = None
         if tracker.milliseconds:
             timing = Timing("Offline: wall time of each pair in the tracker alone.", np.array(tracker.milliseconds))

@@ -28,6 +28,7 @@ from lasso_motion_ros.share import share_file
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.evaluation_input import read_estimates
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
+from msg_adapters.recording_writer import check_free
 
 HELP = """Draw the overlay over a recording, offline, with the motion of a tracker's result: what the overlay node draws
 live. OUT.mp4 becomes a video of both planes, any other name a directory of PNG frames, one a plane and pair."""
@@ -81,15 +82,14 @@ def run(args: argparse.Namespace) -> int:
         raise LassoMotionError("--rate is for a video: name the output OUT.mp4")
     if args.rate is not None and not args.rate > 0.0:
         raise LassoMotionError(f"--rate must be positive, found {args.rate}")
-    if args.output.exists() and not args.overwrite and (args.output.is_file() or any(args.output.iterdir())):
-        raise RecordingError(f"{args.output} exists: choose another name or add --overwrite")
+    check_free(args.output, args.overwrite)
     config = overlay_configuration(args)
     with busy(f"reading {args.volume}", args.quiet):
         shown = read_overlay_object(config)
     if not args.quiet:
         print(shown.description)
     reader = RecordingReader(args.recording, parse_remap(args.remap))
-    check_tracking_topics(reader.topics)
+    check_tracking_topics(reader.path, reader.topics)
     estimates = read_estimates(args.result)
     painter = OverlayPainter(shown.drawn, overlay_style(config.style))
     overlay = OfflineOverlay(painter, config, estimates, args.view)

@@ -99,7 +99,7 @@ def write_recording(path: Path, simulator: Simulator, pairs: Iterable[SimulatedP
     """
     peaks = simulator.r_peaks_ns()
     # B of one pair is exposed before A of the next: messages leave pair by pair, sorted within.
-    with RecordingWriter(path, compression="zstd", overwrite=overwrite) as writer:
+    with RecordingWriter(path, compression="zstd", overwrite=overwrite, whole=True) as writer:
         for pair in pairs:
             messages = _pair_messages(pair)
             if pair.index == 0:

@@ -12,10 +12,10 @@ from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.json_output import write_json
-from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
+from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.errors import RecordingError
 from lasso_motion_ros.frames import PLANES
 from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.share import share_file
@@ -77,19 +77,14 @@ def run(args: argparse.Namespace) -> int:
         overwrite=args.overwrite,
         quiet=args.quiet,
     )
-    for problem, count in summary.problems.items():
-        where = f"{problem.topic}: " if problem.topic else ""
-        often = f" ({count} times)" if count > 1 else ""
-        print(f"lasso-motion track: {where}{problem.text}{often}", file=sys.stderr)
+    for line in problem_lines(summary.problems):
+        print(f"lasso-motion track: {line}", file=sys.stderr)
     if summary.damage is not None:
         print(f"lasso-motion track: {summary.damage}", file=sys.stderr)
     if not args.quiet:
         print(f"{args.output}: {describe(summary.statistics)}")
     if args.json is not None:
         write_json(args.json, counts(summary))
-    if summary.statistics.poses == 0:
-        print("lasso-motion track: no pair got a pose", file=sys.stderr)
-        return EXIT_BAD_INPUT
     return EXIT_DONE if summary.damage is None else EXIT_PART
 
 
@@ -112,6 +107,29 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
     }
 
 
+def problem_lines(problems: Mapping[Problem, int]) -> list[str]:
+    """What was wrong with messages, a line each; what was wrong on several topics alike is said once."""
+    topics: dict[str, list[str]] = {}
+    often: Counter[str] = Counter()
+    for problem, count in problems.items():
+        topics.setdefault(problem.text, []).append(problem.topic)
+        often[problem.text] += count
+    return [
+        (f"{', '.join(names)}: " if any(names) else "")
+        + text
+        + (f" ({often[text]} times)" if often[text] > len(names) else "")
+        for text, names in topics.items()
+    ]
+
+
+def why_nothing(summary: TrackSummary) -> str:
+    """In one line, why nothing came of a recording: the first problems, which the others often follow from."""
+    found = problem_lines(summary.problems)
+    more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
+    damage = [] if summary.damage is None else [summary.damage]
+    return "; ".join([*found[:3], *more, *damage]) or summary.statistics.reason
+
+
 def describe(statistics: PipelineStatistics) -> str:
     """One line: pairs, poses, states, what became of the heartbeat."""
     states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
@@ -131,6 +149,7 @@ def track_recording(
     overwrite: bool = False,
     quiet: bool = True,
     tracker: Tracker | None = None,
+    without_poses: bool = False,
 ) -> TrackSummary:
     """Track a recording into a file.
 
@@ -144,45 +163,43 @@ def track_recording(
         overwrite: replace `output` if it exists.
         quiet: no progress bar.
         tracker: the method; by default the one that the configuration names.
+        without_poses: whether a file in which no pair has a pose is written too; it is an error otherwise.
 
     Raises:
-        LassoMotionError: nothing readable, missing topics, a bad file, or no pair at all; no output is left then.
+        LassoMotionError: nothing readable, missing topics, a bad file, no pair at all, or none with a pose. No output
+            is left then, and one that was to be replaced is as it was.
     """
     if not isinstance(config, ProductConfig):
         config = load_configuration(config or share_file(DEFAULT_CONFIG), ProductConfig)
     given_seeds = None if seeds is None else read_seeds_file(seeds)
     given_calibration = None if calibration is None else read_calibration_file(calibration)
     reader = RecordingReader(recording, remap)
-    check_tracking_topics(reader.topics, calibrated=calibration is not None)
+    check_tracking_topics(reader.path, reader.topics, calibrated=calibration is not None)
     if given_seeds is None:
         _check_seeds(reader)
     if output.exists() and any(output.samefile(file) for file in reader.files):
         raise RecordingError(f"{output} is the recording itself")
     messages = RecordedMessages()
     pipeline = TrackingPipeline(config, messages, tracker)
-    writer = RecordingWriter(output, overwrite=overwrite)
-    try:
-        with writer:
-            session = _Session(pipeline, writer)
-            session.publish(pipeline.initial_outputs())
-            for plane in PLANES:
-                if given_calibration is not None:
-                    topic = camera_info_topic(plane)
-                    session.take(
-                        pipeline.add_camera_info(plane, messages.make(topic.type_name, given_calibration[plane]))
-                    )
-                if given_seeds is not None:
-                    topic = seed_topic(plane)
-                    session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
-            intake = recorded_intake(pipeline, reader.topics, seeds=seeds is None, calibrations=calibration is None)
-            for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
-                session.take(intake[recorded.topic](recorded.message))
-            session.take(pipeline.flush())
-            session.finish()
-    except LassoMotionError:
-        output.unlink(missing_ok=True)
-        raise
-    return TrackSummary(pipeline.statistics(), session.problems, reader.damage)
+    with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
+        session = _Session(pipeline, writer)
+        session.publish(pipeline.initial_outputs())
+        for plane in PLANES:
+            if given_calibration is not None:
+                topic = camera_info_topic(plane)
+                session.take(pipeline.add_camera_info(plane, messages.make(topic.type_name, given_calibration[plane])))
+            if given_seeds is not None:
+                topic = seed_topic(plane)
+                session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
+        intake = recorded_intake(pipeline, reader.topics, seeds=seeds is None, calibrations=calibration is None)
+        for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
+            session.take(intake[recorded.topic](recorded.message))
+        session.take(pipeline.flush())
+        summary = TrackSummary(pipeline.statistics(), session.problems, reader.damage)
+        lacking = "image pair could be made" if summary.statistics.pairs == 0 else "pair got a pose"
+        if summary.statistics.pairs == 0 or (summary.statistics.poses == 0 and not without_poses):
+            raise RecordingError(f"{recording}: no {lacking}: {why_nothing(summary)}")
+    return summary
 
 
 class _Session:
@@ -210,11 +227,6 @@ class _Session:
             waiting, self._unstamped = self._unstamped, []
             for one in [*waiting, output]:
                 self._write(one)
-
-    def finish(self) -> None:
-        if self._time_ns == 0:
-            reasons = "; ".join(f"{problem.topic}: {problem.text}" for problem in list(self.problems)[:3])
-            raise RecordingError(f"no image pair could be made{': ' + reasons if reasons else ''}")
 
     def _write(self, output: Output) -> None:
         topic = output.topic

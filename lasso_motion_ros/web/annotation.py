@@ -22,7 +22,7 @@ from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.pairing import PairSynchroniser
 from msg_adapters.recording_copy import RecordingCopier
 from msg_adapters.recording_reader import RawMessage, RecordingReader, check_tracking_topics
-from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.recording_writer import RecordingWriter, check_free
 from msg_adapters.seeds import decode_polygon, encode_polygon
 from msg_adapters.topics import compressed_image_topic, image_topic, true_centreline_topic
 
@@ -65,12 +65,10 @@ class Annotation:
         self, recording: Path, output: Path, remap: Mapping[str, str] | None = None, overwrite: bool = False
     ) -> None:
         self._reader = RecordingReader(recording, remap)
-        check_tracking_topics(self._reader.topics, calibrated=True)
-        if output.exists():
-            if any(output.samefile(file) for file in self._reader.files):
-                raise RecordingError(f"{output} is the recording itself; the copy needs a name of its own")
-            if not overwrite:
-                raise RecordingError(f"{output} exists; it is replaced only when told to --overwrite")
+        check_tracking_topics(recording, self._reader.topics, calibrated=True)
+        if output.exists() and any(output.samefile(file) for file in self._reader.files):
+            raise RecordingError(f"{output} is the recording itself; the copy needs a name of its own")
+        check_free(output, overwrite)
         self._output = output
         self._lock = threading.RLock()
         self._changed: Callable[[], None] = lambda: None
@@ -146,15 +144,8 @@ class Annotation:
             RecordingError: it cannot be written.
         """
         with self._lock:
-            unfinished = self._output.with_name(f".{self._output.name}.unfinished")
-            try:
-                with RecordingWriter(unfinished, overwrite=True) as writer:
-                    self._write_copy(writer)
-                unfinished.replace(self._output)
-            except OSError as error:
-                raise RecordingError(f"{self._output} cannot be written: {error.strerror}") from error
-            finally:
-                unfinished.unlink(missing_ok=True)
+            with RecordingWriter(self._output, overwrite=True, whole=True) as writer:
+                self._write_copy(writer)
             self.unsaved = False
             done = sum(bool(curve.size) for one in self._drawings for curve in one.curves.values())
             return f"Saved {done} centrelines in {self._output}."
