@@ -30,11 +30,6 @@ class Ellipse:
     semi_minor: Array
 
     @property
-    def axis_ratio(self) -> float:
-        """Minor by major axis, in (0, 1]."""
-        return float(np.linalg.norm(self.semi_minor) / np.linalg.norm(self.semi_major))
-
-    @property
     def conic(self) -> Array:
         """(3, 3) symmetric C of unit norm with xᵀ C x = 0 on the curve and < 0 inside."""
         axes = np.column_stack([self.semi_major, self.semi_minor])

@@ -105,10 +105,6 @@ class Projection:
         directions = homogeneous @ np.linalg.inv(self.matrix[:, :3]).T
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
-    def back_project_line(self, line: Array) -> Array:
-        """World plane (4,) through the source and an image line (3,): π = Pᵀ l (H&Z eq. 8.2)."""
-        return np.asarray(self.matrix.T @ np.asarray(line, dtype=np.float64))
-
     def decompose(self) -> tuple[Array, Array, Array]:
         """Split the matrix as P = K [R | t].
 
@@ -209,26 +205,6 @@ def carm_projection(
     camera = np.array([[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]])
     origin = np.array([0.0, 0.0, source_object_m]) - rows @ np.asarray(iso_centre, dtype=np.float64)
     return Projection(camera @ np.column_stack([rows, origin]), width, height)
-
-
-def fundamental_matrix(a: Projection, b: Projection) -> Array:
-    """(3, 3) F with x_bᵀ F x_a = 0 for the two images of one point (H&Z eq. 9.1), of unit norm.
-
-    Raises:
-        GeometryError: the two sources coincide.
-    """
-    epipole = b.matrix @ np.append(a.source, 1.0)
-    if np.linalg.norm(a.source - b.source) < 1e-9:
-        raise GeometryError("the two planes share one source position: no epipolar geometry")
-    cross = np.array(
-        [
-            [0.0, -epipole[2], epipole[1]],
-            [epipole[2], 0.0, -epipole[0]],
-            [-epipole[1], epipole[0], 0.0],
-        ]
-    )
-    matrix = cross @ b.matrix @ np.linalg.pinv(a.matrix)
-    return np.asarray(matrix / np.linalg.norm(matrix))
 
 
 def triangulate(projections: tuple[Projection, ...], pixels: tuple[Array, ...]) -> Array:

@@ -65,10 +65,6 @@ class RPeaks:
         if self._peaks and abs(self._peaks[-1] - stamp_ns) > NEW_RUN_NS:
             self._peaks.clear()
 
-    def latest_ns(self) -> int | None:
-        """Stamp of the last peak, or None."""
-        return self._peaks[-1] if self._peaks else None
-
     def phase(self, stamp_ns: int) -> HeartPhase | None:
         """The phase at a time by the peaks up to it.
 

@@ -92,13 +92,10 @@ class Reconstruction:
     Attributes:
         chosen: the candidate with the smallest misfit.
         candidates: all candidates, the chosen one first, by rising misfit.
-        margin: circularity of the better minus that of the other cone–cone candidate; near zero the choice
-            between the two was a guess. NaN where only one existed.
     """
 
     chosen: Candidate
     candidates: tuple[Candidate, ...]
-    margin: float
 
 
 def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Reconstruction:
@@ -136,6 +133,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     line_planes: dict[Plane, Array] = {}
     for plane in PLANES:
         try:
+            # Through the source and the line: Pᵀ l (H&Z eq. 8.2).
             line_planes[plane] = scaled[plane].T @ fit_line(outlines[plane])
         except EllipseError as error:
             refusals.append(f"plane {plane.upper()}: {error}")
@@ -158,9 +156,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
             f"no 3-D ellipse explains the two outlines: the best lies {chosen.reprojection_px:.1f} px from them, "
             f"expected under {LARGEST_REPROJECTION_SHARE * radius_px:.1f} px; do both show the same loop at once?"
         )
-    circular = sorted((c.ellipse.circularity for c in cone_cone), reverse=True)
-    margin = circular[0] - circular[1] if len(circular) == 2 else float("nan")
-    return Reconstruction(chosen, tuple(candidates), margin)
+    return Reconstruction(chosen, tuple(candidates))
 
 
 def quan_planes(cone_a: Array, cone_b: Array) -> list[Array]:

@@ -15,6 +15,10 @@ def ellipse(x=0.0, y=0.0, major=1.0, ratio=0.5, turn=0.0):
     return Ellipse(np.array([x, y]), major * along, major * ratio * across)
 
 
+def axis_ratio(found):
+    return np.linalg.norm(found.semi_minor) / np.linalg.norm(found.semi_major)
+
+
 def assert_same(found, expected, tolerance):
     np.testing.assert_allclose(found.centre, expected.centre, atol=tolerance)
     np.testing.assert_allclose(found.conic, expected.conic, atol=1e-6)
@@ -25,7 +29,6 @@ def assert_same(found, expected, tolerance):
 def test_points_by_hand():
     # Four points: both ends of the major and of the minor axis.
     np.testing.assert_allclose(ELLIPSE.points(4), [[530, 340], [476, 318], [470, 260], [524, 282]], atol=1e-9)
-    assert ELLIPSE.axis_ratio == pytest.approx(0.6)
 
 
 def test_conic_of_the_unit_circle_by_hand():
@@ -59,7 +62,7 @@ def test_exact_points_give_the_ellipse_back(x, y, major, ratio, turn, count):
 def test_circle_is_recovered():
     found = fit_ellipse(ellipse(10.0, 20.0, 5.0, 1.0).points(12))
     np.testing.assert_allclose(found.centre, [10.0, 20.0])
-    assert found.axis_ratio == pytest.approx(1.0)
+    assert axis_ratio(found) == pytest.approx(1.0)
 
 
 def test_part_of_the_curve_is_enough_when_it_is_exact():
@@ -84,14 +87,14 @@ def test_noise_averages_out():
     found = [fit_ellipse(ELLIPSE.points(200) + random.normal(size=(200, 2))) for _ in range(20)]
     errors = np.array([f.centre - ELLIPSE.centre for f in found])
     assert np.sqrt((errors**2).mean()) < 0.2
-    assert np.mean([f.axis_ratio for f in found]) == pytest.approx(0.6, abs=0.01)
+    assert np.mean([axis_ratio(f) for f in found]) == pytest.approx(0.6, abs=0.01)
 
 
 def test_an_ellipse_comes_out_even_where_a_hyperbola_fits_better():
     # The constraint 4ac − b² = 1 admits nothing else.
     x = np.linspace(-3.0, 3.0, 30)
     found = fit_ellipse(np.column_stack([x, np.sqrt(1 + x * x)]))
-    assert 0 < found.axis_ratio <= 1
+    assert 0 < axis_ratio(found) <= 1
 
 
 @pytest.mark.parametrize("factor", [1.0, -1.0, 1e-6, -3e4])

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from method_inputs import biplane, flip_pixels, flipped, plane
+from method_inputs import flip_pixels, flipped, plane
 
 from lasso_motion_ros.errors import GeometryError
-from lasso_motion_ros.geometry import Projection, carm_projection, fundamental_matrix, triangulate
+from lasso_motion_ros.geometry import Projection, carm_projection, triangulate
 
 # f = 1000 px, principal point (100, 50), camera axes = world axes, source 2 m behind the origin.
 CAMERA = np.array([[1000.0, 0.0, 100.0], [0.0, 1000.0, 50.0], [0.0, 0.0, 1.0]])
@@ -48,11 +48,6 @@ def test_ray_by_hand():
     np.testing.assert_allclose(simple().rays(np.array([150.0, -50.0])), np.array([0.1, -0.2, 2.0]) / np.sqrt(4.05))
 
 
-def test_plane_of_an_image_line_by_hand():
-    # x = 150: 1000 X + 100 (Z + 2) = 150 (Z + 2), that is 1000 X − 50 Z − 100 = 0
-    np.testing.assert_allclose(simple().back_project_line(np.array([1.0, 0.0, -150.0])), [1000.0, 0.0, -50.0, -100.0])
-
-
 def test_third_row_measures_depth_whatever_scale_and_sign_were_given():
     projection = Projection(-37.5 * SIMPLE, 200, 100)
     np.testing.assert_allclose(projection.matrix, SIMPLE)
@@ -91,17 +86,6 @@ def test_rays_pass_through_the_points_they_image(lao, cranial, mirrored):
     towards = POINTS - projection.source
     rays = projection.rays(projection.project(POINTS))
     np.testing.assert_allclose(rays, towards / np.linalg.norm(towards, axis=1, keepdims=True), atol=1e-9)
-
-
-def test_back_projected_plane_holds_source_and_every_point_imaged_on_the_line():
-    projection = plane(-30.0, 10.0)
-    first, second = projection.project(POINTS[:2])
-    line = np.cross(np.append(first, 1.0), np.append(second, 1.0))
-    space_plane = projection.back_project_line(line / np.linalg.norm(line))
-    space_plane /= np.linalg.norm(space_plane[:3])
-    for point in (projection.source, *POINTS[:2]):
-        assert space_plane @ np.append(point, 1.0) == pytest.approx(0.0, abs=1e-9)
-    assert abs(space_plane @ np.append(POINTS[2], 1.0)) > 1e-3
 
 
 @pytest.mark.parametrize("mirrored", [True, False])
@@ -197,20 +181,6 @@ def test_pixels_grow_with_binning():
     assert binned.millimetres_per_pixel(np.zeros(3)) == pytest.approx(4.0)
 
 
-@pytest.mark.parametrize("swap", [False, True])
-def test_fundamental_matrix_joins_the_images_of_one_point(swap):
-    views = tuple(biplane().values())
-    a, b = views[::-1] if swap else views
-    matrix = fundamental_matrix(a, b)
-    assert np.linalg.norm(matrix) == pytest.approx(1.0)
-    for point in POINTS:
-        x_a, x_b = np.append(a.project(point), 1.0), np.append(b.project(point), 1.0)
-        line = matrix @ x_a
-        assert abs(x_b @ line) / np.linalg.norm(line[:2]) < 1e-6  # pixels
-        elsewhere = np.append(b.project(point + 0.01 * np.eye(3)[2]), 1.0)
-        assert abs(elsewhere @ line) / np.linalg.norm(line[:2]) > 10.0
-
-
 def test_triangulation_finds_the_point_and_the_middle_between_skew_rays():
     a, b = plane(0.0), plane(90.0)
     np.testing.assert_allclose(triangulate((a, b), (a.project(POINTS[0]), b.project(POINTS[0]))), POINTS[0], atol=1e-9)
@@ -221,8 +191,6 @@ def test_triangulation_finds_the_point_and_the_middle_between_skew_rays():
 
 def test_no_geometry_from_one_view():
     a = plane(0.0)
-    with pytest.raises(GeometryError, match="share one source"):
-        fundamental_matrix(a, a)
     with pytest.raises(GeometryError, match="parallel"):
         triangulate((a, a), (np.array([500.0, 500.0]), np.array([500.0, 500.0])))
 

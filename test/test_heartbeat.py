@@ -84,10 +84,11 @@ def test_peaks_that_go_back_are_a_new_run() -> None:
 def test_a_new_run_of_images_forgets_the_peaks_of_the_last_but_not_its_own() -> None:
     last = peaks(100, 101, 102)
     last.begin_run(5 * S)
-    assert last.latest_ns() is None
+    assert phase(last, 102.5) is None
     own = peaks(100, 101, 102, 4.2)
     own.begin_run(5 * S)
-    assert own.latest_ns() == round(4.2 * S)
+    own.add(round(5.2 * S))
+    assert phase(own, 5.45) == 0.25
 
 
 def gate_open(gate: CardiacGate, part: float, doubtful: bool = False) -> bool:

@@ -24,7 +24,7 @@ from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surf
 from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
 from lasso_motion_ros.rendering.windowing import RgbImage
-from lasso_motion_ros.share import share_directory, share_file
+from lasso_motion_ros.share import bundled_recording, share_file
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.evaluation_input import read_estimates, read_truth
 from msg_adapters.messages import stamp_to_ns
@@ -121,18 +121,6 @@ def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) ->
     # The address is a result: without it --quiet would start a page that nobody finds.
     run_page(PageInput(recording, configuration, surface_file, seeded, DEFAULT_HOST, args.port, args.out), print)
     return EXIT_DONE
-
-
-def bundled_recording() -> Path:
-    """The recording that comes with the package.
-
-    Raises:
-        LassoMotionError: it is not there.
-    """
-    found = sorted((share_directory() / "bags").glob("*.mcap"))
-    if not found:
-        raise LassoMotionError(f"{share_directory() / 'bags'}: no recording; name one with --bag")
-    return found[0]
 
 
 def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:

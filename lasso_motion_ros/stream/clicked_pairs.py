@@ -82,11 +82,6 @@ class ClickedPairs:
         """Hold no pair any more."""
         self._held = None
 
-    @property
-    def held(self) -> FramePair | None:
-        """The pair that is held."""
-        return self._held
-
     def seed_held(self, seed: Seed) -> ReadyPair | None:
         """The held pair with clicks on it, and those that came after it, to be gone through again."""
         if self._held is None:
