@@ -70,7 +70,8 @@ def read_plain_yaml(path: str | Path) -> Any:
         with Path(path).open(encoding="utf-8") as file:
             text = file.read(MAX_CHARACTERS + 1)
     except (OSError, ValueError) as error:
-        raise ConfigurationError(f"{path}: cannot be read: {error}") from error
+        reason = error.strerror if isinstance(error, OSError) else error
+        raise ConfigurationError(f"{path}: cannot be read: {reason}") from error
     try:
         return parse_plain_yaml(text)
     except ConfigurationError as error:
