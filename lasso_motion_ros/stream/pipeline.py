@@ -20,28 +20,15 @@ from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
 from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem
+from lasso_motion_ros.stream.result_messages import ResultMessages
 from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.frame_pairs import FramePairs
-from msg_adapters.markers import encode_delete, encode_line_strip
-from msg_adapters.messages import MessageFactory, header_fields, stamp_to_ns
+from msg_adapters.messages import MessageFactory, stamp_to_ns
 from msg_adapters.pairing import Pair
-from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 from msg_adapters.seeds import decode_seed
-from msg_adapters.topics import (
-    CATHETER,
-    MOTION,
-    MOTION_RAW,
-    MOTION_WITH_COVARIANCE,
-    REFERENCE,
-    STATE,
-    Topic,
-    camera_info_topic,
-    image_topic,
-    seed_topic,
-)
+from msg_adapters.topics import Topic, camera_info_topic, image_topic, seed_topic
 
-_CATHETER_NAMESPACE = "catheter"
 _MAX_PROBLEMS = 64
 # What the method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
@@ -71,7 +58,7 @@ class TrackingPipeline:
 
             tracker = create_tracker(config)
         self._config = config
-        self._messages = messages
+        self._messages = ResultMessages(messages, config.world_frame)
         self._tracker = tracker
         self._pairs = FramePairs(config.sync.jitter_s, config.sync.plane_b_offset_s, extrinsics)
         self._clicked = ClickedPairs(config.seed_buffer_pairs)
@@ -82,8 +69,6 @@ class TrackingPipeline:
         self._has_model = False
         self._indispensable: deque[ReadyPair] = deque()
         self._forgotten_seeds = 0  # seeds up to this number were clicked before a reset
-        self._shown = False
-        self._reference_ns: int | None = None
         self._said_calibrated = False
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
         self._problem_counts: Counter[str] = Counter()
@@ -207,7 +192,7 @@ class TrackingPipeline:
                 return [self._state_output(0)]
             self._set_state(TrackerState.LOST, "no pair since activation")
             self.last_result = None
-            return [self._state_output(0), *self._take_catheter_away(0)]
+            return [self._state_output(0), *self._messages.take_catheter_away(0)]
 
     def pending_outputs(self) -> list[Output]:
         """State changes that no pair brings: the calibration of both planes has come."""
@@ -339,7 +324,8 @@ class TrackingPipeline:
             return self._tracker.track(pair)
         except _METHOD_ERRORS as error:
             self._report("", _words(error))
-            reference = self._reference_ns if self._reference_ns is not None else pair.stamp_ns
+            known = self._messages.reference_ns
+            reference = known if known is not None else pair.stamp_ns
             return TrackResult(pair.stamp_ns, TrackerState.LOST, _words(error), None, None, None, reference)
 
     def _count(self, pair: FramePair, result: TrackResult | None) -> None:
@@ -358,62 +344,29 @@ class TrackingPipeline:
 
     def _result_outputs(self, pair: FramePair, result: TrackResult, *, is_new: bool = False) -> list[Output]:
         self._count(pair, result)
-        stamp = result.stamp_ns
-        header = header_fields(stamp, self._config.world_frame)
-        outputs: list[Output] = []
-        if is_new or result.reference_stamp_ns != self._reference_ns:
-            self._reference_ns = result.reference_stamp_ns
-            reference = header_fields(result.reference_stamp_ns, self._config.world_frame)
-            outputs.append(self._output(REFERENCE, reference, stamp))
-        outputs.append(self._state_output(stamp))
+        published = None
         if result.state.has_pose and result.motion is not None:
             published = self._heartbeat.publish(result, is_new=is_new)
-            if published is not None:
-                outputs.append(self._output(MOTION, encode_pose_stamped(published.motion, header), stamp))
-            outputs.append(self._output(MOTION_RAW, encode_pose_stamped(result.motion, header), stamp))
-            if published is not None and published.covariance is not None:
-                fields = encode_pose_with_covariance_stamped(published.motion, published.covariance, header)
-                outputs.append(self._output(MOTION_WITH_COVARIANCE, fields, stamp))
-            self._last_pose_ns = stamp
-        if result.loop is not None:
-            self._shown = True
-            outputs.append(self._output(CATHETER, encode_line_strip(result.loop, header, _CATHETER_NAMESPACE), stamp))
-        else:
-            # Again for every such pair: it is the only message with a stamp that a pair without a pose has.
-            self._shown = False
-            outputs.append(self._delete_output(stamp))
-        return outputs
-
-    def _take_catheter_away(self, stamp_ns: int) -> list[Output]:
-        if not self._shown:
-            return []
-        self._shown = False
-        return [self._delete_output(stamp_ns)]
-
-    def _delete_output(self, stamp_ns: int) -> Output:
-        header = header_fields(stamp_ns, self._config.world_frame)
-        return self._output(CATHETER, encode_delete(header, _CATHETER_NAMESPACE), stamp_ns)
+            self._last_pose_ns = result.stamp_ns
+        return self._messages.of_result(result, published, is_new=is_new)
 
     def _forget(self, stamp_ns: int) -> list[Output]:
         self._tracker.reset()
         self._heartbeat.reset()
         self._has_model = False
-        self._reference_ns = None
+        self._messages.reference_ns = None
         self._answers.clear()
         self.last_result = None
         self.last_refusal = ""
         if self._state is not TrackerState.WAITING_FOR_CALIBRATION:
             self._set_state(TrackerState.WAITING_FOR_SEED, "the model was forgotten")
-        return self._take_catheter_away(stamp_ns)
+        return self._messages.take_catheter_away(stamp_ns)
 
     def _set_state(self, state: TrackerState, reason: str) -> None:
         self._state, self._reason = state, reason
 
     def _state_output(self, stamp_ns: int) -> Output:
-        return self._output(STATE, {"data": self._state.value}, stamp_ns)
-
-    def _output(self, topic: Topic, fields: dict[str, Any], stamp_ns: int) -> Output:
-        return Output(topic, self._messages.make(topic.type_name, fields), stamp_ns)
+        return self._messages.of_state(self._state, stamp_ns)
 
 
 def _words(error: Exception) -> str:
