@@ -1,76 +1,41 @@
-"""What `check` says of streams that are wrong in one known way; a sound one has nothing said of it."""
+"""What `check` says of recordings that are wrong in one known way; of a sound one nothing is said."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from drawn_recording import PERIOD_NS, loop, projections, stamp
+from checked_stream import (
+    PAIRS,
+    SIDE,
+    Change,
+    byte_swapped,
+    cropped,
+    fields,
+    images,
+    in_millimetres,
+    infos,
+    mirror_free,
+    moved_world,
+    over_exposed,
+    restamp,
+    seeds,
+    shifted,
+    shrunk,
+    slowed,
+    sound_stream,
+    turned,
+    upside_down,
+    write,
+)
+from drawn_recording import PERIOD_NS, projections, stamp
 
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.geometry import carm_projection
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.checks.finding import Finding
-from msg_adapters.checks.graph import Endpoint, TopicFacts, check_graph
-from msg_adapters.checks.stamps import PlaneStamps, check_stamps
-from msg_adapters.images import encode_image
-from msg_adapters.messages import header_fields
-from msg_adapters.recording_writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
-from msg_adapters.topics import INPUTS, camera_info_topic, image_topic, seed_topic
-
-PAIRS = 8
-SIDE = 512
-OFF_CENTRE = np.array([0.0, 0.0, 0.03])
-Entry = dict[str, Any]
-Change = Callable[[Entry], Any]
-
-
-def sound_stream() -> list[Entry]:
-    """Images, calibrations with each, and clicks on the first pair, as `drawn_recording` has them."""
-    entries = []
-    ramp = np.add.outer(np.arange(SIDE), np.arange(SIDE)).astype(np.uint16) * 3
-    for pair in range(PAIRS):
-        for plane, projection in projections().items():
-            header = header_fields(stamp(pair), "xray")
-            for topic, fields in (
-                (camera_info_topic(plane), encode_camera_info(projection, header)),
-                (image_topic(plane), encode_image(ramp, header)),
-            ):
-                entries.append(entry(topic, plane, pair, fields))
-            if pair == 0:
-                fields = encode_polygon(projection.project(loop() + OFF_CENTRE)[:-1:18], header)
-                entries.append(entry(seed_topic(plane), plane, pair, fields))
-    return entries
-
-
-def entry(topic: Any, plane: str, pair: int, fields: Any) -> Entry:
-    kind = topic.name.split("/")[1]
-    return {
-        "topic": topic.recorded_name,
-        "type": topic.type_name,
-        "plane": plane,
-        "pair": pair,
-        "kind": kind,
-        "fields": dict(fields),
-        "log": stamp(pair),
-        "latched": False,
-    }
-
-
-def write(path: Path, entries: list[Entry]) -> Path:
-    with RecordingWriter(path, "none") as writer:
-        for one in entries:
-            if "raw" in one:
-                writer.write_raw(one["topic"], one["type"], one["raw"], one["log"])
-                continue
-            writer.write(one["topic"], one["type"], one["fields"], one["log"], latched=one["latched"])
-    return path
 
 
 def check(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[Finding]]:
@@ -93,102 +58,6 @@ def test_of_a_sound_stream_nothing_is_said(tmp_path: Path, capsys: pytest.Captur
         f"pairs: {PAIRS}, b 0.0 ms behind a",
         "nothing keeps the tracker from working",
     ]
-
-
-def restamp(one: Entry, stamp_ns: int) -> None:
-    one["fields"]["header"] = header_fields(stamp_ns, "xray")
-
-
-def images(plane: str, change: Change) -> Change:
-    return lambda one: change(one) if one["kind"] == "image_raw" and one["plane"] == plane else None
-
-
-def infos(change: Change, planes: str = "ab") -> Change:
-    return lambda one: change(one) if one["kind"] == "camera_info" and one["plane"] in planes else None
-
-
-def seeds(change: Change, planes: str = "ab") -> Change:
-    return lambda one: change(one) if one["kind"] == "seed" and one["plane"] in planes else None
-
-
-def fields(**values: Any) -> Change:
-    return lambda one: one["fields"].update(values)
-
-
-def in_millimetres(one: Entry) -> None:
-    """What a bridge does that takes the C-arm's millimetres as they are."""
-    p = one["fields"]["p"].reshape(3, 4).copy()
-    p[:, 3] *= 1e3
-    one["fields"]["p"] = p.reshape(-1)
-
-
-def upside_down(one: Entry) -> None:
-    """The sign of the image's y axis is wrong in p, k too, so that they agree."""
-    flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, SIDE - 1.0], [0.0, 0.0, 1.0]])
-    one["fields"]["p"] = (flip @ one["fields"]["p"].reshape(3, 4)).reshape(-1)
-    one["fields"]["k"] = (flip @ one["fields"]["k"].reshape(3, 3)).reshape(-1)
-
-
-def byte_swapped(one: Entry) -> None:
-    one["fields"]["data"] = np.frombuffer(one["fields"]["data"], np.uint16).byteswap().tobytes()
-
-
-def mirror_free(one: Entry) -> None:
-    one["fields"]["r"] = np.eye(3).reshape(-1)
-
-
-def over_exposed(one: Entry) -> None:
-    picture = np.full((SIDE, SIDE), 4095, np.uint16)
-    picture[: SIDE // 4] = np.arange(SIDE)
-    one["fields"]["data"] = picture.tobytes()
-
-
-def cropped(one: Entry, side: int) -> None:
-    picture = np.frombuffer(one["fields"]["data"], np.uint16).reshape(SIDE, SIDE)[:side, :side]
-    one["fields"].update(encode_image(picture, one["fields"]["header"]))
-
-
-def slowed(one: Entry) -> None:
-    """One pair in two seconds; the clicks are on the first, whose stamp stays."""
-    at = stamp(0) + one["pair"] * 2_000_000_000
-    restamp(one, at)
-    one["log"] = at
-
-
-def turned(one: Entry) -> None:
-    """By 3 degrees, with the pair."""
-    width, height = one["fields"]["width"], one["fields"]["height"]
-    projection = carm_projection(
-        np.radians(60.0 + 3.0 * (one["pair"] > 0)),
-        0.0,
-        source_detector_m=1.2,
-        source_object_m=0.785,
-        pixel_size_m=0.4e-3,
-        width=width,
-        height=height,
-    )
-    one["fields"].update(encode_camera_info(projection, one["fields"]["header"]))
-
-
-def shifted(one: Entry) -> None:
-    """A principal point that is 2000 pixels off."""
-    move = np.array([[1.0, 0.0, 2000.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    one["fields"]["p"] = (move @ one["fields"]["p"].reshape(3, 4)).reshape(-1)
-    one["fields"]["k"] = (move @ one["fields"]["k"].reshape(3, 3)).reshape(-1)
-
-
-def moved_world(one: Entry) -> None:
-    """The world's origin lies half a metre to one side (along z) of what both planes look at."""
-    if one["kind"] == "camera_info":
-        p = one["fields"]["p"].reshape(3, 4).copy()
-        p[:, 3] -= p[:, :3] @ np.array([0.0, 0.0, 0.47])
-        one["fields"]["p"] = p.reshape(-1)
-
-
-def shrunk(one: Entry) -> Any:
-    points = np.array([[point["x"], point["y"]] for point in one["fields"]["polygon"]["points"]])
-    middle = points.mean(axis=0)
-    return encode_polygon(middle + 0.1 * (points - middle), one["fields"]["header"])
 
 
 A_IMAGE, B_IMAGE = "/plane_a/image_raw", "/plane_b/image_raw"
@@ -394,67 +263,6 @@ def test_a_cut_recording_is_said_to_be_cut(tmp_path: Path, capsys: pytest.Captur
     path.write_bytes(path.read_bytes()[:-5000])
     status, findings = check(path, capsys)
     assert (status, findings[0].severity, findings[0].cure) == (3, "warning", "lasso-motion record --repair FILE")
-
-
-def live_stamps(age_s: float) -> list[Finding]:
-    """Of both planes at 10 pairs/s that come so long after their stamps."""
-    stamps = [stamp(0) + k * 100_000_000 for k in range(20)]
-    arrivals = [at + round(age_s * 1e9) for at in stamps]
-    return list(check_stamps({plane: PlaneStamps(stamps, arrivals) for plane in PLANES}, live=True))
-
-
-def test_stamps_of_the_future_and_of_long_ago() -> None:
-    assert live_stamps(0.03) == []
-    ahead = live_stamps(-0.25)
-    assert [one.problem for one in ahead] == ["the stamps are 0.250 s in the future of this machine's clock"] * 2
-    assert {one.severity for one in ahead} == {"warning"}
-    old = live_stamps(86400.0 * 3)
-    assert [one.problem for one in old] == ["the stamps are 3.0 days old: a recording, or another clock"] * 2
-    assert {one.severity for one in old} == {"note"}
-
-
-RELIABLE, BEST_EFFORT = Endpoint("/bridge", True, False), Endpoint("/bridge", False, False)
-
-
-def live_graph(**changes: TopicFacts) -> list[Finding]:
-    """Of a graph in which all inputs are reliable, but for the changes (by name, / as __)."""
-    topics = {topic.recorded_name: TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
-    topics.update({f"/{name.replace('__', '/')}": facts for name, facts in changes.items()})
-    return list(check_graph(topics, live=True))
-
-
-def test_a_reliable_graph_is_fine() -> None:
-    assert live_graph() == []
-
-
-@pytest.mark.parametrize(("lost", "severity"), [(1, "warning"), (50, "error")])
-def test_lost_frames_of_a_best_effort_publisher_name_the_profile(lost: int, severity: str) -> None:
-    facts = TopicFacts("sensor_msgs/msg/Image", (BEST_EFFORT,), (), 50, lost)
-    (finding,) = live_graph(plane_a__image_raw=facts)
-    assert finding.severity == severity
-    assert finding.problem.startswith(f"{lost} of {50 + lost} messages were lost; /bridge publishes best effort")
-    assert "FASTRTPS_DEFAULT_PROFILES_FILE=…/config/fastdds.xml" in finding.cure
-
-
-def test_two_publishers_on_one_image_topic() -> None:
-    facts = TopicFacts("sensor_msgs/msg/Image", (RELIABLE, Endpoint("/player", True, False)), (), 10)
-    (finding,) = live_graph(plane_a__image_raw=facts)
-    assert finding.problem == "2 publishers (/bridge, /player)"
-
-
-def test_a_subscription_that_hears_nothing_is_named_unless_its_node_has_another() -> None:
-    deaf, latched = Endpoint("/viewer", True, False), Endpoint("/lasso_tracker", True, True)
-    subscriptions = (deaf, latched, Endpoint("/lasso_tracker", False, False))
-    facts = TopicFacts("sensor_msgs/msg/CameraInfo", (BEST_EFFORT,), subscriptions, 10)
-    (finding,) = live_graph(plane_a__camera_info=facts)
-    assert finding.problem == "/viewer asks for reliable delivery, which no publisher offers: it hears nothing"
-
-
-def test_a_graph_in_a_namespace_is_recognised() -> None:
-    topics = {f"/lab{topic.recorded_name}": TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
-    findings = list(check_graph(topics, live=True))
-    assert {finding.problem for finding in findings} == {"it is in the namespace /lab"}
-    assert all(finding.cure.endswith("this command with --namespace /lab") for finding in findings)
 
 
 def test_the_period_is_as_the_tests_say() -> None:

@@ -1,4 +1,4 @@
-"""Messages in, messages out: order, seeds early and late, new runs, bad messages, lost pairs."""
+"""Messages in, messages out: order, new runs, bad messages, lost pairs."""
 
 from __future__ import annotations
 
@@ -8,51 +8,15 @@ import cv2
 import numpy as np
 import pytest
 from message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image, seed, stamp, stream
+from pipeline_inputs import give, names, pipeline, poses, run, states
 
-from lasso_motion_ros.configuration import ProductConfig
 from lasso_motion_ros.errors import TrackingError
-from lasso_motion_ros.frames import FramePair, Plane, Seed
-from lasso_motion_ros.parameters import configuration_from_values
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
-from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.frames import FramePair, Seed
 from lasso_motion_ros.stream.reports import Output
 from lasso_motion_ros.tracker import TrackerState, TrackResult
 from msg_adapters.markers import ADD, DELETE
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
-
-
-def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipeline:
-    config = configuration_from_values(ProductConfig, values)
-    return TrackingPipeline(config, MESSAGES, tracker or FakeTracker())
-
-
-def give(line: TrackingPipeline, topic: str, message: Any) -> list[ReadyPair]:
-    plane: Plane = "a" if topic.startswith("/plane_a") else "b"
-    add = {"image_raw": line.add_image, "camera_info": line.add_camera_info, "seed": line.add_seed}
-    return add[topic.rsplit("/", 1)[1]](plane, message)
-
-
-def run(line: TrackingPipeline, messages: Any) -> list[Output]:
-    outputs = []
-    for topic, _, message, _ in messages:
-        for ready in give(line, topic, message):
-            outputs += line.process(ready)
-    return outputs
-
-
-def names(outputs: list[Output]) -> list[str]:
-    return [output.topic.name for output in outputs]
-
-
-def poses(outputs: list[Output]) -> dict[int, float]:
-    """x of each `motion`, mm, by stamp."""
-    found = [output.message for output in outputs if output.topic.name == "motion"]
-    return {stamp_to_ns(m.header.stamp): round(1e3 * float(decode_pose(m)[0, 3]), 6) for m in found}
-
-
-def states(outputs: list[Output]) -> list[str]:
-    return [output.message.data for output in outputs if output.topic.name == "state"]
 
 
 def test_the_first_seeded_pair_gives_reference_state_and_identity_in_this_order() -> None:
@@ -83,62 +47,6 @@ def test_before_anything_comes_it_waits_for_calibration_and_then_for_a_seed() ->
     line.add_camera_info("b", camera_info("b"))
     assert states(line.pending_outputs()) == ["WAITING_FOR_SEED"]
     assert line.pending_outputs() == []
-
-
-@pytest.mark.parametrize("late_by", [0, 1, 5])
-def test_clicks_that_come_late_change_no_pose(late_by: int) -> None:
-    expected = poses(run(pipeline(), stream(8)))
-    messages = list(stream(8))
-    clicks = [entry for entry in messages if entry[0].endswith("seed")]
-    messages = [entry for entry in messages if not entry[0].endswith("seed")]
-    place = 4 * (1 + late_by)  # behind so many pairs
-    assert poses(run(pipeline(), messages[:place] + clicks + messages[place:])) == expected
-    assert expected == {stamp(k): float(k) for k in range(8)}
-
-
-def test_clicks_with_stamp_zero_are_for_the_next_pair() -> None:
-    line = pipeline()
-    run(line, stream(3, seeded=None))
-    assert line.add_seed("a", seed(0)) == line.add_seed("b", seed(0)) == []
-    assert poses(run(line, stream(2, seeded=None, start=3))) == {stamp(3): 0.0, stamp(4): 1.0}
-
-
-def test_clicks_on_two_pairs_are_refused_and_can_be_completed() -> None:
-    line = pipeline()
-    run(line, stream(4, seeded=None))
-    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(2))) == []
-    problem = line.take_problems()[-1]
-    assert problem.topic == "plane_a/seed"
-    assert "one pair" in problem.text
-    assert [ready.pair.stamp_ns for ready in line.add_seed("a", seed(stamp(2)))] == [stamp(2)]
-
-
-def test_clicks_on_an_image_that_is_gone_are_refused() -> None:
-    line = pipeline(seed_buffer_pairs=3)
-    run(line, stream(6, seeded=None))
-    assert line.add_seed("a", seed(stamp(1))) == []
-    assert "not among the last 3 pairs" in line.take_problems()[-1].text
-    line.add_seed("a", seed(stamp(4)))
-    assert [ready.pair.stamp_ns for ready in line.add_seed("b", seed(stamp(4)))] == [stamp(4)]
-
-
-def test_clicks_that_fit_no_loop_are_reported_and_leave_the_state() -> None:
-    line = pipeline(FakeTracker(refuse=True))
-    outputs = run(line, stream(3))
-    assert set(states(outputs)) == {"WAITING_FOR_SEED"}
-    assert [problem.text for problem in line.take_problems()] == ["no loop here"]
-    assert len(states(outputs)) == 3, "one answer a pair"
-
-
-def test_refused_clicks_do_not_disturb_a_running_track() -> None:
-    tracker = FakeTracker()
-    line = pipeline(tracker)
-    run(line, stream(3))
-    tracker.refuse = True
-    line.add_seed("a", seed(stamp(1)))
-    (ready,) = line.add_seed("b", seed(stamp(1)))
-    assert line.process(ready) == []
-    assert poses(run(line, stream(1, seeded=None, start=3))) == {stamp(3): 3.0}
 
 
 METHOD_FAILURES = [
@@ -186,14 +94,6 @@ def test_mathematics_that_fail_on_clicks_refuse_them(error: Exception, words: st
     assert set(states(run(line, stream(2)))) == {"WAITING_FOR_SEED"}
     assert line.last_refusal == words
     assert [(problem.topic, problem.text) for problem in line.take_problems()] == [("seed", words)]
-
-
-def test_a_refusal_does_not_outlive_a_reset() -> None:
-    line = pipeline(FakeTracker(refuse=True))
-    run(line, stream(1))
-    assert line.last_refusal == "no loop here"
-    line.reset()
-    assert line.last_refusal == ""
 
 
 def test_a_model_from_before_the_start_is_lost_until_a_pair_comes() -> None:
@@ -247,14 +147,6 @@ def test_stamps_that_go_back_are_a_new_run() -> None:
     ]
 
 
-def test_clicks_of_the_run_before_are_forgotten() -> None:
-    line = pipeline()
-    run(line, stream(8))
-    line.add_seed("a", seed(stamp(9)))  # of a pair that never came
-    run(line, stream(10, seeded=None))
-    assert line.add_seed("b", seed(stamp(9))) == []
-
-
 @pytest.mark.parametrize(("state", "posed"), [("LOST", False), ("DISPLACED", False), ("DEGRADED", True)])
 def test_poses_are_published_in_tracking_and_degraded_only(state: str, posed: bool) -> None:
     tracker = FakeTracker()
@@ -265,25 +157,6 @@ def test_poses_are_published_in_tracking_and_degraded_only(state: str, posed: bo
     assert states(outputs) == [state]
     assert bool(poses(outputs)) == posed
     assert ("motion_raw" in names(outputs)) == posed
-
-
-def test_clicks_given_again_give_the_reference_again() -> None:
-    line = pipeline()
-    run(line, stream(2))
-    line.add_seed("a", seed(stamp(0)))
-    (again,) = line.add_seed("b", seed(stamp(0)))
-    outputs = line.process(again)
-    assert names(outputs)[0] == "reference"
-    assert poses(outputs) == {stamp(0): 0.0, stamp(1): 1.0}
-    assert line.statistics().pairs == 2
-
-
-def test_a_busy_node_may_skip_pairs_but_loses_no_seed() -> None:
-    line = pipeline()
-    ready = [one for topic, _, message, _ in stream(6) for one in give(line, topic, message)]
-    assert [one.seed is not None for one in ready] == [False, True, False, False, False, False, False]
-    outputs = line.process(ready[-1])
-    assert sorted(poses(outputs)) == [stamp(0), stamp(5)]
 
 
 def test_reset_forgets_and_set_reference_is_refused_then() -> None:
@@ -395,11 +268,3 @@ def test_images_are_released() -> None:
     del ready
     gc.collect()
     assert sum(pair() is not None for pair in kept) <= 5
-
-
-def test_clicks_given_while_one_plane_went_back_for_a_moment_are_used() -> None:
-    line = pipeline()
-    run(line, stream(4, seeded=None))
-    run(line, [("/plane_a/image_raw", "", image(stamp(-30)), 0)])  # a stray one: A goes on forwards afterwards
-    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(1))) == []
-    assert poses(run(line, stream(1, seeded=None, start=4))) == {stamp(k): k - 1.0 for k in range(1, 5)}

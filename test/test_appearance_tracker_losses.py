@@ -1,0 +1,169 @@
+"""What the tracker says when the lasso is hidden, gone, somewhere else, or seen by one plane only."""
+
+import copy
+
+import numpy as np
+import pytest
+from breathing_lasso import (
+    ASIDE,
+    CONFIG,
+    DEGRADED,
+    DISPLACED,
+    LOST,
+    PAIR_S,
+    TRACKING,
+    WARM,
+    assert_no_pose,
+    centre_error_mm,
+    moved,
+    pair,
+    warm_up,
+)
+from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
+
+from lasso_motion_ros.curves import distance_to_curve
+from lasso_motion_ros.evaluation.measures import centre_covariance
+from lasso_motion_ros.frames import Frame, FramePair
+from lasso_motion_ros.transforms import rotation_from_vector
+
+
+@pytest.fixture
+def tracker():
+    return copy.deepcopy(warm_up()[0])
+
+
+def test_hidden_it_is_lost_from_that_very_pair_and_found_again(tracker):
+    for index in range(WARM, WARM + 4):
+        result = tracker.track(lasso_pair(index, None))
+        assert_no_pose(result, LOST)
+        assert result.loop is None
+        assert result.reason == "the lasso is not seen"
+        assert result.stamp_ns == index * PERIOD_NS
+    back = [tracker.track(pair(index)) for index in range(WARM + 4, WARM + 7)]
+    assert back[-1].state is TRACKING
+    for index, result in enumerate(back, start=WARM + 4):
+        if result.motion is not None:
+            assert centre_error_mm(result, moved(index)) < 0.3
+
+
+def test_taken_out_it_stays_lost(tracker):
+    for index in range(WARM, WARM + 8):
+        assert_no_pose(tracker.track(lasso_pair(index, None)), LOST)
+
+
+def test_something_else_is_not_the_lasso(tracker):
+    # A ring of half the size without electrodes, where the lasso was.
+    small = LOOP.centre + 0.5 * (CURVE - LOOP.centre)
+    for index in range(WARM, WARM + 3):
+        frames = {
+            p: Frame(
+                index * PERIOD_NS, noisy(lasso_image(small + moved(index), VIEWS[p], electrodes=0), index), VIEWS[p]
+            )
+            for p in "ab"
+        }
+        assert_no_pose(tracker.track(FramePair(index * PERIOD_NS, frames["a"], frames["b"])), LOST)
+
+
+@pytest.mark.parametrize("pairs", [1, 4])
+def test_moved_to_another_vein_it_is_displaced(tracker, pairs):
+    # At once, or over four pairs, which is slower than breathing.
+    states = []
+    for index in range(WARM, WARM + 8):
+        share = min(1.0, (index - WARM + 1) / pairs)
+        result = tracker.track(pair(index, share * ASIDE))
+        states.append(result.state)
+        if share == 1.0:
+            assert_no_pose(result, DISPLACED)
+            # It is still followed, to be seen in the picture.
+            assert 1e3 * distance_to_curve(CURVE + moved(index) + ASIDE, result.loop).mean() < 0.5
+        elif result.motion is not None:
+            assert centre_error_mm(result, moved(index) + share * ASIDE) < 0.5
+    # Even where it comes back, as fast as a hand can move it, someone has to say that this is its place.
+    assert_no_pose(tracker.track(pair(WARM + 8, 0.5 * ASIDE)), DISPLACED)
+    assert_no_pose(tracker.track(pair(WARM + 9)), DISPLACED)
+
+
+def test_a_displaced_lasso_can_be_made_the_reference(tracker):
+    tracker.track(pair(WARM, ASIDE))
+    assert tracker.track(pair(WARM + 1, ASIDE)).state is DISPLACED
+    tracker.set_reference()
+    reference = moved(WARM + 1) + ASIDE
+    for index in range(WARM + 2, WARM + 8):
+        result = tracker.track(pair(index, ASIDE))
+        assert result.state is TRACKING
+        assert result.reference_stamp_ns == (WARM + 1) * PERIOD_NS
+        assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.3
+
+
+def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(tracker):
+    tilt = np.array([np.radians(5.5), 0.0, 0.0])
+    lying = (CURVE - LOOP.centre) @ rotation_from_vector(tilt).T + LOOP.centre + ASIDE
+
+    def shown(index):
+        frames = {p: Frame(index * PERIOD_NS, seen(index, p), VIEWS[p]) for p in "ab"}
+        return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+
+    def seen(index, name):
+        return noisy(lasso_image(lying + moved(index), VIEWS[name]), [index, ord(name)])
+
+    for index in (WARM, WARM + 1):
+        assert tracker.track(shown(index)).state is DISPLACED
+    tracker.set_reference()
+    reference = moved(WARM + 1) + ASIDE
+    for index in range(WARM + 2, WARM + 14):
+        result = tracker.track(shown(index))
+        assert result.state is TRACKING, result.reason
+        assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.5
+        # That it was tilted in the move is no rotation of the atrium.
+        np.testing.assert_array_equal(result.motion[:3, :3], np.eye(3))
+
+
+def test_a_seed_ends_being_displaced(tracker):
+    assert tracker.track(pair(WARM, ASIDE)).state is DISPLACED
+    here = moved(WARM + 1) + ASIDE
+    clicks = lasso_seed(curve=CURVE + here)
+    result = tracker.initialise(pair(WARM + 1, ASIDE), clicks)
+    assert result.state is TRACKING
+    assert result.reference_stamp_ns == (WARM + 1) * PERIOD_NS
+    np.testing.assert_array_equal(result.motion, np.eye(4))
+    after = tracker.track(pair(WARM + 2, ASIDE))
+    assert after.state is TRACKING
+    assert centre_error_mm(after, moved(WARM + 2) + ASIDE, here) < 0.2
+
+
+@pytest.mark.parametrize(("present", "missing"), [("a", "B"), ("b", "A")])
+def test_a_missing_plane_is_borne_for_three_seconds(tracker, present, missing):
+    errors, spreads = [], []
+    both = tracker.track(pair(WARM))
+    for index in range(WARM + 1, WARM + 13):
+        result = tracker.track(pair(index, planes=present))
+        assert result.stamp_ns == index * PERIOD_NS
+        if (index - WARM) * PAIR_S > CONFIG.judgement.one_plane_s:
+            assert_no_pose(result, LOST)
+            assert result.reason.startswith(f"plane {missing} ")
+            continue
+        assert result.state is DEGRADED
+        assert result.reason.startswith(f"plane {missing} missing")
+        errors.append(centre_error_mm(result, moved(index)))
+        spreads.append(np.trace(centre_covariance(result.covariance, LOOP.centre + moved(index))))
+    assert len(errors) == 9
+    assert np.mean(errors) < 1.6
+    # Depth is what was learned, not what is seen: the covariance says so.
+    assert min(spreads) > 2.0 * np.trace(centre_covariance(both.covariance, LOOP.centre + moved(WARM)))
+    after = tracker.track(pair(WARM + 13))
+    assert after.state is TRACKING
+    assert centre_error_mm(after, moved(WARM + 13)) < 0.2
+
+
+@pytest.mark.parametrize(("present", "empty"), [("a", "B"), ("b", "A")])
+def test_a_plane_that_does_not_show_the_lasso_is_never_passed_over(tracker, present, empty):
+    frames = {p: (pair(WARM) if p == present else lasso_pair(WARM, None)).frame(p) for p in "ab"}
+    result = tracker.track(FramePair(WARM * PERIOD_NS, frames["a"], frames["b"]))
+    assert result.state in (DEGRADED, LOST)
+    assert f"plane {empty}" in result.reason
+    assert result.motion is None or centre_error_mm(result, moved(WARM)) < 1.6
+
+
+def test_no_plane_at_all_is_lost(tracker):
+    assert_no_pose(tracker.track(pair(WARM, planes="")), LOST)
+    assert tracker.track(pair(WARM + 1)).state is TRACKING
