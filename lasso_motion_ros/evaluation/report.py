@@ -104,7 +104,7 @@ def summarise(scores: Sequence[PairScore]) -> Summary:
     target, static = values("target_error_mm", "static_error_mm")
     nees, sigma = values("nees", "centre_sigma_mm")
     judged = any(score.true_centre_m is not None or score.hidden for score in scores)
-    mean_static = _mean(static)
+    mean_static = mean_of(static)
     return Summary(
         pairs=len(scores),
         expected=sum(score.expected for score in scores),
@@ -112,31 +112,32 @@ def summarise(scores: Sequence[PairScore]) -> Summary:
         missing=sum(score.missing for score in scores),
         lost_in_silence=sum(score.lost_in_silence for score in scores) if judged else None,
         false_poses=sum(score.false_pose for score in scores),
-        degraded_share=_mean(np.array([score.state == "DEGRADED" for score in tracked])),
-        model_error_a_mm=_mean(curve("a", model)),
-        model_error_b_mm=_mean(curve("b", model)),
-        error_2d_a_mm=_mean(curve("a", tracked)),
+        degraded_share=mean_of(np.array([score.state == "DEGRADED" for score in tracked])),
+        model_error_a_mm=mean_of(curve("a", model)),
+        model_error_b_mm=mean_of(curve("b", model)),
+        error_2d_a_mm=mean_of(curve("a", tracked)),
         error_2d_a_sd_mm=_spread(curve("a", tracked)),
-        error_2d_b_mm=_mean(curve("b", tracked)),
+        error_2d_b_mm=mean_of(curve("b", tracked)),
         error_2d_b_sd_mm=_spread(curve("b", tracked)),
-        detector_error_a_mm=_mean(curve("a", tracked, detector=True)),
-        detector_error_b_mm=_mean(curve("b", tracked, detector=True)),
-        centre_error_mm=_mean(centre),
-        centre_error_p95_mm=_percentile_95(centre),
+        detector_error_a_mm=mean_of(curve("a", tracked, detector=True)),
+        detector_error_b_mm=mean_of(curve("b", tracked, detector=True)),
+        centre_error_mm=mean_of(centre),
+        centre_error_p95_mm=percentile_95(centre),
         centre_constant_mm=1e3 * float(np.linalg.norm(constant)) if len(vectors) else None,
         centre_jitter_mm=1e3 * float(np.sqrt(jitter.mean())) if len(vectors) else None,
-        respiratory_error_mm=_mean(values("respiratory_error_mm")[0]),
-        target_error_mm=_mean(target),
-        target_error_p95_mm=_percentile_95(target),
+        respiratory_error_mm=mean_of(values("respiratory_error_mm")[0]),
+        target_error_mm=mean_of(target),
+        target_error_p95_mm=percentile_95(target),
         static_error_mm=mean_static,
         removed_share=float(1.0 - target.mean() / mean_static) if mean_static else None,
-        covariance_68_share=_mean(nees <= CHI_SQUARE_68),
-        covariance_95_share=_mean(nees <= CHI_SQUARE_95),
-        centre_sigma_mm=_mean(sigma),
+        covariance_68_share=mean_of(nees <= CHI_SQUARE_68),
+        covariance_95_share=mean_of(nees <= CHI_SQUARE_95),
+        centre_sigma_mm=mean_of(sigma),
     )
 
 
-def _mean(values: npt.NDArray[np.float64] | npt.NDArray[np.bool_]) -> float | None:
+def mean_of(values: npt.NDArray[np.float64] | npt.NDArray[np.bool_]) -> float | None:
+    """The mean of an array (N,); None where it is empty."""
     return float(values.mean()) if values.size else None
 
 
@@ -144,7 +145,8 @@ def _spread(values: Array) -> float | None:
     return float(values.std()) if values.size else None
 
 
-def _percentile_95(values: Array) -> float | None:
+def percentile_95(values: Array) -> float | None:
+    """The 95th percentile of an array (N,); None where it is empty."""
     return float(np.percentile(values, 95.0)) if values.size else None
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.evaluation.measures import PairScore
-from lasso_motion_ros.evaluation.report import CHI_SQUARE_68, CHI_SQUARE_95, pair_record
+from lasso_motion_ros.evaluation.report import CHI_SQUARE_68, CHI_SQUARE_95, mean_of, pair_record, percentile_95
 from lasso_motion_ros.suite.run import SequenceResult
 from lasso_motion_ros.tracker import TrackerState
 
@@ -101,15 +101,15 @@ def measures(scores: Sequence[PairScore]) -> Measures:
         silent=sum(score.lost_in_silence for score in after),
         missing=sum(score.missing for score in after),
         degraded=sum(score.state == TrackerState.DEGRADED.value for score in tracked),
-        centre_mean_mm=_mean(centre),
+        centre_mean_mm=mean_of(centre),
         centre_max_mm=float(centre.max()) if centre.size else None,
-        target_mean_mm=_mean(target),
-        target_p95_mm=float(np.percentile(target, 95.0)) if target.size else None,
-        error_2d_mm=_mean(curves(tracked)),
-        model_mm=_mean(curves([score for score in scores if score.is_reference])),
-        inside_68=_mean(nees <= CHI_SQUARE_68),
-        inside_95=_mean(nees <= CHI_SQUARE_95),
-        sigma_mm=_mean(values(tracked, "centre_sigma_mm")),
+        target_mean_mm=mean_of(target),
+        target_p95_mm=percentile_95(target),
+        error_2d_mm=mean_of(curves(tracked)),
+        model_mm=mean_of(curves([score for score in scores if score.is_reference])),
+        inside_68=mean_of(nees <= CHI_SQUARE_68),
+        inside_95=mean_of(nees <= CHI_SQUARE_95),
+        sigma_mm=mean_of(values(tracked, "centre_sigma_mm")),
     )
 
 
@@ -297,10 +297,6 @@ def _padded(result: SequenceResult) -> list[str]:
 
 def _first(flags: Sequence[bool]) -> int | None:
     return next((number for number, flag in enumerate(flags) if flag), None)
-
-
-def _mean(values: npt.NDArray[np.float64] | npt.NDArray[np.bool_]) -> float | None:
-    return float(values.mean()) if values.size else None
 
 
 def table_cell(value: float | None) -> str:
