@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ import pytest
 from lasso_motion_ros.cli import main as cli
 from lasso_motion_ros.cli.progress import progress
 from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.share import version
+from lasso_motion_ros.share import bundled_recording, version
 
 
 @pytest.fixture
@@ -91,6 +92,32 @@ def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None
 def test_every_command_explains_itself(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main([name, "--help"]) == 0
     assert "--quiet" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "track IN -o OUT",
+        "synth OUT --frames 1 --volume no.nii",
+        "render IN no.mcap --volume no.stl -o OUT",
+        "web --annotate IN -o OUT",
+        "record OUT",
+    ],
+)
+def test_an_output_that_exists_is_kept_and_said_alike(
+    words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = words.split(maxsplit=1)[0]
+    if name == "record":
+        pytest.importorskip("rclpy", reason="needs ROS 2")
+    out = tmp_path / "out.mcap"
+    out.write_bytes(b"mine")
+    files = {"IN": str(bundled_recording()), "OUT": str(out)}
+    assert cli.main([files.get(word, word) for word in words.split()]) == 2
+    said = f"lasso-motion {name}: {out} exists: choose another name or add --overwrite\n"
+    assert capsys.readouterr() == ("", said)
+    assert out.read_bytes() == b"mine"
+    assert list(tmp_path.iterdir()) == [out]
 
 
 def test_help_imports_nothing_heavy() -> None:

@@ -18,7 +18,7 @@ from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_line_strip, encode_points
 from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped
-from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.recording_writer import RecordingWriter, check_free
 from msg_adapters.seeds import encode_polygon
 
 HELP = "Render a biplane sequence of the phantom, with seeds and exact truth, into an MCAP recording."
@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
         return 0
     if args.output is None:
         raise ScenarioError("no output given: expected OUT.mcap (or --list)")
+    check_free(Path(args.output), args.overwrite)  # before a volume is read, which takes a while
     scenario = adapted(load_scenario(args.scenario), seed=args.seed, pairs=args.frames)
     body = None
     if args.volume is not None:
