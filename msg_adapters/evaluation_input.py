@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.errors import MessageError, RecordingError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairTruth, Truth
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.geometry import Projection
@@ -87,7 +87,10 @@ def read_truth(path: str | Path, remap: Mapping[str, str] | None = None) -> Read
             if len(centreline) > 1:
                 centrelines[stamp_ns][plane_of_centreline[topic]] = centreline
         else:
-            calibrations[plane_of_calibration[topic]][stamp_ns] = decode_camera_info(message)
+            try:
+                calibrations[plane_of_calibration[topic]][stamp_ns] = decode_camera_info(message)
+            except MessageError as error:
+                raise MessageError(f"{path}: {topic}: {error}") from error
     if not motion and not centrelines:
         raise RecordingError(f"{path}: no {TRUE_MOTION.name} and no {next(iter(plane_of_centreline))}: no truth")
     stamps = sorted(motion or centrelines)

@@ -18,6 +18,7 @@ from lasso_motion_ros.rendering.surface import read_surface, write_stl
 from lasso_motion_ros.transforms import apply
 from msg_adapters.images import decode_image
 from msg_adapters.recording_reader import RecordingReader
+from msg_adapters.recording_writer import RecordingWriter
 
 STATES = ["TRACKING", "DEGRADED", "LOST", "TRACKING"]
 MOTIONS = [0.0, 4.0, None, 8.0]
@@ -111,6 +112,40 @@ def test_bad_input_is_one_line(
     error = capsys.readouterr().err
     assert text in error
     assert error.count("\n") == 1
+
+
+def with_images_refused(recording: str, path: Path, topic: str) -> Path:
+    """A copy in which the images on topics that end so are of an encoding that is not taken."""
+    with RecordingWriter(path) as writer:
+        for one in RecordingReader(recording).messages():
+            if one.topic.endswith(topic):
+                one.message.encoding = "bgr8"
+            writer.write(one.topic, one.type_name, one.message, one.log_time_ns)
+    return path
+
+
+def test_a_recording_without_a_pair_is_one_line_that_says_why_and_leaves_nothing(
+    inputs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = with_images_refused(inputs[2], tmp_path / "spoilt.mcap", "/image_raw")
+    for out in (tmp_path / "frames", tmp_path / "video.mp4"):
+        assert main([*inputs[:2], str(recording), *inputs[3:], "-o", str(out)]) == 2
+        error = capsys.readouterr().err
+        said = f"{recording}: no image pair could be made: plane_a/image_raw, plane_b/image_raw: encoding: expected"
+        assert error.startswith(f"lasso-motion render: {said}")
+        assert error.count("\n") == 1
+        assert not out.exists()
+
+
+def test_a_plane_that_is_left_out_is_said(
+    inputs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = with_images_refused(inputs[2], tmp_path / "spoilt.mcap", "b/image_raw")
+    assert main([*inputs[:2], str(recording), *inputs[3:], "-o", str(tmp_path / "frames")]) == 0
+    error = capsys.readouterr().err
+    assert error.startswith("lasso-motion render: plane_b/image_raw: encoding: expected")
+    assert error.endswith("(4 times)\n")
+    assert len(list((tmp_path / "frames").iterdir())) == 4
 
 
 def test_a_cut_recording_is_drawn_as_far_as_it_goes(

@@ -14,9 +14,8 @@ from message_inputs import FakeTracker, projection, seed, stamp, stream
 
 from lasso_motion_ros import tracker_factory
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.cli.track import problem_lines
 from lasso_motion_ros.share import bundled_recording
-from lasso_motion_ros.stream.reports import Problem
+from lasso_motion_ros.stream.reports import Problem, problem_lines
 from msg_adapters.images import decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -130,7 +129,7 @@ def test_compressed_images_are_input_too(tmp_path: Path) -> None:
     [
         ("plane_b/image_raw", "lacks /plane_b/image_raw (sensor_msgs/msg/Image); it has"),
         ("camera_info", "lacks /plane_a/camera_info (sensor_msgs/msg/CameraInfo), /plane_b/camera_info"),
-        ("plane_b/seed", "no clicks (/plane_b/seed); give them with --seeds FILE"),
+        ("plane_b/seed", "no clicks (/plane_b/seed); give them with lasso-motion track --seeds FILE"),
     ],
 )
 def test_what_is_missing_is_named_and_nothing_is_written(

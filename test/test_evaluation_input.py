@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drawn_recording import PERIOD_NS, START_NS, loop, projections, shift, stamp, write_input, write_result
 
-from lasso_motion_ros.errors import RecordingError
+from lasso_motion_ros.errors import MessageError, RecordingError
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.evaluation_input import read_estimates, read_truth
@@ -26,6 +26,17 @@ def test_the_truth_is_read_whole(tmp_path: Path) -> None:
     expected = projections()["b"].project(loop() + np.array([0, 0, 5e-3]))
     np.testing.assert_allclose(truth.pairs[2].centrelines["b"], expected, atol=1e-3)  # polygons are float32
     np.testing.assert_allclose(truth.pairs[2].projections["a"].matrix, projections()["a"].matrix, atol=1e-6)
+
+
+def test_a_refused_calibration_is_named_with_file_and_topic(tmp_path: Path) -> None:
+    path = tmp_path / "in.mcap"
+    with RecordingWriter(path) as writer:
+        info = encode_camera_info(projections()["b"], header_fields(stamp(0)))
+        info["p"] = info["p"] * np.array([1, 1, 1, 1e3] * 3)
+        topic = topics.camera_info_topic("b")
+        writer.write(topic.recorded_name, topic.type_name, info, stamp(0))
+    with pytest.raises(MessageError, match=r"in\.mcap: /plane_b/camera_info: p: .*looks like millimetres"):
+        read_truth(path)
 
 
 def test_a_cut_recording_is_read_as_far_as_it_goes(tmp_path: Path) -> None:

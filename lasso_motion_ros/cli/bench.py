@@ -292,7 +292,7 @@ def measure(
             before = len(clock.pair_s)
             _play(config, messages, codec, clock, pairs)
             if len(clock.pair_s) == before:
-                raise RecordingError("no pair of the recording was tracked: are there clicks for both planes?")
+                raise RecordingError("no pair of the recording was tracked: lasso-motion track says why")
             while shown is not None and shown < len(clock.pair_s) - 1:
                 shown = next(bar, None)
     return clock, codec

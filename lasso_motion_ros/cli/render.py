@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections import Counter
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +28,7 @@ from lasso_motion_ros.rendering.style import overlay_style
 from lasso_motion_ros.rendering.video import VideoWriter
 from lasso_motion_ros.share import share_file
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
+from lasso_motion_ros.stream.reports import Problem, problem_lines
 from msg_adapters.evaluation_input import read_estimates
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
 from msg_adapters.recording_writer import check_free
@@ -93,15 +96,19 @@ def run(args: argparse.Namespace) -> int:
     estimates = read_estimates(args.result)
     painter = OverlayPainter(shown.drawn, overlay_style(config.style))
     overlay = OfflineOverlay(painter, config, estimates, args.view)
-    pairs = recorded_pairs(reader, replace(ProductConfig(), sync=config.sync))
+    problems: Counter[Problem] = Counter()
+    pairs = recorded_pairs(reader, replace(ProductConfig(), sync=config.sync), problems)
     records: list[dict[str, Any]] = []
     with _Output(args) as output:
         for number, pair in enumerate(progress(pairs, len(estimates) or None, "rendering", args.quiet)):
             drawn = overlay.draw(pair)
             output.write(number, pair, drawn)
             records.append({"stamp_ns": pair.stamp_ns, "compensated": drawn.compensated, "status": drawn.status})
+    wrong = problem_lines(problems)
     if not records:
-        raise RecordingError(f"{args.recording}: no image pair could be made")
+        raise RecordingError(f"{args.recording}: no image pair could be made{': ' if wrong else ''}{'; '.join(wrong)}")
+    for line in wrong:
+        print(f"lasso-motion render: {line}", file=sys.stderr)
     compensated = sum(record["compensated"] for record in records)
     if not args.quiet:
         print(
@@ -155,6 +162,9 @@ class _Output:
         return self
 
     def __exit__(self, *_: object) -> None:
+        if self._path.is_dir():
+            with suppress(OSError):  # refused where a picture is in it, as it should be
+                self._path.rmdir()
         if self._first is not None:  # a recording of one pair has no rate of its own
             self._add_frame(*self._first, self._rate or 1.0)
         if self._video is not None:

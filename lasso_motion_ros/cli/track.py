@@ -22,7 +22,7 @@ from lasso_motion_ros.share import share_file
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem
+from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem, problem_lines
 from lasso_motion_ros.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
@@ -105,21 +105,6 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
         ],
         "damage": summary.damage,
     }
-
-
-def problem_lines(problems: Mapping[Problem, int]) -> list[str]:
-    """What was wrong with messages, a line each; what was wrong on several topics alike is said once."""
-    topics: dict[str, list[str]] = {}
-    often: Counter[str] = Counter()
-    for problem, count in problems.items():
-        topics.setdefault(problem.text, []).append(problem.topic)
-        often[problem.text] += count
-    return [
-        (f"{', '.join(names)}: " if any(names) else "")
-        + text
-        + (f" ({often[text]} times)" if often[text] > len(names) else "")
-        for text, names in topics.items()
-    ]
 
 
 def why_nothing(summary: TrackSummary) -> str:
@@ -246,4 +231,6 @@ def _check_seeds(reader: RecordingReader) -> None:
         if reader.topics.get(topic.recorded_name) != topic.type_name
     ]
     if missing:
-        raise RecordingError(f"{reader.path} has no clicks ({', '.join(missing)}); give them with --seeds FILE")
+        raise RecordingError(
+            f"{reader.path} has no clicks ({', '.join(missing)}); give them with lasso-motion track --seeds FILE"
+        )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -80,3 +82,18 @@ class PipelineStatistics:
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
     heartbeat: HeartbeatStatus | None = None
+
+
+def problem_lines(problems: Mapping[Problem, int]) -> list[str]:
+    """What was wrong with messages, a line each; what was wrong on several topics alike is said once."""
+    topics: dict[str, list[str]] = {}
+    often: Counter[str] = Counter()
+    for problem, count in problems.items():
+        topics.setdefault(problem.text, []).append(problem.topic)
+        often[problem.text] += count
+    return [
+        (f"{', '.join(names)}: " if any(names) else "")
+        + text
+        + (f" ({often[text]} times)" if often[text] > len(names) else "")
+        for text, names in topics.items()
+    ]
