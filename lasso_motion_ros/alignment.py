@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import HALF_WIDTH, Strip, strip_along
+from lasso_motion_ros.appearance import HALF_WIDTH, sample_at, slope, strip_about
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
@@ -33,6 +33,7 @@ LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count fo
 # phantom suite the worst had 0.27, 0.37 and 0.42; half of the false ones have less than 0.26 at once.
 HOPELESS_CORRELATION = (0.2, 0.32, 0.4)
 BEHIND = (0.3, 0.18, 0.08)  # another alignment's correlation by then, and it will not be overtaken
+_ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
 
 
@@ -115,43 +116,38 @@ def align(
         distinctive: strips by which gain, correlation and visible share are told; the appearances unless given.
         at_least: mean correlation of the planes that a better alignment has, so that a worse one need not be finished.
     """
+    planes = tuple(images)
     told_by = appearances if distinctive is None else distinctive
-    views = {plane: _View(images[plane], appearances[plane], told_by[plane], starts[plane]) for plane in images}
-    shared = 2 * len(views)  # the parameters: two shifts a plane, then turn (3) and stretch
-    places = [np.r_[2 * i, 2 * i + 1, shared : shared + 4] for i in range(len(views))]
+    views = _Views(
+        [images[plane] for plane in planes],
+        np.stack([appearances[plane] for plane in planes]),
+        np.stack([told_by[plane] for plane in planes]),
+        np.stack([starts[plane] for plane in planes]),
+    )
+    shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
     ring = np.append(np.zeros(3) if turn is None else turn, stretch)
     precision = np.append(np.full(3, 1.0 / prior.turn_rad**2), 1.0 / prior.stretch**2)
     limits = np.append(np.full(shared, LARGEST_STEP_MM * 1e-3), [LARGEST_TURN_RAD] * 3 + [0.02])
     normal = np.diag(np.append(np.full(shared, 1.0 / NOTHING_SEEN_M**2), precision))
     for iteration in range(ITERATIONS):
-        moved = arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3])
-        for view in views.values():
-            view.look(moved)
-        if iteration < len(HOPELESS_CORRELATION):
-            correlation = sum(view.correlation for view in views.values()) / len(views)
-            if correlation < max(HOPELESS_CORRELATION[iteration], at_least - BEHIND[iteration]):
-                break
-        normal[:] = 0.0
-        gradient = np.zeros(shared + 4)
-        for view, place in zip(views.values(), places, strict=True):
-            # The derivative changes little on the way; the residual is what has to be exact.
-            block, right = view.equations(renew=iteration < 2)
-            normal[np.ix_(place, place)] += block
-            gradient[place] += right
+        views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
+        if iteration < len(HOPELESS_CORRELATION) and float(views.correlation.mean()) < max(
+            HOPELESS_CORRELATION[iteration], at_least - BEHIND[iteration]
+        ):
+            break
+        # The derivative changes little on the way; the residual is what has to be exact.
+        normal, gradient = views.equations(renew=iteration < 2)
         normal[range(shared, shared + 4), range(shared, shared + 4)] += precision
         gradient[shared:] -= precision * ring
         step = np.clip(np.linalg.solve(normal + _ridge(normal), gradient), -limits, limits)
-        for view, place in zip(views.values(), places, strict=True):
-            view.centre = view.centre + step[place[:2]] @ view.across
+        views.shift(step[:shared].reshape(-1, 2))
         ring = ring + step[shared:]
         # A turn or stretch that was cut to its limit is not done, though the shifts may be.
         if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3) and np.all(np.abs(step) < limits):
             break
     covariance: Array = np.linalg.inv(normal + _ridge(normal)).astype(np.float64)
     return Alignment(
-        planes={
-            p: view.fit(covariance[np.ix_(q[:2], q[:2])]) for (p, view), q in zip(views.items(), places, strict=True)
-        },
+        planes=dict(zip(planes, views.fits(covariance), strict=True)),
         turn=ring[:3],
         turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),
@@ -163,116 +159,181 @@ def _ridge(normal: Array) -> Array:
     return np.asarray(1e-12 * np.trace(normal) * np.eye(len(normal)))
 
 
-class _View:
-    """One plane while it is being aligned."""
+class _Views:
+    """The planes while they are being aligned, P of them at once: the first axis of the arrays.
 
-    def __init__(self, image: WorkingImage, pattern: Image, distinctive: Image, centre: Array) -> None:
-        self._image = image
-        self._pattern = pattern
-        self._distinctive = distinctive
-        self._along = np.gradient(pattern, axis=0)
-        self._sideways = np.gradient(pattern, axis=1)
-        self._jacobian = np.zeros((pattern.size, 6), dtype=np.float32)
-        self.centre = np.array(centre)
-        ray = self.centre - image.projection.source
-        self.across = np.linalg.svd(ray[None])[2][1:]
-        self.gain = self.correlation = 0.0
+    Args:
+        images: the planes.
+        patterns: (P, L, columns) what is to be found, columns being 2·HALF_WIDTH + 1.
+        distinctive: (P, L, columns) by which gain, correlation and visible share are told.
+        centres: (P, 3) where to start from.
+
+    Attributes:
+        correlation: (P,) of strip and appearance, from the last look.
+    """
+
+    def __init__(self, images: list[WorkingImage], patterns: Image, distinctive: Image, centres: Array) -> None:
+        self._images = images
+        projections = [image.projection for image in images]
+        self._left = np.stack([p.matrix[:, :3] for p in projections])
+        self._column = np.stack([p.matrix[:, 3] for p in projections])
+        self._focal_px = np.array([p.focal_length_px for p in projections])
+        self._patterns, self._distinctive = patterns, distinctive
+        self._along, self._sideways = slope(patterns, axis=1), slope(patterns, axis=2)
+        self._centres = centres
+        rays = centres - np.stack([p.source for p in projections])
+        self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
+        self.correlation = np.zeros(len(images))
+
+    def shift(self, step: Array) -> None:
+        """Move each plane's centre across its ray: (P, 2) metres."""
+        self._centres = self._centres + np.einsum("pi,pij->pj", step, self._across)
 
     def look(self, arms: Array) -> None:
-        """Sample the image along the loop where it is taken to be, and tell how well that looks as expected."""
+        """Sample the images along the loop where it is taken to be, and tell how well that looks as expected.
+
+        Args:
+            arms: (L, 3) the loop about its centre, turned and stretched.
+        """
         self._arms = arms
-        self._strip = strip = strip_along(self.centre + arms, self._image.projection)
-        self._samples = samples = strip.sample(self._image)
-        density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[:, None]
-        residual = _gain(density, samples, self._pattern) * self._pattern - samples
-        self._noise = noise = 1.4826 * _median(np.abs(residual)) + 1e-6
+        homogeneous = (self._centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
+        self._depth = homogeneous[..., 2]
+        step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.mean(axis=1))
+        self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
+        planes = zip(strip.coordinates(), self._images, strict=True)
+        self._samples = samples = np.stack([sample_at(at, image) for at, image in planes])
+        density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[..., None]
+        residual = _gain(density, samples, self._patterns)[:, None, None] * self._patterns - samples
+        self._noise = noise = np.float32(1.4826) * _median(np.abs(residual)) + np.float32(1e-6)
         # Tukey's weights.
-        share = np.square(residual * np.float32(1.0 / (OUTLIER_SIGMAS * noise)))
+        residual /= (np.float32(OUTLIER_SIGMAS) * noise)[:, None, None]
+        share = np.square(residual, out=residual)
         np.subtract(1.0, share, out=share)
         np.maximum(share, 0.0, out=share)
         share *= share
         share *= density
         self._weights = share
         weighted = share * self._distinctive
-        cross, energy = float(np.vdot(weighted, samples)), float(np.vdot(weighted, self._distinctive))
-        self.gain = cross / max(energy, 1e-9)
-        self.correlation = cross / float(np.sqrt(max(float(np.vdot(share * samples, samples)) * energy, 1e-12)))
+        cross, energy = _dot(weighted, samples), _dot(weighted, self._distinctive)
+        self._gains = cross / np.maximum(energy, 1e-9)
+        self.correlation = cross / np.sqrt(np.maximum(_dot(share * samples, samples) * energy, 1e-12))
 
     def equations(self, *, renew: bool) -> tuple[Array, Array]:
-        """Normal matrix (6, 6) and right side (6,) for own shift (2), turn (3) and stretch (1), from the last look."""
+        """Normal matrix (N, N) and right side (N,) from the last look; N = 2 P + 4 for shifts, turn and stretch.
+
+        A sample's derivative is its pattern's slope along the curve times how a parameter moves the curve's point
+        along, plus the same sideways. The latter does not depend on the column, so that sums over the columns come
+        first and the whole Jacobian is never made.
+        """
         if renew:
-            self._jacobian = self._derivative(self._strip, self.centre + self._arms, self._arms)
-        gain = _gain(self._weights, self._samples, self._pattern)
-        scale = max(gain, 0.3)
-        residual = (gain * self._pattern - self._samples).reshape(-1)
-        weighted = self._jacobian * (
-            self._weights.reshape(-1, 1) * np.float32(1.0 / (self._noise**2 * NOISE_CORRELATION))
-        )
-        block = scale**2 * (weighted.T @ self._jacobian).astype(np.float64)
-        return block, scale * (weighted.T @ residual).astype(np.float64)
+            self._moves = self._derivative()
+        gain = _gain(self._weights, self._samples, self._patterns)
+        residual = gain[:, None, None] * self._patterns - self._samples
+        scale = np.maximum(gain, 0.3)
+        known = 1.0 / (self._noise**2 * NOISE_CORRELATION)
+        weighted_along, weighted_sideways = self._weights * self._along, self._weights * self._sideways
+        square = (scale**2 * known)[:, None]
+        along_along = (square * _over_columns(weighted_along * self._along)).reshape(-1)
+        along_sideways = (square * _over_columns(weighted_along * self._sideways)).reshape(-1)
+        sideways_sideways = (square * _over_columns(weighted_sideways * self._sideways)).reshape(-1)
+        right = (scale * known)[:, None]
+        residual_along = (right * _over_columns(weighted_along * residual)).reshape(-1)
+        residual_sideways = (right * _over_columns(weighted_sideways * residual)).reshape(-1)
+        along, sideways = self._moves
+        normal = (along * along_along + sideways * along_sideways) @ along.T
+        normal += (along * along_sideways + sideways * sideways_sideways) @ sideways.T
+        return normal, along @ residual_along + sideways @ residual_sideways
 
-    def fit(self, covariance: Array) -> PlaneFit:
-        """The result, with the share of the loop that looks as expected where it was last sampled."""
-        cross = _by_segment(self._weights * self._samples * self._distinctive)
-        energy = _by_segment(self._weights * self._distinctive * self._distinctive)
+    def fits(self, covariance: Array) -> list[PlaneFit]:
+        """The results, with the share of the loop that looks as expected where it was last sampled.
+
+        Args:
+            covariance: (N, N) of the parameters.
+        """
+        weighted, steepness = self._weights * self._distinctive, self._weights * self._sideways
+        gain = np.maximum(self._gains, SEGMENT_GAIN)[:, None]
+        residual = self._samples - gain[..., None] * self._patterns
+        cross, energy, beside, steep = _by_segment(
+            np.stack(
+                [
+                    weighted * self._samples,
+                    weighted * self._distinctive,
+                    steepness * residual,
+                    steepness * self._sideways,
+                ]
+            )
+        )
         there = cross > SEGMENT_GAIN * energy
-        visible = float(energy[there].sum() / max(float(energy.sum()), 1e-9))
+        visible = np.where(there, energy, 0.0).sum(axis=1) / np.maximum(energy.sum(axis=1), 1e-9)
         # One step across the curve, segment by segment: what moves the pattern there onto the samples.
-        slope = self._weights * self._sideways
-        gain = max(self.gain, SEGMENT_GAIN)
-        step = _by_segment(slope * (self._samples - gain * self._pattern))
-        step /= gain * np.maximum(_by_segment(slope * self._sideways), 1e-9)
-        residual = float(np.abs(np.clip(step[there], -HALF_WIDTH, HALF_WIDTH)).mean()) if there.any() else 0.0
-        return PlaneFit(
-            self.centre,
-            self.across,
-            covariance,
-            self.gain,
-            self.correlation,
-            visible,
-            PIXEL_MM * residual,
-            self._samples,
-        )
+        step = beside / (gain * np.maximum(steep, 1e-9))
+        distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
+        residual_px = distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+        return [
+            PlaneFit(
+                self._centres[i],
+                self._across[i],
+                covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
+                float(self._gains[i]),
+                float(self.correlation[i]),
+                float(visible[i]),
+                PIXEL_MM * float(residual_px[i]),
+                self._samples[i],
+            )
+            for i in range(len(self._images))
+        ]
 
-    def _derivative(self, strip: Strip, points: Array, arms: Array) -> npt.NDArray[np.float32]:
-        """(L·columns, 6) derivative of the strip by own shift (2), turn (3) and stretch (1).
+    def _derivative(self) -> Array:
+        """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.
 
         Where the loop moves by a pixel displacement d, what a sample should see is the pattern a distance d
-        further on: its slope along and across the curve, times d's parts in those directions.
+        further on: its slope along and across the curve, times d's parts in those directions. In units of the
+        pattern's own spacing.
         """
-        by_point = self._image.projection.jacobian(points)  # (L, 2, 3)
-        along = np.einsum("lij,li->lj", by_point, strip.tangents) / np.maximum(strip.spacing, 0.05)[:, None]
-        sideways = np.einsum("lij,li->lj", by_point, strip.normals) / strip.step
-        derivative = np.empty((*self._pattern.shape, 6), dtype=np.float32)
-        for index, (slope_along, slope_sideways) in enumerate(
-            zip(_by_parameter(along, arms, self.across), _by_parameter(sideways, arms, self.across), strict=True)
-        ):
-            derivative[..., index] = self._along * slope_along[:, None] + self._sideways * slope_sideways[:, None]
-        return derivative.reshape(-1, 6)
+        strip = self._strip
+        directions = np.stack([strip.tangents, strip.normals])
+        spacing = np.stack([np.maximum(strip.spacing, 0.05), np.broadcast_to(strip.step[:, None], strip.spacing.shape)])
+        # By the points' position (2, P, L, 3): of a projection's derivative, only what lies in those directions.
+        offset = (directions * strip.pixels).sum(axis=-1, keepdims=True)
+        slopes = np.concatenate([directions, -offset], axis=-1) @ self._left
+        slopes /= (self._depth * spacing)[..., None]
+        # And on to the planes' own shifts, turn and stretch.
+        count, length = self._depth.shape
+        moves = np.zeros((2, 2 * count + 4, count, length))
+        for plane, across in enumerate(self._across):
+            moves[:, 2 * plane : 2 * plane + 2, plane] = across @ slopes[:, plane].swapaxes(1, 2)
+        (x, y, z), (a, b, c) = self._arms.T, np.moveaxis(slopes, -1, 0)
+        # slope · (ω × arm) = ω · (arm × slope)
+        moves[:, -4], moves[:, -3], moves[:, -2] = y * c - z * b, z * a - x * c, x * b - y * a
+        moves[:, -1] = x * a + y * b + z * c
+        return moves.reshape(2, 2 * count + 4, count * length)
 
 
-def _by_parameter(slope: Array, arms: Array, across: Array) -> npt.NDArray[np.float32]:
-    """(6, L) a slope by the points' position (L, 3), carried on to own shift (2), turn (3) and stretch (1)."""
-    x, y, z = arms.T
-    a, b, c = slope.T
-    # slope · (ω × arm) = ω · (arm × slope)
-    turn = (y * c - z * b, z * a - x * c, x * b - y * a)
-    return np.stack([*(slope @ across.T).T, *turn, x * a + y * b + z * c]).astype(np.float32)
+def _over_columns(values: Image) -> Image:
+    """(..., L) sums of strips' values over their columns."""
+    return np.asarray(values @ _ONES)
 
 
 def _by_segment(values: Image) -> Image:
-    """(SEGMENTS,) sums of a strip's values over the segments of the loop."""
-    along = values.sum(axis=1)
-    starts = np.linspace(0, len(along), SEGMENTS, endpoint=False).astype(int)
-    return np.asarray(np.add.reduceat(along, starts))
+    """(..., SEGMENTS) sums of strips' values over the segments of the loop."""
+    along = _over_columns(values)
+    starts = np.arange(SEGMENTS) * along.shape[-1] // SEGMENTS
+    return np.asarray(np.add.reduceat(along, starts, axis=-1))
 
 
-def _median(values: Image) -> float:
-    """The upper median, in half the time of numpy's."""
-    middle = values.size // 2
-    return float(np.partition(values, middle, axis=None)[middle])
+def _median(values: Image) -> Image:
+    """(P,) upper median of each strip, in half the time of numpy's."""
+    flat = values.reshape(len(values), -1)
+    middle = flat.shape[1] // 2
+    return np.asarray(np.partition(flat, middle, axis=1)[:, middle])
 
 
-def _gain(weights: Image, samples: Image, pattern: Image) -> float:
-    weighted = weights * pattern
-    return float(np.vdot(weighted, samples) / max(float(np.vdot(weighted, pattern)), 1e-9))
+def _dot(one: Image, other: Image) -> Image:
+    """(P,) scalar products of strips."""
+    return np.asarray(np.einsum("pn,pn->p", one.reshape(len(one), -1), other.reshape(len(other), -1)))
+
+
+def _gain(weights: Image, samples: Image, patterns: Image) -> Image:
+    """(P,) factors by which the patterns are the samples, in the least squares."""
+    weighted = weights * patterns
+    return np.asarray(_dot(weighted, samples) / np.maximum(_dot(weighted, patterns), 1e-9))

@@ -7,6 +7,7 @@ the electrodes' pattern, so that it tells the lasso from other wires, and where 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
@@ -16,53 +17,73 @@ from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
+Real = TypeVar("Real", bound=np.floating[Any])
 
 MARGIN_COLUMNS = 2
 MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
 NOISE_SHARE = 0.25  # for alignment: margins hold background too, by which a clear loop must not be shrunk
 HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
+_OFFSETS = np.arange(-HALF_WIDTH, HALF_WIDTH + 1, dtype=np.float32)
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """Where a strip's samples lie in a working image.
+    """Where a strip's samples lie in a working image; or several strips at once, each in its own image.
 
     Attributes:
-        pixels: (L, 2) the projected curve.
-        tangents: (L, 2) unit tangents of the projected curve.
-        normals: (L, 2) unit normals.
-        spacing: (L,) distance between neighbouring curve points, working pixels.
-        step: distance between neighbouring columns, working pixels.
+        pixels: (..., L, 2) the projected curve.
+        tangents: (..., L, 2) unit tangents of the projected curve.
+        normals: (..., L, 2) unit normals.
+        spacing: (..., L) distance between neighbouring curve points, working pixels.
+        step: (...) distance between neighbouring columns, working pixels.
     """
 
     pixels: Array
     tangents: Array
     normals: Array
     spacing: Array
-    step: float
+    step: Array
 
     def coordinates(self) -> npt.NDArray[np.float32]:
-        """(L, 2·HALF_WIDTH + 1, 2) sample positions, pixels."""
-        offsets = self.step * np.arange(-HALF_WIDTH, HALF_WIDTH + 1)
-        return np.asarray(self.pixels[:, None, :] + offsets[None, :, None] * self.normals[:, None, :], dtype=np.float32)
+        """(..., 2, L, 2·HALF_WIDTH + 1) sample positions, x and y, pixels."""
+        across = self.step[..., None, None] * self.normals.swapaxes(-1, -2)
+        along = self.pixels.swapaxes(-1, -2).astype(np.float32)
+        return along[..., None] + across.astype(np.float32)[..., None] * _OFFSETS
 
     def sample(self, image: WorkingImage) -> Image:
         """(L, 2·HALF_WIDTH + 1) bilinear values of the working image; zero outside it."""
-        at = self.coordinates()
-        return np.asarray(cv2.remap(image.values, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+        return sample_at(self.coordinates(), image)
+
+
+def sample_at(coordinates: npt.NDArray[np.float32], image: WorkingImage) -> Image:
+    """(L, columns) bilinear values of a working image at x and y (2, L, columns); zero outside it."""
+    x, y = coordinates
+    return np.asarray(cv2.remap(image.values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
 
 
 def strip_along(curve: Array, projection: Projection) -> Strip:
     """The strip along a curve (L, 3) of world metres under a projection to working pixels."""
-    pixels = projection.project(curve)
-    steps = np.empty_like(pixels)  # central differences, one-sided at the ends
-    steps[1:-1] = 0.5 * (pixels[2:] - pixels[:-2])
-    steps[0], steps[-1] = pixels[1] - pixels[0], pixels[-1] - pixels[-2]
-    spacing = np.hypot(steps[:, 0], steps[:, 1])
-    tangents = steps / np.maximum(spacing, 1e-9)[:, None]
-    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-    step = PIXEL_MM / projection.millimetres_per_pixel(curve.mean(axis=0))
-    return Strip(pixels, tangents, normals, spacing, step)
+    return strip_about(projection.project(curve), PIXEL_MM / projection.millimetres_per_pixel(curve.mean(axis=0)))
+
+
+def strip_about(pixels: Array, step: float | Array) -> Strip:
+    """The strip along a curve (..., L, 2) of working pixels, its columns `step` (...) pixels apart."""
+    steps = slope(pixels, axis=-2)
+    spacing = np.hypot(steps[..., 0], steps[..., 1])
+    tangents = steps / np.maximum(spacing, 1e-9)[..., None]
+    normals = tangents[..., ::-1] * (-1.0, 1.0)
+    return Strip(pixels, tangents, normals, spacing, np.asarray(step))
+
+
+def slope(values: npt.NDArray[Real], axis: int) -> npt.NDArray[Real]:
+    """Central differences along an axis, one-sided at its ends: `np.gradient`, without all it has to allow for."""
+    along = values.swapaxes(0, axis)
+    differences = np.empty_like(along)
+    np.subtract(along[2:], along[:-2], out=differences[1:-1])
+    differences[1:-1] *= 0.5
+    np.subtract(along[1], along[0], out=differences[0])
+    np.subtract(along[-1], along[-2], out=differences[-1])
+    return differences.swapaxes(0, axis)
 
 
 class Appearance:
@@ -119,16 +140,16 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
         (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its
         first element.
     """
-    at = strip.coordinates().reshape(-1, 2) / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
+    at = strip.coordinates().reshape(2, -1) / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
     cell = np.floor(at)
     fraction = at - cell
     corner = cell.astype(np.int64)
-    low = corner.min(axis=0) - 1
-    width, height = corner.max(axis=0) + 3 - low
-    first = (corner[:, 1] - low[1]) * width + corner[:, 0] - low[0]
+    low = corner.min(axis=1) - 1
+    width, height = corner.max(axis=1) + 3 - low
+    first = (corner[1] - low[1]) * width + corner[0] - low[0]
     density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
     # Each sample is shared out among the four cells about it.
-    right, down = density * fraction[:, 0], fraction[:, 1]
+    right, down = density * fraction[0], fraction[1]
     left, up = density - right, 1.0 - down
     share = np.concatenate([left * up, right * up, left * down, right * down])
     index = np.concatenate([first, first + 1, first + width, first + width + 1])

@@ -4,7 +4,7 @@ import pytest
 from lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from method_inputs import biplane, plane
 
-from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, render, strip_along
+from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, render, slope, strip_about, strip_along
 from lasso_motion_ros.frames import Frame
 from lasso_motion_ros.working_image import PIXEL_MM, WorkingImage, working_image
 
@@ -36,10 +36,10 @@ def test_strip_of_a_straight_line_by_hand():
     np.testing.assert_allclose(strip.normals, np.tile([0.0, 1.0], (21, 1)), atol=1e-12)
     assert strip.step == pytest.approx(PIXEL_MM / UNIT_MM)
     at = strip.coordinates()
-    assert at.shape == (21, COLUMNS, 2)
-    np.testing.assert_allclose(at[:, HALF_WIDTH], strip.pixels, atol=1e-4)
-    np.testing.assert_allclose(at[4, :, 0], x[4], atol=1e-4)
-    np.testing.assert_allclose(at[4, :, 1], 511.5 + np.arange(-6, 7) * 0.25 / UNIT_MM, atol=1e-4)
+    assert at.shape == (2, 21, COLUMNS)
+    np.testing.assert_allclose(at[:, :, HALF_WIDTH], strip.pixels.T, atol=1e-4)
+    np.testing.assert_allclose(at[0, 4], x[4], atol=1e-4)
+    np.testing.assert_allclose(at[1, 4], 511.5 + np.arange(-6, 7) * 0.25 / UNIT_MM, atol=1e-4)
 
 
 def test_normals_are_across_wherever_the_curve_leads():
@@ -66,7 +66,7 @@ def test_sampling_is_bilinear_and_zero_outside():
     sampled = strip.sample(WorkingImage(3.0 * x - 2.0 * y, view))
     at = strip.coordinates()
     # OpenCV interpolates at a 32nd of a pixel.
-    np.testing.assert_allclose(sampled, 3.0 * at[..., 0] - 2.0 * at[..., 1], atol=5.0 / 64.0)
+    np.testing.assert_allclose(sampled, 3.0 * at[0] - 2.0 * at[1], atol=5.0 / 64.0)
     outside = strip_along(STRAIGHT + 0.2, view).sample(WorkingImage(np.ones((512, 512), np.float32), view))
     np.testing.assert_array_equal(outside, 0.0)
 
@@ -192,3 +192,15 @@ def test_an_empty_pattern_renders_to_nothing(view):
     kernel, _ = render(np.zeros((len(CURVE), COLUMNS), np.float32), strip_along(CURVE, view), 2)
     assert np.isfinite(kernel).all()
     assert not kernel.any()
+
+
+def test_slopes_are_central_differences_one_sided_at_the_ends():
+    np.testing.assert_allclose(slope(np.array([[0.0, 1.0, 4.0, 9.0]]), axis=-1), [[1.0, 2.0, 4.0, 5.0]])
+    np.testing.assert_allclose(slope(CURVE[None], axis=1)[0], np.gradient(CURVE, axis=0), atol=1e-15)
+
+
+def test_strips_in_several_planes_at_once_are_those_of_each():
+    strips = [strip_along(CURVE, view) for view in biplane().values()]
+    together = strip_about(np.stack([s.pixels for s in strips]), np.stack([s.step for s in strips]))
+    for one, at in zip(strips, together.coordinates(), strict=True):
+        np.testing.assert_array_equal(at, one.coordinates())
