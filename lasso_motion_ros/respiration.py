@@ -26,6 +26,8 @@ POSITION, VELOCITY, ACCELERATION, HEARTBEAT, MEAN, ORIGIN_B, AT_A = (slice(3 * i
 SIZE = 21
 DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, heartbeat and mean together
 DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
+SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
+SINCE_B[:, ORIGIN_B] = -np.eye(3)
 
 FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
@@ -38,6 +40,8 @@ LONGEST_HISTORY = 24  # sure displacements after which the past is no longer kep
 TIME_SCALE_S = 1.0  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
 HEARTBEAT_SPREAD_M = 0.00015
 HEARTBEAT_TIME_SCALE_S = 0.12
+_IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
+_STATIONARY = matern.stationary(TIME_SCALE_S)
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,7 @@ class RespiratoryMotion:
         self._scatter = np.zeros((3, 3))
         self._learned = 0
         self._scatter_mean = np.zeros(3)
+        self._spread = self._learned_spread()
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._begin()
@@ -101,11 +106,12 @@ class RespiratoryMotion:
         self._state = np.zeros(SIZE)
         self._covariance = np.zeros((SIZE, SIZE))
         spread = self.spread
-        self._covariance[:9, :9] = _stationary(spread)
-        self._covariance[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * np.eye(3)
+        self._covariance[:9, :9] = _in_each_direction(_STATIONARY, spread)
+        self._covariance[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * _IDENTITY_3
         self._covariance[MEAN, MEAN] = spread
+        self._ahead: dict[float, tuple[Array, Array]] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
-        self._update(_displacement(), np.zeros(3), 1e-14 * np.eye(3))
+        self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
         self._clone(AT_A)
         self._advance(time_b_s)
         self._clone(ORIGIN_B)
@@ -117,11 +123,14 @@ class RespiratoryMotion:
     @property
     def spread(self) -> Array:
         """(3, 3) covariance of the motion about its mean, learned so far, m²."""
+        return self._spread
+
+    def _learned_spread(self) -> Array:
         seen = float(np.trace(self._scatter))
         sideways = SIDEWAYS_SHARE**2 * seen / max(self._learned, 1)
         unknown = FIRST_SPREAD_M**2 / (1.0 + seen / SEEN_SPREAD_M**2)
-        first = (sideways + unknown) * np.eye(3)  # which counts as one displacement
-        return np.asarray((self._scatter + first) / (self._learned + 1) + SMALLEST_SPREAD_M**2 * np.eye(3))
+        first = (sideways + unknown) * _IDENTITY_3  # which counts as one displacement
+        return np.asarray((self._scatter + first) / (self._learned + 1) + SMALLEST_SPREAD_M**2 * _IDENTITY_3)
 
     @property
     def mean(self) -> Array:
@@ -131,15 +140,12 @@ class RespiratoryMotion:
     def predict(self, time_s: float) -> Estimate:
         """The displacement expected at a later time, nothing being changed."""
         state, covariance = self._propagated(time_s)
-        h = _displacement()
-        return Estimate(h @ state, h @ covariance @ h.T)
+        return Estimate(DISPLACEMENT @ state, DISPLACEMENT @ covariance @ DISPLACEMENT.T)
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
         state, covariance = self._propagated(time_s)
-        h = _displacement()
-        h[:, ORIGIN_B] = -np.eye(3)
-        return Estimate(h @ state, h @ covariance @ h.T)
+        return Estimate(SINCE_B @ state, SINCE_B @ covariance @ SINCE_B.T)
 
     def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> None:
         """Take in one exposure's measurements; times must not decrease.
@@ -149,12 +155,9 @@ class RespiratoryMotion:
         self._remember(_Exposure(time_s, a, b, is_mark=False))
         self._advance(time_s)
         if a is not None:
-            h = a.across @ _displacement()
-            self._update(h, a.value, a.covariance)
+            self._update(a.across @ DISPLACEMENT, a.value, a.covariance)
         if b is not None:
-            h = _displacement()
-            h[:, ORIGIN_B] = -np.eye(3)
-            self._update(b.across @ h, b.value, b.covariance)
+            self._update(b.across @ SINCE_B, b.value, b.covariance)
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
@@ -178,6 +181,7 @@ class RespiratoryMotion:
         delta = displacement - self._scatter_mean
         self._scatter_mean = self._scatter_mean + delta / (self._learned + 1)  # the reference's zero counts, too
         self._scatter = self._scatter + np.outer(delta, displacement - self._scatter_mean)
+        self._spread, self._ahead = self._learned_spread(), {}
         if not self._keeps_history:
             return
         if self._learned in REBUILD_AT and self._start_s[0] != self._start_s[1]:
@@ -190,7 +194,7 @@ class RespiratoryMotion:
         shift = displacement - DISPLACEMENT @ self._state
         state = self._state.copy()
         state[MEAN] += shift
-        self._state = state
+        self._become(state, self._covariance)
         self._scatter_mean = self._scatter_mean + shift
         self._history, self._keeps_history = (), False  # it tells of another place
 
@@ -218,54 +222,52 @@ class RespiratoryMotion:
                 self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
-        interval = max(0.0, time_s - self._time_s)
-        # Every block of three moves alike in x, y and z: transition = (7, 7) ⊗ 1.
-        blocks = np.eye(SIZE // 3)
-        blocks[:3, :3] = transition = matern.transition(interval, TIME_SCALE_S)
-        blocks[3, 3] = decay = math.exp(-interval / HEARTBEAT_TIME_SCALE_S)
-        stationary = matern.stationary(TIME_SCALE_S)
-        added = np.zeros((SIZE // 3, 3, SIZE // 3, 3))
-        growth = stationary - transition @ stationary @ transition.T
-        added[:3, :, :3, :] = growth[:, None, :, None] * self.spread[None, :, None, :]
-        added[3, :, 3, :] = HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * np.eye(3)
-        phi = _in_each_axis(blocks)
-        covariance = phi @ self._covariance @ phi.T + added.reshape(SIZE, SIZE)
+        """State and covariance at a later time, kept for when they are asked for again."""
+        if time_s <= self._time_s:
+            return self._state, self._covariance
+        ahead = self._ahead.get(time_s)
+        if ahead is None:
+            ahead = self._ahead[time_s] = self._moved_on(time_s - self._time_s)
+        return ahead
+
+    def _moved_on(self, interval_s: float) -> tuple[Array, Array]:
+        transition = matern.transition(interval_s, TIME_SCALE_S)
+        decay = math.exp(-interval_s / HEARTBEAT_TIME_SCALE_S)
+        phi = _IDENTITY.copy()
+        phi[:9, :9] = _in_each_direction(transition, _IDENTITY_3)  # x, y and z move alike
+        phi[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
+        covariance = phi @ self._covariance @ phi.T
+        covariance[:9, :9] += _in_each_direction(_STATIONARY - transition @ _STATIONARY @ transition.T, self._spread)
+        covariance[HEARTBEAT, HEARTBEAT] += HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * _IDENTITY_3
         return phi @ self._state, 0.5 * (covariance + covariance.T)
+
+    def _become(self, state: Array, covariance: Array) -> None:
+        # A new dictionary: a copy of this filter goes on with the old one.
+        self._state, self._covariance, self._ahead = state, covariance, {}
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
-            self._state, self._covariance = self._propagated(time_s)
+            self._become(*self._propagated(time_s))
             self._time_s = time_s
 
     def _clone(self, block: slice) -> None:
-        mapping = np.eye(SIZE)
-        mapping[block] = _displacement()
-        self._state = mapping @ self._state
-        self._covariance = mapping @ self._covariance @ mapping.T
+        """Make a block of the state the displacement now."""
+        state, covariance = self._state.copy(), self._covariance.copy()
+        state[block] = DISPLACEMENT @ self._state
+        rows = DISPLACEMENT @ self._covariance
+        covariance[block], covariance[:, block] = rows, rows.T
+        covariance[block, block] = rows @ DISPLACEMENT.T
+        self._become(state, covariance)
 
     def _update(self, h: Array, value: Array, noise: Array) -> None:
         cross = self._covariance @ h.T
         gain = np.linalg.solve(h @ cross + noise, cross.T).T
-        self._state = self._state + gain @ (value - h @ self._state)
-        keep = np.eye(SIZE) - gain @ h
+        keep = _IDENTITY - gain @ h
         # Joseph's form stays positive where nearly noise-free measurements would not.
-        self._covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+        covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
+        self._become(self._state + gain @ (value - h @ self._state), covariance)
 
 
-def _displacement() -> Array:
-    """(3, SIZE) the displacement as a function of the state."""
-    return DISPLACEMENT.copy()
-
-
-def _in_each_axis(blocks: Array) -> Array:
-    """(3 N, 3 N) matrix that acts on x, y and z alike as `blocks` (N, N) does on the state's blocks."""
-    count = len(blocks)
-    full = np.zeros((count, 3, count, 3))
-    for axis in range(3):
-        full[:, axis, :, axis] = blocks
-    return full.reshape(3 * count, 3 * count)
-
-
-def _stationary(spread: Array) -> Array:
-    """(9, 9) stationary covariance of value, slope and curvature for a directional covariance (3, 3)."""
-    return np.kron(matern.stationary(TIME_SCALE_S), spread).astype(np.float64)
+def _in_each_direction(blocks: Array, directions: Array) -> Array:
+    """(9, 9) Kronecker product of what acts on value, slope and curvature (3, 3) and on x, y and z (3, 3)."""
+    return np.asarray((blocks[:, None, :, None] * directions[None, :, None, :]).reshape(9, 9))
