@@ -249,10 +249,13 @@ def read_undecoded(recording: Path) -> list[RawMessage]:
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one."""
+    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one, and memory as the node does."""
     import cv2
     from threadpoolctl import threadpool_limits
 
+    from lasso_motion_ros.memory import keep_freed_memory
+
+    keep_freed_memory()
     before = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:

@@ -120,13 +120,18 @@ def guarded(method: Callback) -> Callback:
 def bound_threads() -> None:
     """One thread for OpenCV and for linear algebra: images this small gain nothing by more, and latency suffers.
 
+    Their memory is kept from pair to pair, too.
+
     To be called before NumPy is imported; what the user has set stays in force.
     """
     for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
     import cv2
 
+    from lasso_motion_ros.memory import keep_freed_memory
+
     cv2.setNumThreads(1)
+    keep_freed_memory()
     sys.setswitchinterval(SWITCH_INTERVAL_S)
 
 
