@@ -20,7 +20,7 @@ _IDENTITY = np.eye(4)
 
 
 def _points(points: npt.ArrayLike) -> list[dict[str, float]]:
-    return [{"x": float(x), "y": float(y), "z": float(z)} for x, y, z in np.asarray(points, dtype=np.float64)]
+    return [{"x": x, "y": y, "z": z} for x, y, z in np.asarray(points, dtype=np.float64).tolist()]
 
 
 def _marker(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import array
 import importlib
 import re
-from collections.abc import Mapping
-from functools import lru_cache
+from collections.abc import Callable, Mapping
+from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
@@ -86,48 +86,74 @@ def _ros_class(type_name: str) -> Any:
 
 
 def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
-    kinds: dict[str, str] = message.get_fields_and_field_types()
+    converters = _converters(message.__class__)
     for name, value in fields.items():
-        if name not in kinds:
+        if name not in converters:
             raise MessageError(f"{type(message).__name__} has no field {name!r}")
-        if isinstance(value, Mapping):
+        convert = converters[name]
+        if convert is not None:
+            setattr(message, name, convert(value))
+        elif isinstance(value, Mapping):
             _fill_ros(getattr(message, name), value)
         else:
-            setattr(message, name, _ros_value(kinds[name], value))
+            setattr(message, name, value)
 
 
-def _ros_value(kind: str, value: Any) -> Any:
-    sequence = _SEQUENCE.match(kind)
-    fixed = _FIXED.match(kind)
+@lru_cache(maxsize=256)
+def _converters(message_class: Any) -> dict[str, Callable[[Any], Any] | None]:
+    """By field, what makes a value of it; None for a nested message. Looked up once: a curve has hundreds of points."""
+    return {name: _converter(kind) for name, kind in message_class.get_fields_and_field_types().items()}
+
+
+def _converter(kind: str) -> Callable[[Any], Any] | None:
+    sequence, fixed = _SEQUENCE.match(kind), _FIXED.match(kind)
     if sequence is None and fixed is None:
-        if kind == "octet" and isinstance(value, int):
-            return bytes([value])
         if kind in ("float", "double"):
-            return float(value)
-        return value.item() if isinstance(value, np.generic) else value
+            return float
+        if "/" in kind:
+            return None
+        return _octet if kind == "octet" else _plain
     item = (sequence or fixed)["item"]  # type: ignore[index]
     if "/" in item:
-        return [_ros_item(item, entry) for entry in value]
-    if item not in _ARRAY_CODES or (item == "octet"):
-        return list(value)
-    if fixed is not None:
-        return np.asarray(value, dtype=np.dtype(_ARRAY_CODES[item])).reshape(-1)
+        return partial(_ros_items, item)
+    if item not in _ARRAY_CODES or item == "octet":
+        return list
+    return partial(_array, _ARRAY_CODES[item]) if fixed is None else partial(_fixed_array, _ARRAY_CODES[item])
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _octet(value: Any) -> Any:
+    return bytes([value]) if isinstance(value, int) else _plain(value)
+
+
+def _fixed_array(code: str, value: Any) -> Any:
+    return np.asarray(value, dtype=np.dtype(code)).reshape(-1)
+
+
+def _array(code: str, value: Any) -> Any:
     # Assigning an ndarray or a list to a sequence field is checked element by element (a second for a 2 MB
     # image); an array.array is taken as it is.
-    filled = array.array(_ARRAY_CODES[item])
+    filled = array.array(code)
     if isinstance(value, (bytes, bytearray, memoryview)):
         filled.frombytes(value)
     else:
-        filled.frombytes(np.ascontiguousarray(value, dtype=np.dtype(_ARRAY_CODES[item])).tobytes())
+        filled.frombytes(np.ascontiguousarray(value, dtype=np.dtype(code)).tobytes())
     return filled
 
 
-def _ros_item(type_name: str, value: Any) -> Any:
-    if not isinstance(value, Mapping):
-        return value
-    message = _ros_class(type_name)()
-    _fill_ros(message, value)
-    return message
+def _ros_items(type_name: str, values: Any) -> list[Any]:
+    message_class, items = _ros_class(type_name), []
+    for value in values:
+        if isinstance(value, Mapping):
+            message = message_class()
+            _fill_ros(message, value)
+            items.append(message)
+        else:
+            items.append(value)
+    return items
 
 
 @lru_cache(maxsize=1)
