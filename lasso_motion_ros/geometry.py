@@ -46,8 +46,7 @@ class Projection:
             raise GeometryError(f"a projection matrix is 3×4, found shape {matrix.shape}")
         if not np.all(np.isfinite(matrix)):
             raise GeometryError("the projection matrix has entries that are not finite")
-        if self.width < 1 or self.height < 1:
-            raise GeometryError(f"an image has at least one pixel, found {self.width}×{self.height}")
+        _require_pixels(self.width, self.height)
         left = matrix[:, :3]
         row_norms = np.linalg.norm(left, axis=1)
         # Rows differ by the focal length in pixels; balanced rows make this a test of rank, not of units.
@@ -63,6 +62,10 @@ class Projection:
     def source(self) -> Array:
         """(3,) X-ray source in world metres: the null vector of P (o = −M⁻¹ p₄; −Rᵀt for P = K[R|t])."""
         return np.asarray(-np.linalg.solve(self.matrix[:, :3], self.matrix[:, 3]))
+
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self.matrix[:, :3]))
 
     @cached_property
     def viewing_direction(self) -> Array:
@@ -102,7 +105,7 @@ class Projection:
         pixels = np.asarray(pixels, dtype=np.float64)
         homogeneous = np.concatenate([pixels, np.ones((*pixels.shape[:-1], 1))], axis=-1)
         # Of depth one, since the third row measures depth: in front of the source without further ado.
-        directions = homogeneous @ np.linalg.inv(self.matrix[:, :3]).T
+        directions = homogeneous @ self._inverse.T
         return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
 
     def decompose(self) -> tuple[Array, Array, Array]:
@@ -138,15 +141,24 @@ class Projection:
             height: rows of the read-out image.
             binning_x: full-resolution columns per published column.
             binning_y: full-resolution rows per published row.
+
+        Raises:
+            GeometryError: no pixel is read out.
         """
-        to_binned = np.array(
-            [
-                [1.0 / binning_x, 0.0, -(x_offset + (binning_x - 1) / 2.0) / binning_x],
-                [0.0, 1.0 / binning_y, -(y_offset + (binning_y - 1) / 2.0) / binning_y],
-                [0.0, 0.0, 1.0],
-            ]
-        )
-        return Projection(to_binned @ self.matrix, width, height)
+        _require_pixels(width, height)
+        matrix = self.matrix.copy()
+        matrix[0] = (matrix[0] - (x_offset + (binning_x - 1) / 2.0) * matrix[2]) / binning_x
+        matrix[1] = (matrix[1] - (y_offset + (binning_y - 1) / 2.0) * matrix[2]) / binning_y
+        matrix.setflags(write=False)
+        # Several a pair: what holds of the detector's matrix holds of this one, and the source is the same.
+        read_out = object.__new__(Projection)
+        read_out.__dict__.update(matrix=matrix, width=width, height=height, source=self.source)
+        return read_out
+
+
+def _require_pixels(width: int, height: int) -> None:
+    if width < 1 or height < 1:
+        raise GeometryError(f"an image has at least one pixel, found {width}×{height}")
 
 
 def carm_projection(

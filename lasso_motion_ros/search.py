@@ -17,6 +17,7 @@ Array = npt.NDArray[np.float64]
 CELL_PX = 2  # working pixels per search cell: about half a millimetre at the loop
 PEAKS = 24  # per plane
 PEAK_RADIUS_CELLS = 3
+PEAK_WINDOW = np.ones((2 * PEAK_RADIUS_CELLS + 1, 2 * PEAK_RADIUS_CELLS + 1), np.uint8)
 SCORE_CEILING = 25.0  # so that neither plane can drown the other
 RAY_TOLERANCE_M = 0.002
 LARGEST_DISAGREEMENT_M = 0.03
@@ -72,19 +73,18 @@ def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Arra
     if cells.shape[0] < pad_y or cells.shape[1] < pad_x:
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
     scores = cv2.matchTemplate(cells, kernel, cv2.TM_CCORR)
-    scores = scores / max(float(np.sqrt(np.mean(scores * scores))), 1e-6)
-    size = 2 * PEAK_RADIUS_CELLS + 1
-    is_peak = scores >= cv2.dilate(scores, np.ones((size, size), np.uint8))
+    scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
+    is_peak = scores >= cv2.dilate(scores, PEAK_WINDOW)
     is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
-    y, x = np.nonzero(is_peak)
-    best = np.argsort(scores[y, x], kind="stable")[::-1][:PEAKS]
-    y, x = y[best], x[best]
-    dx = _parabola(scores[y, x - 1], scores[y, x], scores[y, x + 1])
-    dy = _parabola(scores[y - 1, x], scores[y, x], scores[y + 1, x])
+    flat, width = scores.reshape(-1), scores.shape[1]
+    places = np.flatnonzero(is_peak)
+    places = places[np.argsort(flat[places], kind="stable")[::-1][:PEAKS]]
+    at, beside = flat[places], np.array([[1], [width]])
+    fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
     centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
     to_centre = centre_cell - first_cell - np.array([pad_x // 2, pad_y // 2])
-    pixels = (np.stack([x + dx, y + dy], axis=1) + to_centre + 0.5) * CELL_PX - 0.5
-    return Peaks(scores[y, x].astype(np.float64), pixels, image)
+    pixels = (np.stack([places % width, places // width], axis=1) + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
+    return Peaks(at.astype(np.float64), pixels, image)
 
 
 def join_peaks(
@@ -123,7 +123,7 @@ def join_peaks(
         on_b = source_b + along_b[..., None] * rays_b[None]
         gap = np.linalg.norm(on_a - on_b, axis=-1)
         middle = 0.5 * (on_a + on_b) - expected["a"]
-        distance = np.einsum("ijk,kl,ijl->ij", middle, np.linalg.inv(covariance), middle)
+        distance = ((middle @ np.linalg.inv(covariance)) * middle).sum(axis=-1)
         score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
         score = score - np.minimum(0.1 * distance, 2.0)
         # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.

@@ -61,8 +61,8 @@ def working_image(
     if reach_mm is not None:
         reach = reach_mm / projection.millimetres_per_pixel(centre)
         x, y = projection.project(centre)
-        left, right = (int(np.clip(v, 0, width)) for v in (x - reach, x + reach))
-        top, bottom = (int(np.clip(v, 0, height)) for v in (y - reach, y + reach))
+        left, right = (int(min(max(v, 0.0), width)) for v in (x - reach, x + reach))
+        top, bottom = (int(min(max(v, 0.0), height)) for v in (y - reach, y + reach))
     width, height = (right - left) // factor, (bottom - top) // factor
     if min(width, height) < 2 * NOISE_WINDOW_PX:
         return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)

@@ -153,6 +153,7 @@ def _published(detector: Projection, message: Any, image_shape: tuple[int, int] 
             f" the image has {image_shape[1]}×{image_shape[0]}"
         )
     try:
-        return detector.read_out(x, y, columns, rows, binning_x, binning_y)
+        # As strictly as any matrix: so much binning may leave it no rank.
+        return Projection(detector.read_out(x, y, columns, rows, binning_x, binning_y).matrix, columns, rows)
     except GeometryError as error:
         raise MessageError(f"p: with binning {binning_x}×{binning_y} and roi: {error}") from error
