@@ -143,22 +143,21 @@ class LoopFinder:
         for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
             if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
                 break  # found, and no rival comes near it
-            finding = self._judge(
-                align(
-                    images,
-                    {plane: self._appearances[plane].values for plane in images},
-                    model.arms,
-                    candidate.centres,
-                    RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch),
-                    turn,
-                    stretch,
-                    {plane: self._appearances[plane].distinctive for plane in images},
-                    at_least=0.0 if best is None or best.rank[0] < BOTH_AGREE else best.rank[1] / len(PLANES),
-                ),
+            ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
+            alignment = align(
                 images,
-                times,
-                respiration,
+                {plane: self._appearances[plane].values for plane in images},
+                model.arms,
+                candidate.centres,
+                RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch),
+                turn,
+                stretch,
+                {plane: self._appearances[plane].distinctive for plane in images},
+                ahead,
             )
+            if ahead and alignment.correlations[-1] <= ahead[-1]:
+                continue  # whatever the judgement, it cannot come before one on which both planes agree
+            finding = self._judge(alignment, images, times, respiration)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
         return best
