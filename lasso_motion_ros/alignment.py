@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import HALF_WIDTH, sample_at, slope, strip_about
+from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, sample_at, slope, strip_about
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
@@ -29,9 +29,8 @@ OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
 SEGMENTS = 12
 SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
-# Mean of the planes' correlations, iteration by iteration, below which no loop is there: of 759 true places in the
-# phantom suite the worst had 0.27, 0.37 and 0.42; half of the false ones have less than 0.26 at once.
-HOPELESS_CORRELATION = (0.2, 0.32, 0.4)
+# Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
+HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
 # Behind another alignment's, look by look (the last for all that follow), and that one will not be overtaken: both
 # start about as far off, and of 35 rivals in the suite the one that came up to it was not behind at any look.
 BEHIND = (0.06, 0.04)
@@ -62,6 +61,7 @@ class PlaneFit:
         covariance: (2, 2) of the centre along them, m², image noise only.
         gain: strength of the loop against its appearance: 1 as expected, 0 not there.
         correlation: normalised correlation of strip and appearance.
+        likeness: the same, relative to what it usually is where the loop is seen.
         visible: share of the loop's segments that look as expected.
         residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
         strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the appearance from.
@@ -72,6 +72,7 @@ class PlaneFit:
     covariance: Array
     gain: float
     correlation: float
+    likeness: float
     visible: float
     residual_mm: float
     strip: Image
@@ -98,34 +99,30 @@ class Alignment:
 
 def align(
     images: dict[Plane, WorkingImage],
-    appearances: dict[Plane, Image],
+    appearances: dict[Plane, Appearance],
     arms: Array,
     starts: dict[Plane, Array],
     prior: RingPrior,
     turn: Array | None = None,
     stretch: float = 0.0,
-    distinctive: dict[Plane, Image] | None = None,
     ahead: tuple[float, ...] = (),
 ) -> Alignment:
     """Align the loop's appearance with the images.
 
     Args:
         images: the planes that take part, one or two.
-        appearances: their strips (L, 2·HALF_WIDTH + 1).
+        appearances: what the loop looks like in them.
         arms: (L, 3) the loop's curve about its centre at the reference, metres.
         starts: per plane, (3,) the centre to start from, within about half a millimetre in that plane's image.
         prior: of the ring's own motion.
         turn: (3,) rotation vector to start from.
         stretch: logarithm of size to start from.
-        distinctive: strips by which gain, correlation and visible share are told; the appearances unless given.
         ahead: `correlations` of an alignment that is good already, so that a worse one need not be finished.
     """
     planes = tuple(images)
-    told_by = appearances if distinctive is None else distinctive
     views = _Views(
         [images[plane] for plane in planes],
-        np.stack([appearances[plane] for plane in planes]),
-        np.stack([told_by[plane] for plane in planes]),
+        [appearances[plane] for plane in planes],
         np.stack([starts[plane] for plane in planes]),
     )
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
@@ -137,7 +134,7 @@ def align(
     for iteration in range(ITERATIONS):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
         correlations += (float(views.correlation.mean()),)
-        if _is_hopeless(correlations, ahead):
+        if _is_hopeless(correlations, views.usual, ahead):
             break
         # The derivative changes little on the way; the residual is what has to be exact.
         normal, gradient = views.equations(renew=iteration < 2)
@@ -159,10 +156,10 @@ def align(
     )
 
 
-def _is_hopeless(correlations: tuple[float, ...], ahead: tuple[float, ...]) -> bool:
+def _is_hopeless(correlations: tuple[float, ...], usual: Array, ahead: tuple[float, ...]) -> bool:
     """Whether no loop is there, or one that looks worse than that which is ahead."""
     look, now = len(correlations) - 1, correlations[-1]
-    if look < len(HOPELESS_CORRELATION) and now < HOPELESS_CORRELATION[look]:
+    if look < len(HOPELESS_LIKENESS) and now < HOPELESS_LIKENESS[look] * float(usual.mean()):
         return True
     return bool(ahead) and now < ahead[min(look, len(ahead) - 1)] - BEHIND[min(look, len(BEHIND) - 1)]
 
@@ -177,22 +174,25 @@ class _Views:
 
     Args:
         images: the planes.
-        patterns: (P, L, columns) what is to be found, columns being 2·HALF_WIDTH + 1.
-        distinctive: (P, L, columns) by which gain, correlation and visible share are told.
+        appearances: what is to be found in each.
         centres: (P, 3) where to start from.
 
     Attributes:
-        correlation: (P,) of strip and appearance, from the last look.
+        usual: (P,) correlation of strip and appearance where the loop is seen.
+        correlation: (P,) the same, from the last look.
     """
 
-    def __init__(self, images: list[WorkingImage], patterns: Image, distinctive: Image, centres: Array) -> None:
+    def __init__(self, images: list[WorkingImage], appearances: list[Appearance], centres: Array) -> None:
         self._images = images
         projections = [image.projection for image in images]
         self._left = np.stack([p.matrix[:, :3] for p in projections])
         self._column = np.stack([p.matrix[:, 3] for p in projections])
         self._focal_px = np.array([p.focal_length_px for p in projections])
-        self._patterns, self._distinctive = patterns, distinctive
-        self._along, self._sideways = slope(patterns, axis=1), slope(patterns, axis=2)
+        # (P, L, columns) each, columns being 2·HALF_WIDTH + 1.
+        self._patterns = np.stack([appearance.values for appearance in appearances])
+        self._distinctive = np.stack([appearance.distinctive for appearance in appearances])
+        self._along, self._sideways = slope(self._patterns, axis=1), slope(self._patterns, axis=2)
+        self.usual = np.array([appearance.usual for appearance in appearances])
         self._centres = centres
         rays = centres - np.stack([p.source for p in projections])
         self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
@@ -289,6 +289,7 @@ class _Views:
                 covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
                 float(self._gains[i]),
                 float(self.correlation[i]),
+                float(self.correlation[i] / self.usual[i]),
                 float(visible[i]),
                 PIXEL_MM * float(residual_px[i]),
                 self._samples[i],

@@ -22,6 +22,7 @@ Real = TypeVar("Real", bound=np.floating[Any])
 MARGIN_COLUMNS = 2
 MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
 NOISE_SHARE = 0.25  # for alignment: margins hold background too, by which a clear loop must not be shrunk
+SMALLEST_USUAL = 0.35  # correlation; with less no loop is told from noise
 HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
 _OFFSETS = np.arange(-HALF_WIDTH, HALF_WIDTH + 1, dtype=np.float32)
 
@@ -92,18 +93,24 @@ class Appearance:
     Attributes:
         values: (L, 2·HALF_WIDTH + 1) float32 with all that alignment can hold on to, little shrunk.
         distinctive: the same freed of all that noise and background explain, by which the loop is told from others.
+        usual: correlation with it where the loop is seen; at first what the noise about the loop lets expect.
     """
 
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
+    USUAL_MEMORY = 5  # pairs
 
     def __init__(self, first: Image) -> None:
         self._mean: Image = np.array(first)
         self._count = 1
         self.values, self.distinctive = _without_noise(self._mean)
+        # A strip of signal and as much noise again correlates with the signal by the root of the signal's share.
+        share = float(np.sum(np.square(self.distinctive))) / max(float(np.sum(np.square(first))), 1e-9)
+        self.usual = max(float(np.sqrt(share)), SMALLEST_USUAL)
 
-    def update(self, strip: Image) -> None:
-        """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair in which the loop was surely found."""
+    def update(self, strip: Image, correlation: float) -> None:
+        """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair that surely shows the loop, and how well it correlated."""
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
+        self.usual += (correlation - self.usual) / min(self._count, self.USUAL_MEMORY)
         self._mean = self._mean + (strip - self._mean) * np.float32(1.0 / self._count)
         self.values, self.distinctive = _without_noise(self._mean)
 

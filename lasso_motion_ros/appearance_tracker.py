@@ -34,7 +34,6 @@ FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as we
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 STILL_TURNED_SHARE = 0.6  # of that, once it did not: the ring's own tilt takes it to and fro across a limit
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
-USUAL_MEMORY = 0.2
 # A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
 CALIBRATION_SHARE = 0.0015
 # The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres).
@@ -80,10 +79,10 @@ class AppearanceTracker:
         self._turned_away = False  # found again, but lying otherwise
         self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
-        self._displaced_place = 0.0, np.zeros(3), 0.0  # time, displacement and correlation when last seen there
+        # Time, displacement and correlations when last seen there.
+        self._displaced_place: tuple[float, Array, dict[Plane, float]] = 0.0, np.zeros(3), {}
         self._lost = False
         self._followed = True  # a pose was published for the pair before
-        self._usual: dict[Plane, float] = {}  # correlation of a plane that shows the loop
         self._doubt = 1.0
         self._both_seen_s = 0.0
         return self._result(pair, TrackerState.TRACKING, "", model.points)
@@ -116,19 +115,17 @@ class AppearanceTracker:
             return self._result(pair, TrackerState.LOST, reason, None)
         if len(finding.seen) == 1 and (reason := self._one_plane_refusal(pair, finding, followed=followed)):
             return self._result(pair, TrackerState.LOST, reason, None)
+        finding, trial, departure = self._most_plausible(pair, finding, time_s)
         state, reason = self._degradation(pair, finding, time_s)
         if state is TrackerState.LOST:
             return self._result(pair, state, reason, None)
-        predicted = self._respiration.predict(time_s).displacement
-        trial = self._respiration.copy()
-        self._finder.observe(trial, pair, finding)
         displacement = trial.at_a.displacement
-        departure = self._envelope.departure(time_s, displacement, predicted)
         if not departure and not self._is_back(finding, displacement, time_s):
             departure = self._displaced
         if departure:
-            if len(finding.seen) == 2:
-                self._displaced_place = time_s, displacement, finding.rank[1]
+            if len(finding.seen) == 2 and self._share_of_usual(finding, PLANES) >= FOUND_AGAIN_SHARE:
+                correlations = {plane: fit.correlation for plane, fit in finding.alignment.planes.items()}
+                self._displaced_place = time_s, displacement, correlations
                 # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
                 self._displaced = departure
                 self._displacement, self._lay = displacement, finding.alignment.turn
@@ -162,9 +159,7 @@ class AppearanceTracker:
             if state is TrackerState.TRACKING:
                 for plane in finding.seen:
                     fit = finding.alignment.planes[plane]
-                    self._appearances[plane].update(fit.strip)
-                    usual = self._usual.get(plane, fit.correlation)
-                    self._usual[plane] = usual + USUAL_MEMORY * (fit.correlation - usual)
+                    self._appearances[plane].update(fit.strip, fit.correlation)
                 self._rotation.learn(displacement - self._home, finding.alignment.turn, finding.alignment.stretch)
         if len(finding.seen) == 2 and sigma_mm > LARGEST_SURE_SIGMA_MM:
             # What was said before, edge-on in both planes say, is why.
@@ -174,6 +169,24 @@ class AppearanceTracker:
             state = TrackerState.DEGRADED
         loop = self._loop(finding.alignment, self._displacement)
         return self._result(pair, state, reason, loop, finding.alignment)
+
+    def _most_plausible(
+        self, pair: FramePair, finding: Finding, time_s: float
+    ) -> tuple[Finding, RespiratoryMotion, str]:
+        """The finding, or a rival that the images do not tell from it, if that alone can be breathing.
+
+        Returns:
+            It, the filter after it, and why it cannot be breathing (empty if it can).
+        """
+        predicted = self._respiration.predict(time_s).displacement
+        judged: list[tuple[Finding, RespiratoryMotion, str]] = []
+        for candidate in (finding, *finding.rivals):
+            trial = self._respiration.copy()
+            self._finder.observe(trial, pair, candidate)
+            judged.append((candidate, trial, self._envelope.departure(time_s, trial.at_a.displacement, predicted)))
+            if not judged[-1][2]:
+                return judged[-1]
+        return judged[0]
 
     def _one_plane_refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
         """Why what one plane alone shows carries no pose; empty if it does."""
@@ -187,11 +200,9 @@ class AppearanceTracker:
         return ""
 
     def _share_of_usual(self, finding: Finding, planes: tuple[Plane, ...]) -> float:
-        """Correlation in some of the planes, relative to what it was while tracking; 1 if not known yet."""
-        known = [plane for plane in planes if plane in self._usual]
-        usual = sum(self._usual[plane] for plane in known)
-        found = sum(finding.alignment.planes[plane].correlation for plane in known)
-        return found / usual if usual > 0.0 else 1.0
+        """Correlation in some of the planes, relative to what it usually is."""
+        usual = sum(self._appearances[plane].usual for plane in planes)
+        return sum(finding.alignment.planes[plane].correlation for plane in planes) / usual
 
     def _is_back(self, finding: Finding, displacement: Array, time_s: float) -> bool:
         """Whether what was taken for a moved lasso was something else, now that it shows better and far from there.
@@ -201,10 +212,10 @@ class AppearanceTracker:
         if not self._displaced:
             return True
         config = self._config.judgement
-        since_s, place, correlation = self._displaced_place
+        since_s, place, correlations = self._displaced_place
         possible_mm = config.largest_speed_mm_s * (time_s - since_s) + config.jump_allowance_mm
         moved_mm = 1e3 * float(np.linalg.norm(displacement - place))
-        return len(finding.seen) == 2 and moved_mm > possible_mm and finding.rank[1] > correlation
+        return len(finding.seen) == 2 and moved_mm > possible_mm and finding.rank[1] > sum(correlations.values())
 
     def _revise(self, displacement: Array) -> None:
         """Take what was learned since for the displacement (3,) m; between two late phases nothing changes by it."""
@@ -238,7 +249,9 @@ class AppearanceTracker:
             # It belongs where and as it lies now; what was learnt of the breathing, but not of its place, still holds.
             self._displaced = ""
             self._home, self._home_turn = self._displacement, self._lay
-            self._turn, self._followed, self._usual = 0.5 * self._lay, True, {}
+            self._turn, self._followed = 0.5 * self._lay, True
+            for plane, correlation in self._displaced_place[2].items():
+                self._appearances[plane].usual = correlation
             self._rotation = BreathingRotation()
             self._respiration.move(self._displacement)
             self._envelope = BreathingEnvelope(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -28,6 +28,7 @@ UNFORESEEN_SPEED_M_S = 0.03
 HEARTBEAT_SPEED_M_S = 0.006
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
+RIVAL_CORRELATION = 0.9  # of the best finding's: the images alone do not tell the two apart
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
@@ -50,6 +51,7 @@ class Finding:
         gap_mm: by which the planes disagree, mm.
         degraded_gap_mm: disagreement above which the state is DEGRADED, mm.
         lost_gap_mm: disagreement above which it is LOST, mm.
+        rivals: other findings on which both planes agree, and which correlate nearly as well; best first.
     """
 
     alignment: Alignment
@@ -59,6 +61,7 @@ class Finding:
     gap_mm: float = 0.0
     degraded_gap_mm: float = np.inf
     lost_gap_mm: float = np.inf
+    rivals: tuple[Finding, ...] = ()
 
     @property
     def rank(self) -> tuple[int, float]:
@@ -138,6 +141,7 @@ class LoopFinder:
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + 0.004**2 * np.eye(3)
         best: Finding | None = None
+        agreed: list[Finding] = []
         count = self.config.search.candidates // (2 if near else 1)
         best_score = 0.0
         for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
@@ -146,21 +150,26 @@ class LoopFinder:
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
             alignment = align(
                 images,
-                {plane: self._appearances[plane].values for plane in images},
+                {plane: self._appearances[plane] for plane in images},
                 model.arms,
                 candidate.centres,
                 RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch),
                 turn,
                 stretch,
-                {plane: self._appearances[plane].distinctive for plane in images},
                 ahead,
             )
-            if ahead and alignment.correlations[-1] <= ahead[-1]:
-                continue  # whatever the judgement, it cannot come before one on which both planes agree
+            if ahead and alignment.correlations[-1] < RIVAL_CORRELATION * ahead[-1]:
+                continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, images, times, respiration)
+            if finding.rank[0] == BOTH_AGREE:
+                agreed.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
-        return best
+        if best is None or len(agreed) < 2:
+            return best
+        least = RIVAL_CORRELATION * best.rank[1]
+        rivals = [finding for finding in agreed if finding is not best and finding.rank[1] >= least]
+        return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1])))
 
     def _judge(
         self,

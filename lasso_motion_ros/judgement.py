@@ -27,19 +27,19 @@ def is_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     """Whether one plane shows the loop, by itself."""
     return (
         config.smallest_gain <= fit.gain <= config.largest_gain
-        and fit.correlation >= config.smallest_correlation
+        and fit.likeness >= config.smallest_likeness
         and fit.visible >= config.smallest_visible
     )
 
 
 def is_clearly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     """Whether one plane alone is good enough to rest a pose on."""
-    return is_seen(fit, config) and fit.visible >= config.full_visible and fit.correlation >= config.clear_correlation
+    return is_seen(fit, config) and fit.visible >= config.full_visible and fit.likeness >= config.clear_likeness
 
 
 def is_faintly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     """Whether a plane shows so much of the loop that it counts where all else agrees."""
-    return config.faint_gain <= fit.gain <= config.largest_gain and fit.correlation >= config.faint_correlation
+    return config.faint_gain <= fit.gain <= config.largest_gain and fit.likeness >= config.faint_likeness
 
 
 def epipolar_gap(ray_a: Array, ray_b: Array, centre_a: Array, centre_b: Array) -> tuple[float, Array]:

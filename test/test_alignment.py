@@ -45,7 +45,7 @@ def images(clean, seed=1, sigma=5.0, views=None):
 
 def learned(images):
     return {
-        name: Appearance(strip_along(LOOP.centre + ARMS, image.projection).sample(image)).values
+        name: Appearance(strip_along(LOOP.centre + ARMS, image.projection).sample(image))
         for name, image in images.items()
     }
 
@@ -66,7 +66,7 @@ def test_a_shift_is_recovered_to_a_tenth_of_a_pixel(side, count):
         found = align(images(clean_images(translation, side=side), seed), appearances(side), ARMS, START, PRIOR)
         for fit in found.planes.values():
             assert np.abs(across_mm(fit, LOOP.centre + translation)).max() < 0.025
-            assert fit.correlation > 0.9
+            assert fit.likeness > 0.9
             assert fit.visible == pytest.approx(1.0)
             # Learned from a single noisy image and smoothed, it is a little weaker than what it shows.
             assert 1.0 < fit.gain < 1.4
@@ -103,7 +103,7 @@ def test_directions_are_across_the_ray_and_perpendicular():
         ray = fit.centre - VIEWS[plane].source
         np.testing.assert_allclose(fit.across @ fit.across.T, np.eye(2), atol=1e-12)
         np.testing.assert_allclose(fit.across @ (ray / np.linalg.norm(ray)), 0.0, atol=1e-3)
-        assert fit.strip.shape == appearances()[plane].shape
+        assert fit.strip.shape == appearances()[plane].values.shape
 
 
 TURNS_DEG = [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, -3.0], [-2.0, 1.5, 2.0]]
@@ -218,6 +218,14 @@ def test_a_place_without_the_loop_is_given_up():
         # After two steps, of at most 0.4 mm and 0.03 rad in each direction, it is left where it is.
         assert np.abs(found.turn).max() <= 0.06 + 1e-9
     assert max(fits) <= 2.0 * 0.4 * np.sqrt(2.0) + 1e-6
+
+
+def test_likeness_is_correlation_by_what_is_usual():
+    seen = images(clean_images(MOVED))
+    found = align(seen, appearances(), ARMS, START, PRIOR)
+    for plane, fit in found.planes.items():
+        assert 0.8 < fit.likeness < 1.3
+        assert fit.likeness == pytest.approx(fit.correlation / appearances()[plane].usual)
 
 
 def test_a_plane_without_the_loop_does_not_stop_the_other():

@@ -74,8 +74,8 @@ def test_sampling_is_bilinear_and_zero_outside():
 def test_the_appearance_is_the_mean_of_the_strips():
     strip = line_strip(1.0) + 0.1 * ripple()
     learned = Appearance(strip)
-    learned.update(2.0 * strip)
-    learned.update(6.0 * strip)
+    learned.update(2.0 * strip, 0.9)
+    learned.update(6.0 * strip, 0.9)
     # Shrinking is a matter of proportions: what is three times as strong is kept three times as strong.
     np.testing.assert_allclose(learned.values, Appearance(3.0 * strip).values, atol=1e-5)
     np.testing.assert_allclose(learned.values, 3.0 * Appearance(strip).values, atol=1e-5)
@@ -85,11 +85,29 @@ def test_old_strips_fade():
     strip = line_strip(1.0)
     learned = Appearance(strip)
     for _ in range(30):
-        learned.update(strip)
+        learned.update(strip, 0.9)
     np.testing.assert_allclose(learned.values, Appearance(strip).values, atol=1e-5)
     # One of sixteen: (15 · 1 + 17) / 16 = 2.
-    learned.update(17.0 * strip)
+    learned.update(17.0 * strip, 0.9)
     np.testing.assert_allclose(learned.values, Appearance(2.0 * strip).values, atol=1e-5)
+
+
+def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what_was_found():
+    # Signal and noise of known energy: another such strip correlates with the signal by the root of the signal's share.
+    loop = cv2.GaussianBlur(line_strip(9.0), (0, 0), 1.2) * (1.0 + np.sin(np.arange(80.0)[:, None] / 4.0) ** 2)
+    for size in (0.3, 1.0, 1.7):
+        noise = size * ripple()
+        share = np.sum(loop**2) / np.sum((loop + noise) ** 2)
+        assert Appearance((loop + noise).astype(np.float32)).usual == pytest.approx(np.sqrt(share), abs=0.1)
+    assert Appearance(ripple()).usual == 0.35  # however little there is
+    learned = Appearance(line_strip() + 0.1 * ripple())
+    learned.update(line_strip(), 0.5)
+    learned.update(line_strip(), 0.7)
+    # The mean of three: the first strip's, 0.5 and 0.7.
+    assert learned.usual == pytest.approx((Appearance(line_strip() + 0.1 * ripple()).usual + 1.2) / 3.0)
+    for _ in range(40):
+        learned.update(line_strip(), 0.9)
+    assert learned.usual == pytest.approx(0.9, abs=1e-3)
 
 
 def test_the_appearance_does_not_alias_its_input():
@@ -97,7 +115,7 @@ def test_the_appearance_does_not_alias_its_input():
     learned = Appearance(strip)
     before = learned.values.copy()
     strip[:] = 0.0
-    learned.update(line_strip() + 0.1 * ripple())
+    learned.update(line_strip() + 0.1 * ripple(), 0.9)
     np.testing.assert_allclose(learned.values, before, atol=1e-5)
 
 

@@ -156,7 +156,7 @@ def test_a_pause_or_a_large_breath_is_no_jump(tracker):
 
 
 def test_other_limits_can_be_set_while_it_runs(tracker):
-    strict = dataclasses.replace(CONFIG, judgement=JudgementConfig(smallest_correlation=1.0, faint_correlation=1.0))
+    strict = dataclasses.replace(CONFIG, judgement=JudgementConfig(smallest_likeness=1.0, faint_likeness=1.0))
     tracker.reconfigure(strict)
     assert_no_pose(tracker.track(pair(WARM)), LOST)
     tracker.reconfigure(CONFIG)

@@ -12,10 +12,10 @@ from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clear
 CONFIG = JudgementConfig(
     smallest_gain=0.5,
     largest_gain=2.0,
-    smallest_correlation=0.4,
+    smallest_likeness=0.65,
     smallest_visible=0.6,
     full_visible=0.8,
-    clear_correlation=0.55,
+    clear_likeness=0.8,
     largest_speed_mm_s=65.0,
     jump_allowance_mm=2.0,
     longest_jump_interval_s=1.5,
@@ -24,7 +24,7 @@ CONFIG = JudgementConfig(
     deeper_breath_mm=20.0,
     longest_breath_s=9.0,
 )
-GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.9, 1.0, 0.1, np.zeros((1, 13), np.float32))
+GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32))
 UP, ASIDE = np.array([0.0, 0.0, 1e-3]), np.array([1e-3, 0.0, 0.0])  # a millimetre each
 INTERVAL_S = 0.3
 
@@ -39,10 +39,10 @@ INTERVAL_S = 0.3
         ({"gain": 2.01}, False, False),
         ({"gain": -1.0}, False, False),
         ({"gain": float("nan")}, False, False),
-        ({"correlation": 0.55}, True, True),
-        ({"correlation": 0.54}, True, False),
-        ({"correlation": 0.4}, True, False),
-        ({"correlation": 0.39}, False, False),
+        ({"likeness": 0.8}, True, True),
+        ({"likeness": 0.79}, True, False),
+        ({"likeness": 0.65}, True, False),
+        ({"likeness": 0.64}, False, False),
         ({"visible": 0.8}, True, True),
         ({"visible": 0.79}, True, False),
         ({"visible": 0.6}, True, False),

@@ -229,7 +229,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("robust", "robust weights", {}, {"alignment.OUTLIER_SIGMAS": OFF}),
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
-        Idea("hopeless", "giving up early on hopeless candidates", {}, {"alignment.HOPELESS_CORRELATION": ()}),
+        Idea("hopeless", "giving up early on hopeless candidates", {}, {"alignment.HOPELESS_LIKENESS": ()}),
         Idea(
             "translation",
             "publishing the translation alone: the ring's turn as well",
@@ -264,7 +264,7 @@ IDEAS: Mapping[str, Idea] = {
             {
                 "judgement.smallest_gain": 0.0,
                 "judgement.largest_gain": OFF,
-                "judgement.smallest_correlation": 0.0,
+                "judgement.smallest_likeness": 0.0,
                 "judgement.smallest_visible": 0.0,
             },
         ),
