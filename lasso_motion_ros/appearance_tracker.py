@@ -37,7 +37,7 @@ CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 # A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
 CALIBRATION_SHARE = 0.0015
 # The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres).
-PIVOT_M = 1e-3
+PIVOT_M = 2e-3
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
