@@ -19,6 +19,7 @@ from lasso_motion_ros.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.respiration import RespiratoryMotion
 from lasso_motion_ros.tracker import RingMotion, TrackerState, TrackResult
 from lasso_motion_ros.transforms import rotation_from_vector
+from lasso_motion_ros.uncertainty import at_world_origin, calibration_covariance, pivot_covariance
 from lasso_motion_ros.working_image import working_image
 
 Array = npt.NDArray[np.float64]
@@ -34,10 +35,6 @@ FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as we
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 STILL_TURNED_SHARE = 0.6  # of that, once it did not: the ring's own tilt takes it to and fro across a limit
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
-# A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
-CALIBRATION_SHARE = 0.0015
-# The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres).
-PIVOT_M = 2e-3
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
@@ -97,24 +94,12 @@ class AppearanceTracker:
         time_s = self._seconds(pair.stamp_ns)
         self._last_stamp_ns, self._displacement = pair.stamp_ns, None
         followed, self._followed, self._doubt = self._followed, False, 1.0
-        # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
-        finding = None if self._lost else self._find(pair, near=True)
-        self._lost = False
-        if finding is None or finding.rank[0] < 2 * len(self._finder.exposures(pair)):
-            anywhere = self._find(pair, near=False)
-            if finding is None or (anywhere is not None and anywhere.rank > finding.rank):
-                finding = anywhere
+        finding = self._look(pair)
+        self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
-            self._lost = True
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
-        if finding.gap_mm > finding.lost_gap_mm:
-            reason = f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
-            return self._result(pair, TrackerState.LOST, reason, None)
-        if finding.faint is not None and not followed and finding.gap_mm > FAINT_AGAIN_GAP_MM:
-            reason = f"plane {finding.faint.upper()} shows the lasso only faintly, and not quite where the other does"
-            return self._result(pair, TrackerState.LOST, reason, None)
-        if len(finding.seen) == 1 and (reason := self._one_plane_refusal(pair, finding, followed=followed)):
-            return self._result(pair, TrackerState.LOST, reason, None)
+        if refusal := self._refusal(pair, finding, followed=followed):
+            return self._result(pair, TrackerState.LOST, refusal, None)
         finding, trial, departure = self._most_plausible(pair, finding, time_s)
         state, reason = self._degradation(pair, finding, time_s)
         if state is TrackerState.LOST:
@@ -123,45 +108,84 @@ class AppearanceTracker:
         if not departure and not self._is_back(finding, displacement, time_s):
             departure = self._displaced
         if departure:
-            if len(finding.seen) == 2 and self._share_of_usual(finding, PLANES) >= FOUND_AGAIN_SHARE:
-                correlations = {plane: fit.correlation for plane, fit in finding.alignment.planes.items()}
-                self._displaced_place = time_s, displacement, correlations
-                # One plane alone cannot tell a lasso that was moved from a bad depth: it does not condemn.
-                self._displaced = departure
-                self._displacement, self._lay = displacement, finding.alignment.turn
-                loop = self._loop(finding.alignment, displacement)
-                return self._result(pair, TrackerState.DISPLACED, departure, loop, finding.alignment)
-            return self._result(pair, TrackerState.LOST, departure, None)
-        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._lay)))
-        if not followed and turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
-            self._turned_away = True
-            reason = f"found again, but turned by {turned_deg:.0f} degrees: moved?"
-            return self._result(pair, TrackerState.LOST, reason, None)
-        if not followed and (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
-            reason = f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
-            return self._result(pair, TrackerState.LOST, reason, None)
-        self._displaced, self._turned_away = "", False
+            return self._departed(pair, finding, displacement, departure)
+        if not followed and (refusal := self._return_refusal(finding)):
+            return self._result(pair, TrackerState.LOST, refusal, None)
+        self._displaced, self._turned_away, self._followed = "", False, True
         if len(finding.seen) == 1:
-            self._doubt = trial.doubt(displacement)
-        sigma_mm = 1e3 * float(np.sqrt(self._doubt * np.trace(trial.at_a.covariance)))
-        if len(finding.seen) == 1 and sigma_mm > LARGEST_ONE_PLANE_SIGMA_MM:
-            self._respiration, self._followed = trial, True  # it is not lost: where the depth is known again it goes on
+            return self._go_on_with_one(pair, finding, trial, state, reason)
+        return self._go_on(pair, finding, trial, state, reason)
+
+    def _look(self, pair: FramePair) -> Finding | None:
+        """The best finding about the prediction, or where that fails anywhere."""
+        # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
+        near = None if self._lost else self._find(pair, near=True)
+        if near is not None and near.rank[0] == 2 * len(self._finder.exposures(pair)):
+            return near
+        anywhere = self._find(pair, near=False)
+        if near is None or (anywhere is not None and anywhere.rank > near.rank):
+            return anywhere
+        return near
+
+    def _refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
+        """Why what was found carries no pose, wherever it is; empty if it may."""
+        if finding.gap_mm > finding.lost_gap_mm:
+            return f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
+        if finding.faint is not None and not followed and finding.gap_mm > FAINT_AGAIN_GAP_MM:
+            return f"plane {finding.faint.upper()} shows the lasso only faintly, and not quite where the other does"
+        if len(finding.seen) == 2:
+            return ""
+        other = "B" if finding.seen == ("a",) else "A"
+        if not followed:
+            return f"plane {other} does not show the lasso: after a loss both have to"
+        if pair.frame("b" if other == "B" else "a") is not None:
+            # Hidden, moved or hard to see there: what the other plane shows cannot tell which.
+            return f"plane {other} does not show the lasso"
+        return ""
+
+    def _return_refusal(self, finding: Finding) -> str:
+        """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
+        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._lay)))
+        if turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
+            self._turned_away = True
+            return f"found again, but turned by {turned_deg:.0f} degrees: moved?"
+        if (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
+            return f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
+        return ""
+
+    def _departed(self, pair: FramePair, finding: Finding, displacement: Array, reason: str) -> TrackResult:
+        """DISPLACED, and remembered as such; LOST where too little is seen to condemn it."""
+        # One plane alone cannot tell a lasso that was moved from a bad depth, and something else shows less.
+        if len(finding.seen) < 2 or self._share_of_usual(finding, PLANES) < FOUND_AGAIN_SHARE:
+            return self._result(pair, TrackerState.LOST, reason, None)
+        correlations = {plane: fit.correlation for plane, fit in finding.alignment.planes.items()}
+        self._displaced_place = self._seconds(pair.stamp_ns), displacement, correlations
+        self._displaced = reason
+        self._displacement, self._lay = displacement, finding.alignment.turn
+        loop = self._loop(finding.alignment, displacement)
+        return self._result(pair, TrackerState.DISPLACED, reason, loop, finding.alignment)
+
+    def _go_on_with_one(
+        self, pair: FramePair, finding: Finding, trial: RespiratoryMotion, state: TrackerState, reason: str
+    ) -> TrackResult:
+        """Believe what one plane shows, as far as the depth is known; nothing is learned from it."""
+        self._respiration = trial  # it is not lost: where the depth is known again it goes on
+        displacement = trial.at_a.displacement
+        self._doubt = trial.doubt(displacement)
+        if (sigma_mm := self._sigma_mm) > LARGEST_ONE_PLANE_SIGMA_MM:
             text = f"one plane alone tells the depth to {sigma_mm:.1f} mm only"
             return self._result(pair, TrackerState.LOST, text, None)
-        self._respiration, self._displacement, self._followed = trial, displacement, True
-        if len(finding.seen) == 2:
-            self._both_seen_s = time_s
-            self._envelope.accept(time_s, displacement)
-            self._respiration.learn(displacement)
-            self._revise(self._respiration.at_a.displacement)
-            self._lay = finding.alignment.turn
-            self._turn, self._stretch = 0.5 * finding.alignment.turn, 0.5 * finding.alignment.stretch
-            if state is TrackerState.TRACKING:
-                for plane in finding.seen:
-                    fit = finding.alignment.planes[plane]
-                    self._appearances[plane].update(fit.strip, fit.correlation)
-                self._rotation.learn(displacement - self._home, finding.alignment.turn, finding.alignment.stretch)
-        if len(finding.seen) == 2 and sigma_mm > LARGEST_SURE_SIGMA_MM:
+        self._displacement = displacement
+        return self._result(pair, state, reason, self._loop(finding.alignment, displacement), finding.alignment)
+
+    def _go_on(
+        self, pair: FramePair, finding: Finding, trial: RespiratoryMotion, state: TrackerState, reason: str
+    ) -> TrackResult:
+        """Believe what both planes show, and learn from it."""
+        self._respiration, displacement = trial, trial.at_a.displacement
+        self._displacement, sigma_mm = displacement, self._sigma_mm
+        self._learn(finding, displacement, self._seconds(pair.stamp_ns), surely=state is TrackerState.TRACKING)
+        if sigma_mm > LARGEST_SURE_SIGMA_MM:
             # What was said before, edge-on in both planes say, is why.
             reason = reason or f"planes exposed so far apart in time tell the depth to {sigma_mm:.1f} mm only, as yet"
             if sigma_mm > LARGEST_SIGMA_MM:
@@ -169,6 +193,26 @@ class AppearanceTracker:
             state = TrackerState.DEGRADED
         loop = self._loop(finding.alignment, self._displacement)
         return self._result(pair, state, reason, loop, finding.alignment)
+
+    def _learn(self, finding: Finding, displacement: Array, time_s: float, *, surely: bool) -> None:
+        """Learn how it breathes and lies; where it is surely tracked, how it looks and turns as well."""
+        turn, stretch = finding.alignment.turn, finding.alignment.stretch
+        self._both_seen_s = time_s
+        self._envelope.accept(time_s, displacement)
+        self._respiration.learn(displacement)
+        self._revise(self._respiration.at_a.displacement)
+        self._lay = turn
+        self._turn, self._stretch = 0.5 * turn, 0.5 * stretch
+        if surely:
+            for plane in finding.seen:
+                fit = finding.alignment.planes[plane]
+                self._appearances[plane].update(fit.strip, fit.correlation)
+            self._rotation.learn(displacement - self._home, turn, stretch)
+
+    @property
+    def _sigma_mm(self) -> float:
+        """Standard deviation of the displacement, mm."""
+        return 1e3 * float(np.sqrt(self._doubt * np.trace(self._respiration.at_a.covariance)))
 
     def _most_plausible(
         self, pair: FramePair, finding: Finding, time_s: float
@@ -187,17 +231,6 @@ class AppearanceTracker:
             if not judged[-1][2]:
                 return judged[-1]
         return judged[0]
-
-    def _one_plane_refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
-        """Why what one plane alone shows carries no pose; empty if it does."""
-        (plane,) = finding.seen
-        other = "B" if plane == "a" else "A"
-        if not followed:
-            return f"plane {other} does not show the lasso: after a loss both have to"
-        if pair.frame("b" if plane == "a" else "a") is not None:
-            # Hidden, moved or hard to see there: what the other plane shows cannot tell which.
-            return f"plane {other} does not show the lasso"
-        return ""
 
     def _share_of_usual(self, finding: Finding, planes: tuple[Plane, ...]) -> float:
         """Correlation in some of the planes, relative to what it usually is."""
@@ -354,23 +387,13 @@ class AppearanceTracker:
         # About the ring's centre at the reference, which goes where the ring's centre has gone.
         centre = self._require_model().centre + self._reference
         motion[:3, 3] = centre + self._displacement - self._reference - motion[:3, :3] @ centre
-        return replace(result, motion=motion, covariance=self._pose_covariance(rotation, alignment))
+        return replace(result, motion=motion, covariance=self._covariance(rotation, alignment))
 
-    def _pose_covariance(self, rotation: Rotation, alignment: Alignment | None) -> Array:
+    def _covariance(self, rotation: Rotation, alignment: Alignment | None) -> Array:
         """(6, 6) of the motion at the world origin; an alignment that turned the ring adds what its pivot is off."""
-        model = self._require_model()
         moved = np.zeros(3) if self._displacement is None else self._displacement
-        x, y, z = model.centre + moved
-        # A rotation θ about where the ring's centre is now, c, displaces the world origin by −θ × c = [c]ₓ θ.
-        lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        jacobian = np.block([[np.eye(3), lever], [np.zeros((3, 3)), np.eye(3)]])
-        at_ring = np.zeros((6, 6))
-        at_ring[:3, :3] = self._doubt * self._respiration.at_a.covariance
-        since = moved - self._reference
-        at_ring[:3, :3] += self._reference_covariance + CALIBRATION_SHARE**2 * float(since @ since) * np.eye(3)
+        position = self._doubt * self._respiration.at_a.covariance + self._reference_covariance
+        position = position + calibration_covariance(moved - self._reference)
         if alignment is not None:
-            turn, stretch = alignment.turn, alignment.stretch
-            # An offset r of the pivot shows as a displacement θ × r + s r: with r's covariance σ² 1, this.
-            at_ring[:3, :3] += PIVOT_M**2 * ((turn @ turn + stretch**2) * np.eye(3) - np.outer(turn, turn))
-        at_ring[3:, 3:] = rotation.covariance
-        return np.asarray(jacobian @ at_ring @ jacobian.T)
+            position = position + pivot_covariance(alignment.turn, alignment.stretch)
+        return at_world_origin(self._require_model().centre + moved, position, rotation.covariance)

@@ -1,0 +1,46 @@
+"""What the covariance of the motion holds besides the filter's own, and how it is carried to the world origin."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+# A displacement is known to this share of itself: calibrations are off by a tenth of a degree or two.
+CALIBRATION_SHARE = 0.0015
+# The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres):
+# an open or overlapping loop's centre is no better defined.
+PIVOT_M = 2e-3
+
+
+def calibration_covariance(displacement: Array) -> Array:
+    """(3, 3) m² by which an imperfect calibration may have put off a displacement (3,) m."""
+    return np.asarray(CALIBRATION_SHARE**2 * float(displacement @ displacement) * np.eye(3))
+
+
+def pivot_covariance(turn: Array, stretch: float) -> Array:
+    """(3, 3) m² by which the ring's own motion may pass for a displacement of its centre.
+
+    An offset r of the pivot shows as a displacement θ × r + s r; r has covariance σ² 1.
+
+    Args:
+        turn: (3,) rotation vector θ of the ring, rad.
+        stretch: logarithm s of its size.
+    """
+    return np.asarray(PIVOT_M**2 * ((turn @ turn + stretch**2) * np.eye(3) - np.outer(turn, turn)))
+
+
+def at_world_origin(centre: Array, position: Array, rotation: Array) -> Array:
+    """(6, 6) covariance of a motion at the world origin, in ROS order: x, y, z, then about the fixed axes x, y, z.
+
+    Args:
+        centre: (3,) where the ring's centre is now, metres.
+        position: (3, 3) covariance of the motion there, m².
+        rotation: (3, 3) of its rotation about there, rad²; the two are independent.
+    """
+    x, y, z = centre
+    # A rotation θ about c displaces the world origin by −θ × c = [c]ₓ θ.
+    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = lever @ rotation
+    return np.block([[position + cross @ lever.T, cross], [cross.T, rotation]])
