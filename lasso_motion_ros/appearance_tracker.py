@@ -35,6 +35,7 @@ FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as we
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 STILL_TURNED_SHARE = 0.6  # of that, once it did not: the ring's own tilt takes it to and fro across a limit
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
+GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
@@ -217,20 +218,28 @@ class AppearanceTracker:
     def _most_plausible(
         self, pair: FramePair, finding: Finding, time_s: float
     ) -> tuple[Finding, RespiratoryMotion, str]:
-        """The finding, or a rival that the images do not tell from it, if that alone can be breathing.
+        """Of the finding and its rivals, which the images do not tell apart, the one that surprises least.
 
         Returns:
             It, the filter after it, and why it cannot be breathing (empty if it can).
         """
-        predicted = self._respiration.predict(time_s).displacement
+        predicted = self._respiration.predict(time_s)
         judged: list[tuple[Finding, RespiratoryMotion, str]] = []
+        surprises: list[tuple[bool, float]] = []
         for candidate in (finding, *finding.rivals):
             trial = self._respiration.copy()
             self._finder.observe(trial, pair, candidate)
-            judged.append((candidate, trial, self._envelope.departure(time_s, trial.at_a.displacement, predicted)))
-            if not judged[-1][2]:
-                return judged[-1]
-        return judged[0]
+            displacement = trial.at_a.displacement
+            departure = self._envelope.departure(time_s, displacement, predicted.displacement)
+            judged.append((candidate, trial, departure))
+            if not finding.rivals:
+                break
+            unforeseen = displacement - predicted.displacement
+            surprise = float(unforeseen @ np.linalg.solve(predicted.covariance, unforeseen))
+            surprises.append(
+                (departure != "", surprise + (GAP_SIGMAS * candidate.gap_mm / candidate.degraded_gap_mm) ** 2)
+            )
+        return judged[surprises.index(min(surprises))] if surprises else judged[0]
 
     def _share_of_usual(self, finding: Finding, planes: tuple[Plane, ...]) -> float:
         """Correlation in some of the planes, relative to what it usually is."""

@@ -1,5 +1,7 @@
 """What noise hides: the loop is told from it by what this dose allows, and by where breathing can have taken it."""
 
+import copy
+
 import numpy as np
 import pytest
 from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
@@ -72,3 +74,27 @@ def test_of_two_that_look_alike_the_one_that_breathes_is_the_lasso():
         here = CURVE + moved(index + 1)
         result = tracker.track(drawn(index + 1, [here, here + ASIDE]))
         assert result.state is TRACKING, result.reason
+
+
+def test_of_two_in_one_plane_the_one_that_agrees_with_the_other_plane_is_the_lasso():
+    # Along plane B's ray, so that B cannot tell them apart, and 1.2 mm off plane A's epipolar plane.
+    ray = LOOP.centre - VIEWS["b"].source
+    ray /= np.linalg.norm(ray)
+    off = np.cross(ray, LOOP.centre - VIEWS["a"].source)
+    twin = 9e-3 * ray + 1.2e-3 * off / np.linalg.norm(off)
+    before, _ = tracked(5.0)
+    here = CURVE + moved(WARM)
+    for seed in range(6):
+        tracker = copy.deepcopy(before)
+        stamp_ns = WARM * PERIOD_NS
+        a = two_curves("a", here, here + twin, seed)
+        result = tracker.track(FramePair(stamp_ns, a, drawn(WARM, [here]).b))
+        assert result.motion is not None, result.reason
+        assert 1e3 * np.linalg.norm(apply(result.motion, LOOP.centre) - LOOP.centre - moved(WARM)) < 0.5
+
+
+def two_curves(name, first, second, seed):
+    """A frame with two loops, of which the second stands out a little more."""
+    empty = lasso_image(CURVE + 10.0, VIEWS[name]).astype(float)
+    image = empty + lasso_image(first, VIEWS[name]) - empty + 1.1 * (lasso_image(second, VIEWS[name]) - empty)
+    return Frame(WARM * PERIOD_NS, noisy(image, [seed, 5], 12.0), VIEWS[name])
