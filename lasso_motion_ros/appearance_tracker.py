@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +34,7 @@ LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from th
 FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
-STILL_TURNED_SHARE = 0.6  # of that, once it did not: the ring's own tilt takes it to and fro across a limit
+LAYS_KEPT = 64  # in so many pairs with a pose before
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
@@ -73,8 +74,8 @@ class AppearanceTracker:
         self._displacement: Array | None = np.zeros(3)
         self._turn, self._stretch = np.zeros(3), 0.0  # to start the next alignment from
         self._lay = self._home_turn = np.zeros(3)  # how the ring lay when last seen, and where it belongs
+        self._lays: deque[Array] = deque([self._lay], maxlen=LAYS_KEPT)  # there: its own tilt takes it to and fro
         self._home = np.zeros(3)
-        self._turned_away = False  # found again, but lying otherwise
         self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
         # Time, displacement and correlations when last seen there.
@@ -112,7 +113,7 @@ class AppearanceTracker:
             return self._departed(pair, finding, displacement, departure)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)
-        self._displaced, self._turned_away, self._followed = "", False, True
+        self._displaced, self._followed = "", True
         if len(finding.seen) == 1:
             return self._go_on_with_one(pair, finding, trial, state, reason)
         return self._go_on(pair, finding, trial, state, reason)
@@ -146,9 +147,8 @@ class AppearanceTracker:
 
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
-        turned_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._lay)))
-        if turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
-            self._turned_away = True
+        turned_deg = min(float(np.degrees(np.linalg.norm(finding.alignment.turn - lay))) for lay in self._lays)
+        if turned_deg > FOUND_AGAIN_TURN_DEG:
             return f"found again, but turned by {turned_deg:.0f} degrees: moved?"
         if (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
             return f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
@@ -203,6 +203,7 @@ class AppearanceTracker:
         self._respiration.learn(displacement)
         self._revise(self._respiration.at_a.displacement)
         self._lay = turn
+        self._lays.append(turn)
         self._turn, self._stretch = 0.5 * turn, 0.5 * stretch
         if surely:
             for plane in finding.seen:
@@ -291,6 +292,7 @@ class AppearanceTracker:
             # It belongs where and as it lies now; what was learnt of the breathing, but not of its place, still holds.
             self._displaced = ""
             self._home, self._home_turn = self._displacement, self._lay
+            self._lays = deque([self._lay], maxlen=LAYS_KEPT)
             self._turn, self._followed = 0.5 * self._lay, True
             for plane, correlation in self._displaced_place[2].items():
                 self._appearances[plane].usual = correlation
