@@ -63,6 +63,7 @@ class AppearanceTracker:
             appearances[plane] = Appearance(strip.sample(image))
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
         self._model = model
+        self._axis = np.linalg.svd(model.arms, full_matrices=False)[2][2]  # (3,) of the ring
         self._appearances = appearances
         self._start_ns = pair.stamp_ns
         self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns)
@@ -356,7 +357,7 @@ class AppearanceTracker:
         """What the ring has done by itself since the seed pair."""
         moved = np.zeros(3) if self._displacement is None else self._displacement
         own = alignment.turn - self._rotation.between(np.zeros(3), moved).vector
-        axis = np.linalg.svd(self._require_model().arms, full_matrices=False)[2][2]
+        axis = self._axis
         spin = float(axis @ own)
         prior = float(np.radians(self._config.ring.turn_deg))
         is_resolved = float(axis @ alignment.turn_covariance @ axis) < (RESOLVED_SHARE * prior) ** 2

@@ -18,6 +18,7 @@ Array = npt.NDArray[np.float64]
 
 # Columns of the regression: a constant (the ring's own tilt at the reference), displacement, stretch of the ring.
 CONSTANT, MOVED, STRETCHED = range(3)
+OTHERS = [CONSTANT, STRETCHED]
 # Standard deviations expected of the coefficients: rad, rad a metre (a degree in 14 mm, about any axis), rad.
 PRIOR_SD = np.array([np.radians(3.0), np.radians(70.0), 1.0])
 OWN_TURN_RAD = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
@@ -97,32 +98,49 @@ class BreathingRotation:
         square = columns.T @ moments @ columns
         cross = columns.T @ self._sums[:5, 5:]
         total = float(np.trace(self._sums[5:, 5:]))
-        precision = 1.0 / PRIOR_SD**2
+        posterior = _Posterior(square, cross, PRIOR_SD)
         variance = OWN_TURN_RAD**2
         for _ in range(ROUNDS):
-            inverse = np.linalg.inv(square / variance + np.diag(precision))
-            slopes = inverse @ cross / variance
-            residual = total - 2.0 * float(np.sum(slopes * cross)) + float(np.sum(slopes * (square @ slopes)))
+            residual = total - posterior.explained_squares(variance)
             # Each pair tells three components; as many coefficients were fitted as there are columns, three times.
             known = 3.0 * max(self._count - len(PRIOR_SD), 0)
             variance = (3.0 * OWN_TURN_PAIRS * OWN_TURN_RAD**2 + max(residual, 0.0)) / (3.0 * OWN_TURN_PAIRS + known)
-        with_it = _log_evidence(square, cross, precision, variance)
-        others = [CONSTANT, STRETCHED]
-        without = _log_evidence(square[np.ix_(others, others)], cross[others], precision[others], variance)
-        inverse = np.linalg.inv(square / variance + np.diag(precision))
-        slopes = inverse @ cross / variance
-        return _Fit(axis, slopes[MOVED], inverse[MOVED, MOVED] * np.eye(3), with_it - without)
+        without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
+        slopes, covariance = posterior.coefficients(variance)
+        evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
+        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), evidence)
 
 
-def _log_evidence(square: Array, cross: Array, precision: Array, variance: float) -> float:
-    """Logarithm of the marginal likelihood of three components with common regressors, but for what all models share.
+class _Posterior:
+    """Coefficients of three components with common regressors, for any variance of the noise.
+
+    In the eigenvectors of the regressors' sums of squares, taken in units of the prior's standard deviations, all
+    coefficients are independent of each other, whatever the noise.
 
     Args:
         square: (K, K) sums of products of the regressors.
         cross: (K, 3) of regressors and components.
-        precision: (K,) of the coefficients' prior.
-        variance: of the noise.
+        prior_sd: (K,) standard deviations of the coefficients' prior.
     """
-    hessian = square / variance + np.diag(precision)
-    explained = float(np.sum(cross * np.linalg.solve(hessian, cross))) / variance**2
-    return 0.5 * explained - 1.5 * float(np.linalg.slogdet(hessian)[1] - np.log(precision).sum())
+
+    def __init__(self, square: Array, cross: Array, prior_sd: Array) -> None:
+        self._squares, vectors = np.linalg.eigh(prior_sd[:, None] * square * prior_sd)
+        self._vectors = prior_sd[:, None] * vectors
+        self._cross = self._vectors.T @ cross
+        self._cross_squared = (self._cross * self._cross).sum(axis=1)
+
+    def explained_squares(self, variance: float) -> float:
+        """By how much the sum of the components' squares is less about their regression."""
+        shrunk = self._squares + variance
+        return float((self._cross_squared * (2.0 / shrunk - self._squares / shrunk**2)).sum())
+
+    def coefficients(self, variance: float) -> tuple[Array, Array]:
+        """Their mean (K, 3) and their covariance (K, K), the same for each component."""
+        shrunk = self._squares + variance
+        mean = (self._vectors / shrunk) @ self._cross
+        return mean, np.asarray((self._vectors * (variance / shrunk)) @ self._vectors.T)
+
+    def log_evidence(self, variance: float) -> float:
+        """Logarithm of the marginal likelihood, but for what all models share."""
+        explained = float((self._cross_squared / (self._squares + variance)).sum()) / variance
+        return 0.5 * explained - 1.5 * float(np.log1p(self._squares / variance).sum())

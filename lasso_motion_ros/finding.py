@@ -264,8 +264,9 @@ class LoopFinder:
     def _is_edge_on(self, image: WorkingImage) -> bool:
         model = self._model
         pixels = image.projection.project(model.points)
-        singular = np.linalg.svd(pixels - pixels.mean(axis=0), compute_uv=False)
-        return bool(singular[1] < EDGE_ON_RATIO * singular[0])
+        pixels -= pixels.mean(axis=0)
+        narrow, wide = np.linalg.eigvalsh(pixels.T @ pixels)
+        return bool(narrow < EDGE_ON_RATIO**2 * wide)
 
     def observation(self, fit: PlaneFit, *, edge_on: bool = False) -> Observation:
         """A plane's fit as a measurement of the displacement, with what the fit's own covariance leaves out."""

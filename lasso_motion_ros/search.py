@@ -119,11 +119,12 @@ def join_peaks(
         determinant = np.maximum(1.0 - cosine**2, 1e-6)
         along_a = (from_a[:, None] - cosine * from_b[None]) / determinant
         along_b = (cosine * from_a[:, None] - from_b[None]) / determinant
-        on_a = source_a + along_a[..., None] * rays_a[:, None]
-        on_b = source_b + along_b[..., None] * rays_b[None]
-        gap = np.linalg.norm(on_a - on_b, axis=-1)
-        middle = 0.5 * (on_a + on_b) - expected["a"]
-        distance = ((middle @ np.linalg.inv(covariance)) * middle).sum(axis=-1)
+        # x, y and z first, (3, K, K): sums over them are sums of whole arrays.
+        on_a = source_a[:, None, None] + along_a * rays_a.T[:, :, None]
+        on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
+        apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected["a"][:, None, None]
+        gap = np.sqrt((apart_there * apart_there).sum(axis=0))
+        distance = (np.tensordot(np.linalg.inv(covariance), middle, 1) * middle).sum(axis=0)
         score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
         score = score - np.minimum(0.1 * distance, 2.0)
         # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
@@ -133,7 +134,7 @@ def join_peaks(
         for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
             i, j = np.unravel_index(int(index), score.shape)
             if np.isfinite(score[i, j]):
-                found.append(SearchCandidate(float(score[i, j]), {"a": on_a[i, j], "b": on_b[i, j] + apart}))
+                found.append(SearchCandidate(float(score[i, j]), {"a": on_a[:, i, j], "b": on_b[:, i, j] + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
 
 

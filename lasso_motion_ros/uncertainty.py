@@ -43,4 +43,7 @@ def at_world_origin(centre: Array, position: Array, rotation: Array) -> Array:
     # A rotation θ about c displaces the world origin by −θ × c = [c]ₓ θ.
     lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     cross = lever @ rotation
-    return np.block([[position + cross @ lever.T, cross], [cross.T, rotation]])
+    covariance = np.empty((6, 6))
+    covariance[:3, :3], covariance[:3, 3:] = position + cross @ lever.T, cross
+    covariance[3:, :3], covariance[3:, 3:] = cross.T, rotation
+    return covariance
