@@ -23,6 +23,7 @@ ITERATIONS = 8
 CONVERGED_MM = 0.015
 LARGEST_STEP_MM = 0.4
 LARGEST_TURN_RAD = 0.03
+RIDGE = 1e-12  # a trace of damping, for a plane that shows nothing
 # Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
 NOISE_CORRELATION = 8.0
 OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
@@ -126,10 +127,10 @@ def align(
         np.stack([starts[plane] for plane in planes]),
     )
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
-    ring = np.append(np.zeros(3) if turn is None else turn, stretch)
-    precision = np.append(np.full(3, 1.0 / prior.turn_rad**2), 1.0 / prior.stretch**2)
-    limits = np.append(np.full(shared, LARGEST_STEP_MM * 1e-3), [LARGEST_TURN_RAD] * 3 + [0.02])
-    normal = np.diag(np.append(np.full(shared, 1.0 / NOTHING_SEEN_M**2), precision))
+    ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
+    precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
+    limits = np.array([LARGEST_STEP_MM * 1e-3] * shared + [LARGEST_TURN_RAD] * 3 + [0.02])
+    normal = np.diag([*[NOTHING_SEEN_M**-2] * shared, *precision])
     correlations: tuple[float, ...] = ()
     for iteration in range(ITERATIONS):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
@@ -138,15 +139,18 @@ def align(
             break
         # The derivative changes little on the way; the residual is what has to be exact.
         normal, gradient = views.equations(renew=iteration < 2)
-        normal[range(shared, shared + 4), range(shared, shared + 4)] += precision
+        _add_to_diagonal(normal[shared:, shared:], precision)
         gradient[shared:] -= precision * ring
-        step = np.clip(np.linalg.solve(normal + _ridge(normal), gradient), -limits, limits)
+        _add_to_diagonal(normal, RIDGE * normal.trace())
+        step: Array = np.linalg.solve(normal, gradient).astype(np.float64)
+        np.minimum(np.maximum(step, -limits, out=step), limits, out=step)
         views.shift(step[:shared].reshape(-1, 2))
         ring = ring + step[shared:]
         # A turn or stretch that was cut to its limit is not done, though the shifts may be.
-        if np.all(np.abs(step[:shared]) < CONVERGED_MM * 1e-3) and np.all(np.abs(step) < limits):
+        size = np.abs(step)
+        if size[:shared].max() < CONVERGED_MM * 1e-3 and (size < limits).all():
             break
-    covariance: Array = np.linalg.inv(normal + _ridge(normal)).astype(np.float64)
+    covariance: Array = np.linalg.inv(normal)
     return Alignment(
         planes=dict(zip(planes, views.fits(covariance), strict=True)),
         turn=ring[:3],
@@ -164,9 +168,8 @@ def _is_hopeless(correlations: tuple[float, ...], usual: Array, ahead: tuple[flo
     return bool(ahead) and now < ahead[min(look, len(ahead) - 1)] - BEHIND[min(look, len(BEHIND) - 1)]
 
 
-def _ridge(normal: Array) -> Array:
-    """A trace of damping, for a plane that shows nothing."""
-    return np.asarray(1e-12 * np.trace(normal) * np.eye(len(normal)))
+def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
+    np.einsum("ii->i", matrix)[:] += values
 
 
 class _Views:

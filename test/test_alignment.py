@@ -5,7 +5,7 @@ import pytest
 from lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from method_inputs import biplane, draw_curve, flipped
 
-from lasso_motion_ros.alignment import RingPrior, align
+from lasso_motion_ros.alignment import BEHIND, RingPrior, align
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.frames import Frame
@@ -294,3 +294,15 @@ def test_the_starts_are_not_changed():
     align(images(clean_images((0.3e-3, 0, 0))), appearances(), ARMS, starts, PRIOR)
     for start in starts.values():
         np.testing.assert_array_equal(start, LOOP.centre)
+
+
+def test_what_looks_worse_than_another_at_the_same_look_is_given_up():
+    looked = images(clean_images(MOVED))
+    near = dict.fromkeys(START, LOOP.centre + 0.9 * MOVED)
+    best = align(looked, appearances(), ARMS, near, PRIOR)
+    again = align(looked, appearances(), ARMS, near, PRIOR, ahead=best.correlations)
+    assert again.correlations == best.correlations  # not behind itself
+    alone = align(looked, appearances(), ARMS, START, PRIOR)
+    assert len(alone.correlations) > 1
+    assert alone.correlations[0] < best.correlations[0] - BEHIND[0]
+    assert len(align(looked, appearances(), ARMS, START, PRIOR, ahead=best.correlations).correlations) == 1

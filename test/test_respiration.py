@@ -244,3 +244,16 @@ def test_observations_at_one_time_are_taken_together():
     split.observe(0.3, b=observation("b", truth))
     np.testing.assert_allclose(both.at_a.displacement, split.at_a.displacement, atol=1e-9)
     np.testing.assert_allclose(both.at_a.covariance, split.at_a.covariance, rtol=1e-3, atol=1e-13)
+
+
+def test_what_was_foreseen_is_not_kept_once_more_is_known():
+    motion, *_ = run(5, 0.02)
+    later = 6 * INTERVAL_S
+    before, other = motion.predict(later), motion.copy()
+    step(other, later, 0.02, breathing)
+    np.testing.assert_array_equal(motion.predict(later).displacement, before.displacement)
+    assert np.trace(other.predict(later + 0.05).covariance) < np.trace(motion.predict(later + 0.05).covariance)
+    other = motion.copy()
+    other.learn(np.array([0.0, 0.0, 0.03]))
+    assert np.trace(other.predict(later).covariance) != np.trace(before.covariance)
+    np.testing.assert_array_equal(motion.predict(later).covariance, before.covariance)
