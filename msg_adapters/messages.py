@@ -16,6 +16,8 @@ from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.errors import MessageError
 
+_Convert = Callable[[Any], Any]
+
 NANOSECONDS = 1_000_000_000
 _ARRAY_CODES = {
     "uint8": "B",
@@ -100,12 +102,12 @@ def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
 
 
 @lru_cache(maxsize=256)
-def _converters(message_class: Any) -> dict[str, Callable[[Any], Any] | None]:
+def _converters(message_class: Any) -> dict[str, _Convert | None]:
     """By field, what makes a value of it; None for a nested message. Looked up once: a curve has hundreds of points."""
     return {name: _converter(kind) for name, kind in message_class.get_fields_and_field_types().items()}
 
 
-def _converter(kind: str) -> Callable[[Any], Any] | None:
+def _converter(kind: str) -> _Convert | None:
     sequence, fixed = _SEQUENCE.match(kind), _FIXED.match(kind)
     if sequence is None and fixed is None:
         if kind in ("float", "double"):
@@ -167,51 +169,68 @@ class RecordedMessages:
 
     def __init__(self, types: Typestore | None = None) -> None:
         self._types = types if types is not None else jazzy_types()
+        self._known: dict[str, dict[str, _Convert]] = {}
 
     def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
         """See `MessageFactory.make`."""
-        if type_name not in self._types.fielddefs:
-            raise MessageError(f"message type {type_name} is not known")
-        definitions = self._types.fielddefs[type_name][1]
-        names = [name for name, _ in definitions]
+        return self._made(type_name, fields)
+
+    def _made(self, type_name: str, fields: Mapping[str, Any]) -> Any:
+        converters = self._known.get(type_name)
+        if converters is None:
+            converters = self._known[type_name] = self._converters(type_name)
         for name in fields:
-            if name not in names:
+            if name not in converters:
                 raise MessageError(f"{type_name} has no field {name!r}")
-        arguments = {name: self._value(definition, fields.get(name)) for name, definition in definitions}
+        arguments = {name: convert(fields.get(name)) for name, convert in converters.items()}
         return self._types.types[type_name](**arguments)
 
-    def _value(self, definition: Any, value: Any) -> Any:
+    def _converters(self, type_name: str) -> dict[str, _Convert]:
+        """By field, what makes a value, or None for the default, what the message holds."""
+        if type_name not in self._types.fielddefs:
+            raise MessageError(f"message type {type_name} is not known")
+        return {name: self._converter(definition) for name, definition in self._types.fielddefs[type_name][1]}
+
+    def _converter(self, definition: Any) -> _Convert:
         kind, detail = definition
         if kind == Nodetype.NAME:
-            if value is None or isinstance(value, Mapping):
-                return self.make(detail, value or {})
-            return value
+            return partial(self._nested, detail)
         if kind == Nodetype.BASE:
-            return _base_value(detail[0], value)
+            return _base_converter(detail[0])
         item, length = detail
+        count = length if kind == Nodetype.ARRAY else 0
         if item[0] == Nodetype.NAME or item[1][0] == "string":
-            count = length if kind == Nodetype.ARRAY else 0
-            entries = value if value is not None else [None] * count
-            return [self._value(item, entry) for entry in entries]
+            return partial(_recorded_items, self._converter(item), count)
         dtype = np.dtype("uint8" if item[1][0] in ("octet", "byte", "char") else item[1][0])
-        if value is None:
-            return np.zeros(length if kind == Nodetype.ARRAY else 0, dtype=dtype)
-        if isinstance(value, (bytes, bytearray, memoryview, array.array)):
-            filled = np.frombuffer(value, dtype=dtype)
-        else:
-            filled = np.ascontiguousarray(value, dtype=dtype).reshape(-1)
-        if kind == Nodetype.ARRAY and filled.size != length:
-            raise MessageError(f"an array of {length} was expected, found {filled.size} values")
-        return filled
+        return partial(_recorded_array, dtype, count, kind == Nodetype.ARRAY)
+
+    def _nested(self, type_name: str, value: Any) -> Any:
+        if value is None or isinstance(value, Mapping):
+            return self._made(type_name, value or {})
+        return value
 
 
-def _base_value(kind: str, value: Any) -> Any:
+def _recorded_items(convert: _Convert, count: int, values: Any) -> list[Any]:
+    return [convert(value) for value in (values if values is not None else [None] * count)]
+
+
+def _recorded_array(dtype: np.dtype[Any], length: int, is_fixed: bool, value: Any) -> Any:
+    if value is None:
+        return np.zeros(length, dtype=dtype)
+    if isinstance(value, (bytes, bytearray, memoryview, array.array)):
+        filled = np.frombuffer(value, dtype=dtype)
+    else:
+        filled = np.ascontiguousarray(value, dtype=dtype).reshape(-1)
+    if is_fixed and filled.size != length:
+        raise MessageError(f"an array of {length} was expected, found {filled.size} values")
+    return filled
+
+
+def _base_converter(kind: str) -> _Convert:
     if kind == "string":
-        return "" if value is None else str(value)
+        return lambda value: "" if value is None else str(value)
     if kind == "bool":
-        return bool(value)
+        return bool
     if kind.startswith("float"):
-        return 0.0 if value is None else float(value)
-    if isinstance(value, bytes):
-        return value[0]
-    return 0 if value is None else int(value)
+        return lambda value: 0.0 if value is None else float(value)
+    return lambda value: value[0] if isinstance(value, bytes) else int(value or 0)
