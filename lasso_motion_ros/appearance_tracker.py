@@ -35,6 +35,7 @@ FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 LAYS_KEPT = 64  # in so many pairs with a pose before
+STILL_TURNED_SHARE = 0.6  # of that angle, once it did not: its tilt takes it to and fro across a limit
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
@@ -77,6 +78,7 @@ class AppearanceTracker:
         self._lay = self._home_turn = np.zeros(3)  # how the ring lay when last seen, and where it belongs
         self._lays: deque[Array] = deque([self._lay], maxlen=LAYS_KEPT)  # there: its own tilt takes it to and fro
         self._home = np.zeros(3)
+        self._turned_away = False  # found again, but lying otherwise
         self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
         # Time, displacement and correlations when last seen there.
@@ -114,7 +116,7 @@ class AppearanceTracker:
             return self._departed(pair, finding, displacement, departure)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)
-        self._displaced, self._followed = "", True
+        self._displaced, self._turned_away, self._followed = "", False, True
         if len(finding.seen) == 1:
             return self._go_on_with_one(pair, finding, trial, state, reason)
         return self._go_on(pair, finding, trial, state, reason)
@@ -149,7 +151,8 @@ class AppearanceTracker:
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
         turned_deg = min(float(np.degrees(np.linalg.norm(finding.alignment.turn - lay))) for lay in self._lays)
-        if turned_deg > FOUND_AGAIN_TURN_DEG:
+        if turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
+            self._turned_away = True
             return f"found again, but turned by {turned_deg:.0f} degrees: moved?"
         if (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
             return f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
