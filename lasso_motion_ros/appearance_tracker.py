@@ -107,7 +107,9 @@ class AppearanceTracker:
             return self._result(pair, TrackerState.LOST, refusal, None)
         finding, trial, departure = self._most_plausible(pair, finding, time_s)
         state, reason = self._degradation(pair, finding, time_s)
-        if state is TrackerState.LOST:
+        # Where the planes agree, no C-arm has moved unsaid: what lies otherwise, and elsewhere, is a moved lasso.
+        agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm
+        if state is TrackerState.LOST and not (departure and agree):
             return self._result(pair, state, reason, None)
         displacement = trial.at_a.displacement
         if not departure and not self._is_back(finding, displacement, time_s):
@@ -141,12 +143,10 @@ class AppearanceTracker:
         if len(finding.seen) == 2:
             return ""
         other = "B" if finding.seen == ("a",) else "A"
-        if not followed:
-            return f"plane {other} does not show the lasso: after a loss both have to"
         if pair.frame("b" if other == "B" else "a") is not None:
-            # Hidden, moved or hard to see there: what the other plane shows cannot tell which.
-            return f"plane {other} does not show the lasso"
-        return ""
+            # What the other plane shows cannot tell which.
+            return f"plane {other} does not show the lasso: hidden there, or moved C-arm without a new calibration?"
+        return "" if followed else f"plane {other} missing: after a loss both have to show the lasso"
 
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""

@@ -1,6 +1,7 @@
 """What the tracker says when the lasso is hidden, gone, somewhere else, or seen by one plane only."""
 
 import copy
+import dataclasses
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from breathing_lasso import (
 )
 from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
+from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.curves import distance_to_curve
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.frames import Frame, FramePair
@@ -116,6 +118,18 @@ def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(
         assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.5
         # That it was tilted in the move is no rotation of the atrium.
         np.testing.assert_array_equal(result.motion[:3, :3], np.eye(3))
+
+
+def test_a_lasso_that_was_moved_and_turned_beyond_the_limit_of_a_c_arm_is_displaced(tracker):
+    tracker.reconfigure(
+        dataclasses.replace(CONFIG, judgement=JudgementConfig(degraded_turn_deg=3.0, lost_turn_deg=4.0))
+    )
+    lying = (CURVE - LOOP.centre) @ rotation_from_vector(np.array([np.radians(5.5), 0.0, 0.0])).T + LOOP.centre
+    stamp_ns = WARM * PERIOD_NS
+    for aside, state in ((np.zeros(3), LOST), (ASIDE, DISPLACED)):
+        images = {p: noisy(lasso_image(lying + moved(WARM) + aside, VIEWS[p]), [WARM, ord(p)]) for p in "ab"}
+        a, b = (Frame(stamp_ns, images[p], VIEWS[p]) for p in "ab")
+        assert copy.deepcopy(tracker).track(FramePair(stamp_ns, a, b)).state is state
 
 
 def test_a_seed_ends_being_displaced(tracker):
