@@ -81,7 +81,8 @@ def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
     """The loop in each plane, (M, 2) pixels from the first click to the last, by minimal paths.
 
     Raises:
-        SeedError: a missing plane, fewer than six clicks, or a click outside its image.
+        SeedError: a missing plane, fewer than six clicks, a click outside its image, or clicks so close together that
+            they cannot go round a loop.
     """
     paths: dict[Plane, Array] = {}
     for plane in PLANES:
@@ -100,4 +101,11 @@ def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
             )
         except SeedError as error:
             raise SeedError(f"plane {plane.upper()}: {error}") from error
+        # Even edge-on a loop spans its diameter; the world origin is near enough to tell a millimetre there.
+        span_mm = frame.projection.millimetres_per_pixel(np.zeros(3)) * float(np.hypot(*np.ptp(clicks, axis=0)))
+        if span_mm < 2.0 * LASSO_RADII_MM[0]:
+            raise SeedError(
+                f"plane {plane.upper()}: the clicks span {span_mm:.1f} mm, expected at least "
+                f"{2.0 * LASSO_RADII_MM[0]:g} mm: were they set along the whole lasso?"
+            )
     return paths

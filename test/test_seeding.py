@@ -48,6 +48,16 @@ def test_polarity_of_a_click_outside_is_not_asked():
     assert not is_bright(pair(0, bright=True), clicks, CONFIG)
 
 
+def test_clicks_on_one_spot_are_no_loop():
+    good = seed()
+    spot = np.tile(good.points_a[0], (len(good.points_a), 1))
+    with pytest.raises(SeedError, match=r"plane A: the clicks span 0\.0 mm, expected at least 6 mm"):
+        outlines(pair(0), Seed(spot, good.points_b), CONFIG, bright=False)
+    near = good.points_b.mean(axis=0) + np.random.default_rng(2).uniform(-8.0, 8.0, good.points_b.shape)
+    with pytest.raises(SeedError, match="plane B: the clicks span"):
+        outlines(pair(0), Seed(good.points_a, near), CONFIG, bright=False)
+
+
 def test_outlines_follow_the_ring_in_each_plane():
     found = outlines(pair(0), seed(), CONFIG, bright=False)
     assert set(found) == {"a", "b"}
