@@ -94,12 +94,14 @@ class Appearance:
         values: (L, 2·HALF_WIDTH + 1) float32 with all that alignment can hold on to, little shrunk.
         distinctive: the same freed of all that noise and background explain, by which the loop is told from others.
         usual: correlation with it where the loop is seen; at first what the noise about the loop lets expect.
+        contrast: of the loop against the grey behind it, when last seen.
     """
 
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
     USUAL_MEMORY = 5  # pairs
 
-    def __init__(self, first: Image) -> None:
+    def __init__(self, first: Image, contrast: float) -> None:
+        self.contrast = contrast
         self._mean: Image = np.array(first)
         self._count = 1
         self.values, self.distinctive = _without_noise(self._mean)

@@ -36,6 +36,7 @@ FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as we
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
 LAYS_KEPT = 64  # in so many pairs with a pose before
 STILL_TURNED_SHARE = 0.6  # of that angle, once it did not: its tilt takes it to and fro across a limit
+GHOST_CONTRAST = 0.6  # of the pair before: what remains of a lasso that has gone, in a filter over time
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
@@ -61,7 +62,7 @@ class AppearanceTracker:
         for plane, frame in frames.items():
             image = working_image(frame, model.centre, bright=model.bright, shift=model.shifts[plane])
             strip = strip_along(model.points, image.projection)
-            appearances[plane] = Appearance(strip.sample(image))
+            appearances[plane] = Appearance(strip.sample(image), image.contrast_unit(model.centre))
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
         self._model = model
         self._axis = np.linalg.svd(model.arms, full_matrices=False)[2][2]  # (3,) of the ring
@@ -103,7 +104,7 @@ class AppearanceTracker:
         self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
-        if refusal := self._refusal(pair, finding, followed=followed):
+        if refusal := self._ghost(finding) or self._refusal(pair, finding, followed=followed):
             return self._result(pair, TrackerState.LOST, refusal, None)
         finding, trial, departure = self._most_plausible(pair, finding, time_s)
         state, reason = self._degradation(pair, finding, time_s)
@@ -133,6 +134,19 @@ class AppearanceTracker:
         if near is None or (anywhere is not None and anywhere.rank > near.rank):
             return anywhere
         return near
+
+    def _ghost(self, finding: Finding) -> str:
+        """Why what was found is no more than a trace of what was there before; empty if it is more.
+
+        Compared to the pair before only: a trace fades from pair to pair, another window of the images stays.
+        """
+        fits = {plane: finding.alignment.planes[plane] for plane in finding.seen}
+        left = float(np.mean([fit.contrast / self._appearances[plane].contrast for plane, fit in fits.items()]))
+        for plane, fit in fits.items():
+            self._appearances[plane].contrast = fit.contrast
+        if left >= GHOST_CONTRAST:
+            return ""
+        return f"only {100 * left:.0f} % of its contrast is left: gone, and still in the images' filter over time?"
 
     def _refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
         """Why what was found carries no pose, wherever it is; empty if it may."""

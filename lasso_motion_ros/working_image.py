@@ -31,10 +31,21 @@ class WorkingImage:
             on the catheter whatever its polarity. Equal weight to both planes and to bright and dark regions
             follows from that division.
         projection: world metres to *these* pixels.
+        noise: (h, w) float32, the local root mean square by which was divided, grey values.
+        grey: (h, w) the reduced image.
     """
 
     values: Image
     projection: Projection
+    noise: Image
+    grey: npt.NDArray[np.uint8 | np.uint16]
+
+    def contrast_unit(self, centre: Array) -> float:
+        """What 1 in `values` is about a world point (3,) m, as a share of the grey there."""
+        x, y = np.clip(np.rint(self.projection.project(centre)), 0, np.array(self.noise.shape[::-1]) - 1).astype(int)
+        half = NOISE_WINDOW_PX // 2
+        grey = self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1].mean()
+        return float(self.noise[y, x] / max(grey, 1.0))
 
 
 def reduction_factor(projection: Projection, centre: Array) -> int:
@@ -68,12 +79,14 @@ def working_image(
         return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
-    return WorkingImage(_band_pass(reduced, bright), projection.read_out(left, top, width, height, factor, factor))
+    values, noise = _band_pass(reduced, bright)
+    return WorkingImage(values, projection.read_out(left, top, width, height, factor, factor), noise, reduced)
 
 
-def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
-    """What is as fine as a catheter, relative to the local noise; in few buffers, since fresh memory costs more time
-    than the arithmetic on it.
+def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:
+    """What is as fine as a catheter, relative to the local noise, and that noise.
+
+    In few buffers, since fresh memory costs more time than the arithmetic on it.
     """
     grey = reduced.astype(np.float32)
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
@@ -85,10 +98,11 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Imag
     power = cv2.sqrBoxFilter(band, cv2.CV_32F, window, dst=coarse, borderType=cv2.BORDER_REFLECT)
     noise = cv2.sqrt(cv2.max(power, floor, dst=power), dst=power)
     np.divide(band, noise, out=band)
-    return np.asarray(np.clip(band, -CLIP, CLIP, out=band))
+    return np.clip(band, -CLIP, CLIP, out=band), np.asarray(noise)
 
 
 def _blank(projection: Projection) -> WorkingImage:
     """An image too small to show a loop: nothing is found in it."""
     size = 2 * NOISE_WINDOW_PX
-    return WorkingImage(np.zeros((size, size), dtype=np.float32), projection.read_out(0, 0, size, size))
+    nothing = np.zeros((size, size), dtype=np.float32)
+    return WorkingImage(nothing, projection.read_out(0, 0, size, size), nothing, nothing.astype(np.uint8))

@@ -10,6 +10,7 @@ from tracking_inputs import LOOP, PERIOD_NS, SIDE, VIEWS
 
 from lasso_motion_ros.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.working_image import WorkingImage
 
 WIRE_SIGMA_MM, WIRE_DEPTH = 0.32, 35.0
 ELECTRODE_SIGMA_MM, ELECTRODE_DEPTH, ELECTRODE_LENGTH_MM = 0.55, 60.0, 1.5
@@ -63,6 +64,11 @@ def noisy(image: np.ndarray, seed: int | list[int], sigma: float = NOISE) -> np.
     return np.clip(np.rint(image + noise), 0, 255).astype(np.uint8)
 
 
+def bare(values: np.ndarray, projection: Projection) -> WorkingImage:
+    """A working image of given values, whose noise and grey nobody asks for."""
+    return WorkingImage(values, projection, np.ones_like(values), np.ones(values.shape, np.uint8))
+
+
 @cache
 def _clean(plane: str, translation: tuple[float, ...] | None) -> np.ndarray:
     away = (10.0, 0.0, 0.0)  # ten metres: nothing of it is in the picture
@@ -98,6 +104,7 @@ __all__ = [
     "PERIOD_NS",
     "SIDE",
     "VIEWS",
+    "bare",
     "lasso_curve",
     "lasso_image",
     "lasso_pair",

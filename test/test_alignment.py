@@ -45,7 +45,9 @@ def images(clean, seed=1, sigma=5.0, views=None):
 
 def learned(images):
     return {
-        name: Appearance(strip_along(LOOP.centre + ARMS, image.projection).sample(image))
+        name: Appearance(
+            strip_along(LOOP.centre + ARMS, image.projection).sample(image), image.contrast_unit(LOOP.centre)
+        )
         for name, image in images.items()
     }
 

@@ -1,18 +1,22 @@
 import cv2
 import numpy as np
 import pytest
-from lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
+from lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from method_inputs import biplane, plane
 
 from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, render, slope, strip_about, strip_along
 from lasso_motion_ros.frames import Frame
-from lasso_motion_ros.working_image import PIXEL_MM, WorkingImage, working_image
+from lasso_motion_ros.working_image import PIXEL_MM, working_image
 
 COLUMNS = 2 * HALF_WIDTH + 1
 # Straight along the patient's left–right axis through the iso-centre, seen from the front: 1 mm from point to point.
 STRAIGHT = np.column_stack([np.arange(-10.0, 10.5, 1.0) * 1e-3, np.zeros(21), np.zeros(21)])
 # 0.2 mm pixels at 1.2 m are 0.1308333 mm at 0.785 m.
 UNIT_MM = 0.2 * 0.785 / 1.2
+
+
+def learnt(strip):
+    return Appearance(strip, contrast=0.1)
 
 
 def ripple(seed=3, rows=80):
@@ -63,33 +67,33 @@ def test_sampling_is_bilinear_and_zero_outside():
     view = plane(0.0, side=512)
     y, x = np.mgrid[:512, :512].astype(np.float32)
     strip = strip_along(STRAIGHT + np.array([0.0, 0.0, 0.003]), view)
-    sampled = strip.sample(WorkingImage(3.0 * x - 2.0 * y, view))
+    sampled = strip.sample(bare(3.0 * x - 2.0 * y, view))
     at = strip.coordinates()
     # OpenCV interpolates at a 32nd of a pixel.
     np.testing.assert_allclose(sampled, 3.0 * at[0] - 2.0 * at[1], atol=5.0 / 64.0)
-    outside = strip_along(STRAIGHT + 0.2, view).sample(WorkingImage(np.ones((512, 512), np.float32), view))
+    outside = strip_along(STRAIGHT + 0.2, view).sample(bare(np.ones((512, 512), np.float32), view))
     np.testing.assert_array_equal(outside, 0.0)
 
 
 def test_the_appearance_is_the_mean_of_the_strips():
     strip = line_strip(1.0) + 0.1 * ripple()
-    learned = Appearance(strip)
+    learned = learnt(strip)
     learned.update(2.0 * strip, 0.9)
     learned.update(6.0 * strip, 0.9)
     # Shrinking is a matter of proportions: what is three times as strong is kept three times as strong.
-    np.testing.assert_allclose(learned.values, Appearance(3.0 * strip).values, atol=1e-5)
-    np.testing.assert_allclose(learned.values, 3.0 * Appearance(strip).values, atol=1e-5)
+    np.testing.assert_allclose(learned.values, learnt(3.0 * strip).values, atol=1e-5)
+    np.testing.assert_allclose(learned.values, 3.0 * learnt(strip).values, atol=1e-5)
 
 
 def test_old_strips_fade():
     strip = line_strip(1.0)
-    learned = Appearance(strip)
+    learned = learnt(strip)
     for _ in range(30):
         learned.update(strip, 0.9)
-    np.testing.assert_allclose(learned.values, Appearance(strip).values, atol=1e-5)
+    np.testing.assert_allclose(learned.values, learnt(strip).values, atol=1e-5)
     # One of sixteen: (15 · 1 + 17) / 16 = 2.
     learned.update(17.0 * strip, 0.9)
-    np.testing.assert_allclose(learned.values, Appearance(2.0 * strip).values, atol=1e-5)
+    np.testing.assert_allclose(learned.values, learnt(2.0 * strip).values, atol=1e-5)
 
 
 def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what_was_found():
@@ -98,13 +102,13 @@ def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what
     for size in (0.3, 1.0, 1.7):
         noise = size * ripple()
         share = np.sum(loop**2) / np.sum((loop + noise) ** 2)
-        assert Appearance((loop + noise).astype(np.float32)).usual == pytest.approx(np.sqrt(share), abs=0.1)
-    assert Appearance(ripple()).usual == 0.35  # however little there is
-    learned = Appearance(line_strip() + 0.1 * ripple())
+        assert learnt((loop + noise).astype(np.float32)).usual == pytest.approx(np.sqrt(share), abs=0.1)
+    assert learnt(ripple()).usual == 0.35  # however little there is
+    learned = learnt(line_strip() + 0.1 * ripple())
     learned.update(line_strip(), 0.5)
     learned.update(line_strip(), 0.7)
     # The mean of three: the first strip's, 0.5 and 0.7.
-    assert learned.usual == pytest.approx((Appearance(line_strip() + 0.1 * ripple()).usual + 1.2) / 3.0)
+    assert learned.usual == pytest.approx((learnt(line_strip() + 0.1 * ripple()).usual + 1.2) / 3.0)
     for _ in range(40):
         learned.update(line_strip(), 0.9)
     assert learned.usual == pytest.approx(0.9, abs=1e-3)
@@ -112,7 +116,7 @@ def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what
 
 def test_the_appearance_does_not_alias_its_input():
     strip = line_strip() + 0.1 * ripple()
-    learned = Appearance(strip)
+    learned = learnt(strip)
     before = learned.values.copy()
     strip[:] = 0.0
     learned.update(line_strip() + 0.1 * ripple(), 0.9)
@@ -124,7 +128,7 @@ def test_noise_is_shrunk_by_hand():
     # so the noise is 1 / 0.455, and a place of energy 1 keeps 1 − 0.25 / 0.455 of itself.
     strip = np.ones((40, COLUMNS), np.float32)
     strip[:, HALF_WIDTH] = 20.0
-    values = Appearance(strip).values
+    values = learnt(strip).values
     np.testing.assert_allclose(values[:, [0, -1]], 1.0 - 0.25 / 0.455, atol=2e-3)
     middle = cv2.GaussianBlur(strip, (0, 0), 0.6)[:, HALF_WIDTH]
     np.testing.assert_allclose(values[:, HALF_WIDTH], middle, rtol=0.01)
@@ -132,13 +136,13 @@ def test_noise_is_shrunk_by_hand():
 
 def test_a_strip_without_noise_is_only_smoothed():
     strip = line_strip()
-    np.testing.assert_allclose(Appearance(strip).values, cv2.GaussianBlur(strip, (0, 0), 0.6), atol=1e-6)
+    np.testing.assert_allclose(learnt(strip).values, cv2.GaussianBlur(strip, (0, 0), 0.6), atol=1e-6)
 
 
 def test_the_pattern_outweighs_the_noise_better_than_before():
     clear, noise = line_strip(3.0), ripple()
     strip = clear + noise
-    values = Appearance(strip).values
+    values = learnt(strip).values
     side = np.r_[0:4, COLUMNS - 4 : COLUMNS]
     before = np.abs(strip[:, HALF_WIDTH]).mean() / np.abs(strip[:, side]).mean()
     smooth = cv2.GaussianBlur(strip, (0, 0), 0.6)
@@ -167,7 +171,7 @@ def correlate(image, kernel, cell_px):
 def test_rendering_puts_the_pattern_back_where_it_was(name, side, cell_px):
     image = loop_image(name, side)
     strip = strip_along(CURVE, image.projection)
-    kernel, first = render(Appearance(strip.sample(image)).values, strip, cell_px)
+    kernel, first = render(learnt(strip.sample(image)).values, strip, cell_px)
     assert kernel.dtype == np.float32
     assert np.linalg.norm(kernel) == pytest.approx(1.0, abs=1e-5)
     assert kernel.sum() == pytest.approx(0.0, abs=1e-4)

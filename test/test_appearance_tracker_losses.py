@@ -48,6 +48,31 @@ def test_hidden_it_is_lost_from_that_very_pair_and_found_again(tracker):
             assert centre_error_mm(result, moved(index)) < 0.3
 
 
+def faded(index, share, place=WARM - 1, level=1.0):
+    """A pair in which the lasso's contrast at the place of another pair is that share of what it was."""
+    frames = {}
+    for p in "ab":
+        empty = lasso_image(CURVE + 10.0, VIEWS[p]).astype(float)
+        image = empty + share * (lasso_image(CURVE + moved(place), VIEWS[p]) - empty)
+        frames[p] = Frame(index * PERIOD_NS, noisy(level * image, [index, ord(p)]), VIEWS[p])
+    return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+
+
+@pytest.mark.parametrize("lag", [0.2, 0.5])
+def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(tracker, lag):
+    for step in range(5):
+        assert_no_pose(tracker.track(faded(WARM + step, lag ** (step + 1))), LOST)
+    states = [tracker.track(pair(index)).state for index in range(WARM + 5, WARM + 8)]
+    assert states[-1] is TRACKING
+
+
+def test_another_window_of_the_images_is_borne(tracker):
+    # Half the contrast at the same grey, from one pair to the next and on; and a darker image of the same contrast.
+    states = [tracker.track(faded(index, 0.5, place=index)).state for index in range(WARM, WARM + 4)]
+    assert states == [LOST, TRACKING, TRACKING, TRACKING]
+    assert tracker.track(faded(WARM + 4, 0.5, place=WARM + 4, level=0.6)).state is TRACKING
+
+
 def test_taken_out_it_stays_lost(tracker):
     for index in range(WARM, WARM + 8):
         assert_no_pose(tracker.track(lasso_pair(index, None)), LOST)

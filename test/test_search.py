@@ -2,13 +2,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
+from lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from method_inputs import flipped
 
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.frames import Frame
 from lasso_motion_ros.search import PEAKS, Peaks, find_peaks, join_peaks
-from lasso_motion_ros.working_image import WorkingImage, working_image
+from lasso_motion_ros.working_image import working_image
 
 ARMS = CURVE - LOOP.centre
 WIDE = 0.01**2 * np.eye(3)
@@ -21,7 +21,7 @@ def image_of(curve, name, seed=0, view=None):
 
 
 def appearance(image):
-    return Appearance(strip_along(CURVE, image.projection).sample(image)).values
+    return Appearance(strip_along(CURVE, image.projection).sample(image), 0.1).values
 
 
 APPEARANCES = {name: appearance(image_of(CURVE, name)) for name in "ab"}
@@ -81,7 +81,7 @@ def test_peaks_are_apart_from_each_other():
     # By more than three cells of two pixels in one direction at least, less half a cell at either end.
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(size=(256, 256)).astype(np.float32)
-        image = WorkingImage(noise, VIEWS["a"].read_out(128, 128, 256, 256))
+        image = bare(noise, VIEWS["a"].read_out(128, 128, 256, 256))
         found = find_peaks(image, APPEARANCES["a"], LOOP.centre, ARMS)
         apart = np.abs(found.pixels[:, None] - found.pixels[None]).max(axis=-1) + 100.0 * np.eye(PEAKS)
         assert apart.min() > 6.0
@@ -98,7 +98,7 @@ def test_both_of_two_loops_are_among_the_peaks():
 
 
 def test_an_empty_image_speaks_for_no_place():
-    blank = WorkingImage(np.zeros((512, 512), np.float32), VIEWS["a"])
+    blank = bare(np.zeros((512, 512), np.float32), VIEWS["a"])
     found = find_peaks(blank, APPEARANCES["a"], LOOP.centre, ARMS)
     assert (found.scores == 0.0).all()
     assert np.isfinite(found.pixels).all()
@@ -126,7 +126,7 @@ def test_mirrored_displays_give_the_same_places():
 
 
 # From here on, peaks by hand.
-BLANK = {name: WorkingImage(np.zeros((8, 8), np.float32), VIEWS[name]) for name in "ab"}
+BLANK = {name: bare(np.zeros((8, 8), np.float32), VIEWS[name]) for name in "ab"}
 FIRST, SECOND = np.array([0.005, 0.010, 0.020]), np.array([-0.010, 0.004, -0.015])
 
 

@@ -150,3 +150,19 @@ def test_an_image_too_small_for_a_loop_is_blank(reach_mm):
     image = working_image(Frame(0, pixels, view), np.zeros(3), bright=False, shift=NO_SHIFT, reach_mm=reach_mm)
     assert not image.values.any()
     assert image.values.shape == (image.projection.height, image.projection.width)
+
+
+def test_contrast_is_a_share_of_the_grey_whatever_noise_and_brightness():
+    clean = lasso_image(CURVE, VIEWS["a"]).astype(float)
+
+    def unit(pixels, centre=LOOP.centre):
+        frame = Frame(0, pixels.astype(np.uint16), VIEWS["a"])
+        return working_image(frame, LOOP.centre, bright=False, shift=np.zeros(2)).contrast_unit(centre)
+
+    # Twice as bright is the same; on twice the grey the same structure is half the share.
+    assert unit(20.0 * clean) == pytest.approx(unit(10.0 * clean), rel=0.01)
+    lifted = 10.0 * (clean + clean.mean())
+    assert unit(lifted) == pytest.approx(0.5 * unit(10.0 * clean), rel=0.1)
+    # A place outside the image has the border's.
+    assert np.isfinite(unit(10.0 * clean, LOOP.centre + 1.0))
+    assert unit(np.zeros(clean.shape)) < 0.01
