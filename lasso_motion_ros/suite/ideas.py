@@ -168,6 +168,19 @@ class _EvenNoise:
         return np.full(values.shape, np.mean(np.square(values)), dtype=np.float32)
 
 
+class _AnyDose(appearance.Appearance):
+    """Expects the same correlation of every loop: with the smallest likeness, 0.65, at least 0.4."""
+
+    def __init__(self, first: Image, contrast: float) -> None:
+        super().__init__(first, contrast)
+        self.usual = 0.4 / 0.65
+
+    def update(self, strip: Image, correlation: float) -> None:
+        """Learn all but what correlation is usual."""
+        super().update(strip, correlation)
+        self.usual = 0.4 / 0.65
+
+
 class _TurnsWithTheRing(AppearanceTracker):
     """Publishes the ring's own turn as if it were the atrium's."""
 
@@ -207,6 +220,7 @@ IDEAS: Mapping[str, Idea] = {
         # The search.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
+        Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": OFF}),
         Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
         Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder.find": _near_only}),
         Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
@@ -268,6 +282,13 @@ IDEAS: Mapping[str, Idea] = {
                 "judgement.smallest_visible": 0.0,
             },
         ),
+        Idea(
+            "dose",
+            "the likeness that the dose allows: 0.4 of correlation for all",
+            {},
+            {"appearance_tracker.Appearance": _AnyDose},
+        ),
+        Idea("ghost", "asking that contrast does not fade", {}, {"appearance_tracker.GHOST_CONTRAST": 0.0}),
         Idea("gain", "asking for gain", {"judgement.smallest_gain": 0.0, "judgement.largest_gain": OFF}),
         Idea("visible", "asking for the visible share", {"judgement.smallest_visible": 0.0}),
         Idea("faint", "less to be asked where it is foreseen", {}, {"finding.is_faintly_seen": _no}),
