@@ -44,7 +44,7 @@ class WorkingImage:
         """What 1 in `values` is about a world point (3,) m, as a share of the grey there."""
         x, y = np.clip(np.rint(self.projection.project(centre)), 0, np.array(self.noise.shape[::-1]) - 1).astype(int)
         half = NOISE_WINDOW_PX // 2
-        grey = self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1].mean()
+        grey = cv2.mean(self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1])[0]
         return float(self.noise[y, x] / max(grey, 1.0))
 
 
