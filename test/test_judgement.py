@@ -24,7 +24,9 @@ CONFIG = JudgementConfig(
     deeper_breath_mm=20.0,
     longest_breath_s=9.0,
 )
-GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32))
+GOOD = PlaneFit(
+    np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32)
+)
 UP, ASIDE = np.array([0.0, 0.0, 1e-3]), np.array([1e-3, 0.0, 0.0])  # a millimetre each
 INTERVAL_S = 0.3
 
