@@ -32,9 +32,9 @@ SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is no
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
 # Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
 HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
-# So far behind another alignment at the same look (the last for all that follow), and it will not be overtaken: both
-# start about as far off. Of 35 rivals in the phantom suite those that came up to it were never more than 0.02 behind.
-BEHIND = (0.06, 0.04)
+# So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both start
+# about as far off. Of 35 in the phantom suite those that came up to it were never more than 0.02 behind.
+BEHIND = (0.08, 0.06)
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
 
@@ -61,7 +61,7 @@ class PlaneFit:
         across: (2, 3) two unit vectors perpendicular to that ray: the directions in which the plane measures.
         covariance: (2, 2) of the centre along them, m², image noise only.
         gain: strength of the loop against its appearance: 1 as expected, 0 not there.
-        contrast: of the loop against the grey behind it, whatever the noise.
+        contrast: of the loop, as a share of the grey behind it, whatever the noise.
         correlation: normalised correlation of strip and appearance.
         likeness: the same, relative to what it usually is where the loop is seen.
         visible: share of the loop's segments that look as expected.
@@ -91,6 +91,7 @@ class Alignment:
         turn_covariance: (3, 3) rad², prior included.
         stretch: natural logarithm of the ring's size relative to the reference.
         correlations: mean of the planes' correlations, look by look on the way.
+        is_given_up: whether it was left before it was done, since no loop is there, or one that looks worse.
     """
 
     planes: dict[Plane, PlaneFit]
@@ -98,6 +99,7 @@ class Alignment:
     turn_covariance: Array
     stretch: float
     correlations: tuple[float, ...]
+    is_given_up: bool
 
 
 def align(
@@ -134,10 +136,11 @@ def align(
     limits = np.array([LARGEST_STEP_MM * 1e-3] * shared + [LARGEST_TURN_RAD] * 3 + [0.02])
     normal = np.diag([*[NOTHING_SEEN_M**-2] * shared, *precision])
     correlations: tuple[float, ...] = ()
+    is_given_up = False
     for iteration in range(ITERATIONS):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
         correlations += (float(views.correlation.mean()),)
-        if _is_hopeless(correlations, views.usual, ahead):
+        if is_given_up := _is_hopeless(correlations, views.usual, ahead):
             break
         # The derivative changes little on the way; the residual is what has to be exact.
         normal, gradient = views.equations(renew=iteration < 2)
@@ -159,6 +162,7 @@ def align(
         turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),
         correlations=correlations,
+        is_given_up=is_given_up,
     )
 
 

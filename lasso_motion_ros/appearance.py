@@ -94,7 +94,7 @@ class Appearance:
         values: (L, 2·HALF_WIDTH + 1) float32 with all that alignment can hold on to, little shrunk.
         distinctive: the same freed of all that noise and background explain, by which the loop is told from others.
         usual: correlation with it where the loop is seen; at first what the noise about the loop lets expect.
-        contrast: of the loop against the grey behind it, when last seen.
+        contrast: of the loop, as a share of the grey behind it, when last seen.
     """
 
     LONGEST_MEMORY = 16  # strips; then old ones fade, so that slow change of dose or angle is followed
@@ -107,12 +107,16 @@ class Appearance:
         self.values, self.distinctive = _without_noise(self._mean)
         # A strip of signal and as much noise again correlates with the signal by the root of the signal's share.
         share = float(np.sum(np.square(self.distinctive))) / max(float(np.sum(np.square(first))), 1e-9)
-        self.usual = max(float(np.sqrt(share)), SMALLEST_USUAL)
+        self.expect(float(np.sqrt(share)))
+
+    def expect(self, correlation: float) -> None:
+        """Take a correlation for what is usual where the loop is seen."""
+        self.usual = max(correlation, SMALLEST_USUAL)
 
     def update(self, strip: Image, correlation: float) -> None:
         """Take in the strip (L, 2·HALF_WIDTH + 1) of a pair that surely shows the loop, and how well it correlated."""
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
-        self.usual += (correlation - self.usual) / min(self._count, self.USUAL_MEMORY)
+        self.expect(self.usual + (correlation - self.usual) / min(self._count, self.USUAL_MEMORY))
         self._mean = self._mean + (strip - self._mean) * np.float32(1.0 / self._count)
         self.values, self.distinctive = _without_noise(self._mean)
 

@@ -34,9 +34,9 @@ LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from th
 FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
-LAYS_KEPT = 64  # in so many pairs with a pose before
+LAYS_KEPT = 64  # in so many pairs before
 STILL_TURNED_SHARE = 0.6  # of that angle, once it did not: its tilt takes it to and fro across a limit
-GHOST_CONTRAST = 0.55  # of the pair before: what remains of a lasso that has gone, in a filter over time
+GHOST_CONTRAST = 0.55  # of when it was last seen: what remains of a lasso that has gone, in a filter over time
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
@@ -85,7 +85,7 @@ class AppearanceTracker:
         # Time, displacement and correlations when last seen there.
         self._displaced_place: tuple[float, Array, dict[Plane, float]] = 0.0, np.zeros(3), {}
         self._lost = False
-        self._followed = True  # a pose was published for the pair before
+        self._followed = True  # what was found in the pair before was believed
         self._doubt = 1.0
         self._both_seen_s = 0.0
         return self._result(pair, TrackerState.TRACKING, "", model.points)
@@ -104,9 +104,14 @@ class AppearanceTracker:
         self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
-        if refusal := self._ghost(finding) or self._refusal(pair, finding, followed=followed):
+        if refusal := self._refusal(pair, finding, followed=followed):
             return self._result(pair, TrackerState.LOST, refusal, None)
         finding, trial, departure = self._most_plausible(pair, finding, time_s)
+        contrast_left = self._contrast_left(finding)
+        if contrast_left < GHOST_CONTRAST:
+            text = f"only {100 * contrast_left:.0f} % of its contrast is left"
+            text += ": gone, and still in the images' filter over time?"
+            return self._result(pair, TrackerState.LOST, text, None)
         state, reason = self._degradation(pair, finding, time_s)
         # Where the planes agree, no C-arm has moved unsaid: what lies otherwise, and elsewhere, is a moved lasso.
         agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm
@@ -135,18 +140,17 @@ class AppearanceTracker:
             return anywhere
         return near
 
-    def _ghost(self, finding: Finding) -> str:
-        """Why what was found is no more than a trace of what was there before; empty if it is more.
+    def _contrast_left(self, finding: Finding) -> float:
+        """What was found, relative in contrast to what was seen last; from now on this is what was seen last.
 
-        Compared to the pair before only: a trace fades from pair to pair, another window of the images stays.
+        Not relative to what is usual: a trace fades from pair to pair, another window of the images stays.
         """
-        fits = {plane: finding.alignment.planes[plane] for plane in finding.seen}
-        left = float(np.mean([fit.contrast / self._appearances[plane].contrast for plane, fit in fits.items()]))
-        for plane, fit in fits.items():
-            self._appearances[plane].contrast = fit.contrast
-        if left >= GHOST_CONTRAST:
-            return ""
-        return f"only {100 * left:.0f} % of its contrast is left: gone, and still in the images' filter over time?"
+        shares = []
+        for plane in finding.seen:
+            appearance, contrast = self._appearances[plane], max(finding.alignment.planes[plane].contrast, 1e-6)
+            shares.append(contrast / appearance.contrast)
+            appearance.contrast = contrast
+        return float(np.mean(shares))
 
     def _refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
         """Why what was found carries no pose, wherever it is; empty if it may."""
@@ -179,7 +183,7 @@ class AppearanceTracker:
             return self._result(pair, TrackerState.LOST, reason, None)
         correlations = {plane: fit.correlation for plane, fit in finding.alignment.planes.items()}
         self._displaced_place = self._seconds(pair.stamp_ns), displacement, correlations
-        self._displaced = reason
+        self._displaced, self._both_seen_s = reason, self._seconds(pair.stamp_ns)
         self._displacement, self._lay = displacement, finding.alignment.turn
         loop = self._loop(finding.alignment, displacement)
         return self._result(pair, TrackerState.DISPLACED, reason, loop, finding.alignment)
@@ -310,10 +314,10 @@ class AppearanceTracker:
             # It belongs where and as it lies now; what was learnt of the breathing, but not of its place, still holds.
             self._displaced = ""
             self._home, self._home_turn = self._displacement, self._lay
-            self._lays = deque([self._lay], maxlen=LAYS_KEPT)
+            self._lays, self._turned_away = deque([self._lay], maxlen=LAYS_KEPT), False
             self._turn, self._followed = 0.5 * self._lay, True
             for plane, correlation in self._displaced_place[2].items():
-                self._appearances[plane].usual = correlation
+                self._appearances[plane].expect(correlation)
             self._rotation = BreathingRotation()
             self._respiration.move(self._displacement)
             self._envelope = BreathingEnvelope(

@@ -28,7 +28,7 @@ UNFORESEEN_SPEED_M_S = 0.03
 HEARTBEAT_SPEED_M_S = 0.006
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
-RIVAL_CORRELATION = 0.9  # of the best finding's: the images alone do not tell the two apart
+RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
@@ -47,7 +47,7 @@ class Finding:
         seen: the planes that show it.
         faint: the weaker plane, where one or both count as seen only because they lie where the motion so far, and the
             other plane, say.
-        edge_on: whether both planes see the loop edge-on, so that the place along the line is uncertain.
+        edge_on: whether all planes in the pair see the loop edge-on, so that the place along the line is uncertain.
         gap_mm: by which the planes disagree, mm.
         degraded_gap_mm: disagreement above which the state is DEGRADED, mm.
         lost_gap_mm: disagreement above which it is LOST, mm.
@@ -116,6 +116,7 @@ class LoopFinder:
         """
         model = self._model
         times = self.exposures(pair)
+        frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
         expected: dict[Plane, Array] = {}
         foreseen = respiration.predict(self.seconds(pair.stamp_ns))
         if "a" in times:
@@ -127,11 +128,8 @@ class LoopFinder:
         images: dict[Plane, WorkingImage] = {}
         peaks = {}
         for plane in times:
-            frame = pair.frame(plane)
-            if frame is None:
-                continue
             images[plane] = working_image(
-                frame,
+                frames[plane],
                 expected[plane],
                 bright=model.bright,
                 shift=model.shifts[plane],
@@ -158,7 +156,7 @@ class LoopFinder:
                 stretch,
                 ahead,
             )
-            if ahead and alignment.correlations[-1] < RIVAL_CORRELATION * ahead[-1]:
+            if ahead and alignment.is_given_up:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, images, times, respiration)
             if finding.rank[0] == BOTH_AGREE:

@@ -7,6 +7,7 @@ MLSP 2010.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +28,11 @@ def transition(interval_s: float, scale_s: float) -> Array:
     )
 
 
+@lru_cache
 def stationary(scale_s: float) -> Array:
-    """(3, 3) stationary covariance of value, slope and curvature, for a value of variance 1."""
+    """(3, 3) stationary covariance of value, slope and curvature, for a value of variance 1; not to be changed."""
     lam = math.sqrt(5.0) / scale_s
     kappa = lam**2 / 3.0
-    return np.array([[1.0, 0.0, -kappa], [0.0, kappa, 0.0], [-kappa, 0.0, lam**4]])
+    covariance = np.array([[1.0, 0.0, -kappa], [0.0, kappa, 0.0], [-kappa, 0.0, lam**4]])
+    covariance.setflags(write=False)
+    return covariance

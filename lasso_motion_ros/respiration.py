@@ -41,7 +41,7 @@ TIME_SCALE_S = 1.0  # of breathing, which is smoother than a Matérn process: lo
 HEARTBEAT_SPREAD_M = 0.00015
 HEARTBEAT_TIME_SCALE_S = 0.12
 _IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
-_STATIONARY = matern.stationary(TIME_SCALE_S)
+TIMES_AHEAD = 8  # kept; a loop that stays away is asked after at ever new times
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,7 @@ class RespiratoryMotion:
         self._state = np.zeros(SIZE)
         self._covariance = np.zeros((SIZE, SIZE))
         spread = self.spread
-        self._covariance[:9, :9] = _in_each_direction(_STATIONARY, spread)
+        self._covariance[:9, :9] = _in_each_direction(matern.stationary(TIME_SCALE_S), spread)
         self._covariance[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * _IDENTITY_3
         self._covariance[MEAN, MEAN] = spread
         self._ahead: dict[float, tuple[Array, Array]] = {}
@@ -227,6 +227,8 @@ class RespiratoryMotion:
             return self._state, self._covariance
         ahead = self._ahead.get(time_s)
         if ahead is None:
+            if len(self._ahead) >= TIMES_AHEAD:
+                self._ahead.clear()
             ahead = self._ahead[time_s] = self._moved_on(time_s - self._time_s)
         return ahead
 
@@ -237,7 +239,8 @@ class RespiratoryMotion:
         phi[:9, :9] = _in_each_direction(transition, _IDENTITY_3)  # x, y and z move alike
         phi[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
         covariance = phi @ self._covariance @ phi.T
-        covariance[:9, :9] += _in_each_direction(_STATIONARY - transition @ _STATIONARY @ transition.T, self._spread)
+        stationary = matern.stationary(TIME_SCALE_S)
+        covariance[:9, :9] += _in_each_direction(stationary - transition @ stationary @ transition.T, self._spread)
         covariance[HEARTBEAT, HEARTBEAT] += HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * _IDENTITY_3
         return phi @ self._state, 0.5 * (covariance + covariance.T)
 

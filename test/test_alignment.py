@@ -207,6 +207,20 @@ def test_a_faint_loop_is_seen_as_faint():
         assert weak.planes[plane].correlation < strong.planes[plane].correlation
 
 
+def test_contrast_is_the_loops_whatever_the_brightness():
+    clean, empty = clean_images(), {n: lasso_image(CURVE + 10.0, VIEWS[n]) for n in "ab"}
+
+    def contrast(share, level):
+        shown = {n: (empty[n] + share * (clean[n].astype(float) - empty[n])) * level for n in "ab"}
+        seen = {n: working(shown[n].astype(np.uint16), VIEWS[n]) for n in "ab"}
+        return align(seen, appearances(), ARMS, START, PRIOR).planes
+
+    full, half, dim = contrast(1.0, 20.0), contrast(0.5, 20.0), contrast(1.0, 8.0)
+    for plane in "ab":
+        assert half[plane].contrast == pytest.approx(0.5 * full[plane].contrast, rel=0.1)
+        assert dim[plane].contrast == pytest.approx(full[plane].contrast, rel=0.05)
+
+
 def test_a_place_without_the_loop_is_given_up():
     empty = {n: np.full((512, 512), 150, np.uint8) for n in "ab"}
     fits = []

@@ -112,6 +112,9 @@ def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what
     for _ in range(40):
         learned.update(line_strip(), 0.9)
     assert learned.usual == pytest.approx(0.9, abs=1e-3)
+    for _ in range(40):
+        learned.update(line_strip(), -0.2)
+    assert learned.usual == 0.35  # or noise would come to be enough
 
 
 def test_the_appearance_does_not_alias_its_input():

@@ -26,6 +26,7 @@ from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.curves import distance_to_curve
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.frames import Frame, FramePair
+from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.transforms import rotation_from_vector
 
 
@@ -64,6 +65,36 @@ def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(tracker, lag):
         assert_no_pose(tracker.track(faded(WARM + step, lag ** (step + 1))), LOST)
     states = [tracker.track(pair(index)).state for index in range(WARM + 5, WARM + 8)]
     assert states[-1] is TRACKING
+
+
+@pytest.mark.parametrize("planes", ["a", "b"])
+def test_a_trace_in_one_plane_alone_is_not_the_lasso_either(tracker, planes):
+    tracker.track(pair(WARM))
+    trace = faded(WARM + 1, 0.4, place=WARM)
+    only = {p: trace.frame(p) if p in planes else None for p in "ab"}
+    result = tracker.track(FramePair(trace.stamp_ns, only["a"], only["b"]))
+    assert_no_pose(result, LOST)
+    assert "of its contrast is left" in result.reason
+
+
+def test_contrast_is_remembered_of_what_was_believed(tracker):
+    # Twice the contrast in planes that disagree by 3 mm: refused, and so nothing to compare the next pair with.
+    strong = faded(WARM, 2.0, place=WARM)
+    lift = np.eye(3)
+    lift[1, 2] = 3.0 / VIEWS["b"].millimetres_per_pixel(LOOP.centre)
+    off = dataclasses.replace(strong.b, projection=Projection(lift @ VIEWS["b"].matrix, 512, 512))
+    assert_no_pose(tracker.track(FramePair(strong.stamp_ns, strong.a, off)), LOST)
+    assert tracker.track(pair(WARM + 1)).state is TRACKING
+
+
+def test_a_picture_of_nothing_is_borne_even_without_any_limit(tracker):
+    limits = JudgementConfig(smallest_gain=0.0, smallest_likeness=0.0, smallest_visible=0.0)
+    tracker.reconfigure(dataclasses.replace(CONFIG, judgement=limits))
+    nothing = {p: Frame(WARM * PERIOD_NS, np.full((512, 512), 90, np.uint8), VIEWS[p]) for p in "ab"}
+    tracker.track(FramePair(WARM * PERIOD_NS, nothing["a"], nothing["b"]))
+    tracker.reconfigure(CONFIG)
+    assert tracker.track(pair(WARM + 1)).state in (TRACKING, LOST)
+    assert tracker.track(pair(WARM + 2)).state is TRACKING
 
 
 def test_another_window_of_the_images_is_borne(tracker):
@@ -120,6 +151,14 @@ def test_a_displaced_lasso_can_be_made_the_reference(tracker):
         assert result.state is TRACKING
         assert result.reference_stamp_ns == (WARM + 1) * PERIOD_NS
         assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.3
+
+
+def test_made_the_reference_a_displaced_lasso_may_miss_a_plane_at_once(tracker):
+    for index in range(WARM, WARM + 12):  # longer than one plane alone is believed
+        assert tracker.track(pair(index, ASIDE)).state is DISPLACED
+    tracker.set_reference()
+    result = tracker.track(pair(WARM + 12, ASIDE, planes="a"))
+    assert result.state is DEGRADED, result.reason
 
 
 def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(tracker):

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from method_inputs import biplane
 
-from lasso_motion_ros.respiration import Observation, RespiratoryMotion
+from lasso_motion_ros import respiration
+from lasso_motion_ros.respiration import TIMES_AHEAD, Observation, RespiratoryMotion
 
 SIGHT = {name: -view.source / np.linalg.norm(view.source) for name, view in biplane().items()}
 ACROSS = {name: np.linalg.svd(ray[None])[2][1:] for name, ray in SIGHT.items()}
@@ -257,3 +258,23 @@ def test_what_was_foreseen_is_not_kept_once_more_is_known():
     other.learn(np.array([0.0, 0.0, 0.03]))
     assert np.trace(other.predict(later).covariance) != np.trace(before.covariance)
     np.testing.assert_array_equal(motion.predict(later).covariance, before.covariance)
+
+
+def test_of_what_was_foreseen_little_is_kept():
+    # A lasso that stays away is asked after at ever new times, for hours.
+    motion, *_ = run(5, 0.02)
+    for step in range(100):
+        motion.predict(2.0 + 0.3 * step)
+    assert len(motion._ahead) <= TIMES_AHEAD
+    again = motion.copy().predict(2.3)
+    np.testing.assert_array_equal(motion.predict(2.3).covariance, again.covariance)
+
+
+@pytest.mark.parametrize("scale_s", [0.03, 1.0])
+def test_whatever_the_time_scale_the_future_has_a_positive_covariance(scale_s, monkeypatch):
+    monkeypatch.setattr(respiration, "TIME_SCALE_S", scale_s)
+    motion = RespiratoryMotion(0.0, 0.05)
+    for interval_s in (0.01, 0.07, 0.13):
+        covariance = motion.predict(0.05 + interval_s).covariance
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+        assert np.sqrt(np.trace(covariance)) < 0.03

@@ -220,7 +220,7 @@ IDEAS: Mapping[str, Idea] = {
         # The search.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
-        Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": OFF}),
+        Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
         Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
         Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder.find": _near_only}),
         Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
@@ -236,7 +236,12 @@ IDEAS: Mapping[str, Idea] = {
         ),
         Idea("distinctive", "strips of what is distinctive", {}, {"appearance._without_noise": _not_distinctive}),
         Idea("denoised", "shrinking what is only noise", {}, {"appearance._without_noise": _as_sampled}),
-        Idea("learning", "learning the appearance from later pairs", {}, {"appearance.Appearance.update": _nothing}),
+        Idea(
+            "learning",
+            "learning the appearance, and what correlation is usual, from later pairs",
+            {},
+            {"appearance.Appearance.update": _nothing},
+        ),
         Idea("local", "contrast in units of the local noise", {}, {"working_image.cv2": _EvenNoise()}),
         Idea("clip", "clipping of strong contrast", {}, {"working_image.CLIP": OFF}),
         # Alignment.
