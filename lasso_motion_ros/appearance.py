@@ -6,6 +6,7 @@ the electrodes' pattern, so that it tells the lasso from other wires, and where 
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -14,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry import Projection
-from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
+from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage, softened
 
 Array = npt.NDArray[np.float64]
 Real = TypeVar("Real", bound=np.floating[Any])
@@ -23,6 +24,7 @@ MARGIN_COLUMNS = 2
 MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
 NOISE_SHARE = 0.25  # for alignment: margins hold background too, by which a clear loop must not be shrunk
 SMALLEST_USUAL = 0.35  # correlation; with less no loop is told from noise
+USUAL_SOFTENED = 0.9  # where noise is blurred away
 HALF_WIDTH = 6  # strip columns on either side of the curve, each PIXEL_MM wide at the loop
 _OFFSETS = np.arange(-HALF_WIDTH, HALF_WIDTH + 1, dtype=np.float32)
 
@@ -108,6 +110,13 @@ class Appearance:
         # A strip of signal and as much noise again correlates with the signal by the root of the signal's share.
         share = float(np.sum(np.square(self.distinctive))) / max(float(np.sum(np.square(first))), 1e-9)
         self.expect(float(np.sqrt(share)))
+
+    def softened(self) -> Appearance:
+        """What it looks like in `WorkingImage.soft`."""
+        soft = copy.copy(self)
+        soft.values, soft.distinctive = softened(self.values), softened(self.distinctive)
+        soft.usual = USUAL_SOFTENED
+        return soft
 
     def expect(self, correlation: float) -> None:
         """Take a correlation for what is usual where the loop is seen."""

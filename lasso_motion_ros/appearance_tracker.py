@@ -37,6 +37,7 @@ FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein i
 LAYS_KEPT = 64  # in so many pairs before
 STILL_TURNED_SHARE = 0.6  # of that angle, once it did not: its tilt takes it to and fro across a limit
 GHOST_CONTRAST = 0.55  # of when it was last seen: what remains of a lasso that has gone, in a filter over time
+MET_LIKENESS = 0.8  # down to this a fit is weaker and less alike only since it did not meet the loop quite where it lies
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
@@ -132,10 +133,10 @@ class AppearanceTracker:
     def _look(self, pair: FramePair) -> Finding | None:
         """The best finding about the prediction, or where that fails anywhere."""
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
-        near = None if self._lost else self._find(pair, near=True)
+        near = None if self._lost else self._find(pair, near=True, afar=True)
         if near is not None and near.rank[0] == 2 * len(self._finder.exposures(pair)):
             return near
-        anywhere = self._find(pair, near=False)
+        anywhere = self._find(pair, near=False, afar=self._lost)
         if near is None or (anywhere is not None and anywhere.rank > near.rank):
             return anywhere
         return near
@@ -147,7 +148,9 @@ class AppearanceTracker:
         """
         shares = []
         for plane in finding.seen:
-            appearance, contrast = self._appearances[plane], max(finding.alignment.planes[plane].contrast, 1e-6)
+            appearance, fit = self._appearances[plane], finding.alignment.planes[plane]
+            # What was not met quite where it lies looks weaker, and less alike.
+            contrast = max(fit.contrast / float(np.clip(fit.likeness, MET_LIKENESS, 1.0)), 1e-6)
             shares.append(contrast / appearance.contrast)
             appearance.contrast = contrast
         return float(np.mean(shares))
@@ -332,8 +335,9 @@ class AppearanceTracker:
     def _seconds(self, stamp_ns: int) -> float:
         return self._finder.seconds(stamp_ns)
 
-    def _find(self, pair: FramePair, *, near: bool) -> Finding | None:
-        return self._finder.find(pair, self._respiration, turn=self._turn, stretch=self._stretch, near=near)
+    def _find(self, pair: FramePair, *, near: bool, afar: bool) -> Finding | None:
+        turn, stretch = self._turn, self._stretch
+        return self._finder.find(pair, self._respiration, turn=turn, stretch=stretch, near=near, afar=afar)
 
     def _degradation(self, pair: FramePair, finding: Finding, time_s: float) -> tuple[TrackerState, str]:
         """TRACKING, or why not."""

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align
+from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align, align_from_afar
 from lasso_motion_ros.appearance import Appearance
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
 from lasso_motion_ros.loop_model import LoopModel
-from lasso_motion_ros.respiration import Observation, RespiratoryMotion
+from lasso_motion_ros.respiration import Estimate, Observation, RespiratoryMotion
 from lasso_motion_ros.search import find_peaks, join_peaks
 from lasso_motion_ros.working_image import WorkingImage, working_image
 
@@ -29,6 +29,8 @@ HEARTBEAT_SPEED_M_S = 0.006
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
+AFAR_CANDIDATES = 2  # looked at once more, from afar, where not all planes show the loop
+AFAR_TRIES = 4
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
@@ -103,7 +105,7 @@ class LoopFinder:
         return times
 
     def find(
-        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool
+        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool, afar: bool
     ) -> Finding | None:
         """The best-ranked finding among the candidates, near the prediction or anywhere in the images.
 
@@ -113,6 +115,7 @@ class LoopFinder:
             turn: (3,) rotation vector of the ring to start from.
             stretch: logarithm of its size to start from.
             near: True to look about the prediction only.
+            afar: True to look once more, for a ring that has turned much, where not all planes show the loop.
         """
         model = self._model
         times = self.exposures(pair)
@@ -138,24 +141,19 @@ class LoopFinder:
             peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + 0.004**2 * np.eye(3)
+        alignment: Alignment | None
         best: Finding | None = None
         agreed: list[Finding] = []
         count = self.config.search.candidates // (2 if near else 1)
         best_score = 0.0
-        for candidate in join_peaks(peaks, expected, covariance, slack_m, max(1, count)):
+        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
+        appearances = {plane: self._appearances[plane] for plane in images}
+        candidates = join_peaks(peaks, expected, covariance, slack_m, max(1, count))
+        for candidate in candidates:
             if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
                 break  # found, and no rival comes near it
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
-            alignment = align(
-                images,
-                {plane: self._appearances[plane] for plane in images},
-                model.arms,
-                candidate.centres,
-                RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch),
-                turn,
-                stretch,
-                ahead,
-            )
+            alignment = align(images, appearances, model.arms, candidate.centres, prior, turn, stretch, ahead)
             if ahead and alignment.is_given_up:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, images, times, respiration)
@@ -163,6 +161,24 @@ class LoopFinder:
                 agreed.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
+        # A ring that has turned much looks otherwise and seems to lie elsewhere, by more than an alignment mends.
+        starts = [candidate.centres for candidate in candidates[: AFAR_CANDIDATES if afar else 0]]
+        for _ in range(AFAR_TRIES):
+            if not starts or (best is not None and best.rank[0] == 2 * len(times)):
+                break
+            alignment = align_from_afar(images, appearances, model.arms, starts.pop(0), prior, turn, stretch)
+            if alignment is None:
+                continue
+            finding = self._judge(alignment, images, times, respiration)
+            if best is None or finding.rank > best.rank:
+                best = finding
+                if len(times) > len(finding.seen) == 1:
+                    # The other plane's candidate may have been a wrong one: look where this plane foretells it.
+                    (clear,) = finding.seen
+                    other, foretold = self._foretold(clear, alignment, times, respiration)
+                    starts.insert(
+                        0, {clear: alignment.planes[clear].centre, other: model.centre + foretold.displacement}
+                    )
         if best is None or len(agreed) < 2:
             return best
         least = RIVAL_CORRELATION * best.rank[1]
@@ -239,25 +255,27 @@ class LoopFinder:
         """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
         if len(clear) != 1 or len(times) < 2:
             return None
-        model, trial = self._model, respiration.copy()
-        observation = self.observation(alignment.planes[clear[0]])
-        if clear == ("a",):
-            faint: Plane = "b"
-            trial.observe(times["a"], a=observation)
-            expected = trial.expected_between(times["b"])
-        else:
-            faint = "a"
-            trial.mark_a(times["a"])
-            trial.observe(times["b"], b=observation)
-            expected = trial.at_a
+        faint, expected = self._foretold(clear[0], alignment, times, respiration)
         fit = alignment.planes[faint]
         if not is_faintly_seen(fit, self.config.judgement):
             return None
-        residual = fit.across @ (fit.centre - model.centre - expected.displacement)
+        residual = fit.across @ (fit.centre - self._model.centre - expected.displacement)
         spread = fit.across @ expected.covariance @ fit.across.T + self.observation(fit).covariance
         surprise = float(residual @ np.linalg.solve(spread, residual))
         foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
         return faint if foreseen and surprise <= FAINT_SURPRISE else None
+
+    def _foretold(
+        self, clear: Plane, alignment: Alignment, times: dict[Plane, float], respiration: RespiratoryMotion
+    ) -> tuple[Plane, Estimate]:
+        """The other plane, and what it measures according to what a plane shows clearly and to the motion so far."""
+        trial, observation = respiration.copy(), self.observation(alignment.planes[clear])
+        if clear == "a":
+            trial.observe(times["a"], a=observation)
+            return "b", trial.expected_between(times["b"])
+        trial.mark_a(times["a"])
+        trial.observe(times["b"], b=observation)
+        return "a", trial.at_a
 
     def _is_edge_on(self, image: WorkingImage) -> bool:
         model = self._model

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -20,6 +21,7 @@ FINE_SIGMA_PX = 0.8
 COARSE_BOX_PX = (9, 9)  # twice: nearly a Gaussian of 3.7 pixels, at a fifth of its cost
 NOISE_WINDOW_PX = 61
 CLIP = 4.0
+SOFT_BOX_PX = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +42,23 @@ class WorkingImage:
     noise: Image
     grey: npt.NDArray[np.uint8 | np.uint16]
 
+    @cached_property
+    def soft(self) -> WorkingImage:
+        """The same, blurred: an alignment finds its way in it from further off."""
+        return replace(self, values=softened(self.values))
+
     def contrast_unit(self, centre: Array) -> float:
         """What 1 in `values` is about a world point (3,) m, as a share of the grey there."""
         x, y = np.clip(np.rint(self.projection.project(centre)), 0, np.array(self.noise.shape[::-1]) - 1).astype(int)
         half = NOISE_WINDOW_PX // 2
         grey = cv2.mean(self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1])[0]
         return float(self.noise[y, x] / max(grey, 1.0))
+
+
+def softened(values: Image) -> Image:
+    """Values (h, w), blurred by three quarters of a millimetre."""
+    once = cv2.blur(values, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.blur(once, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE))
 
 
 def reduction_factor(projection: Projection, centre: Array) -> int:

@@ -5,7 +5,7 @@ import pytest
 from lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from method_inputs import biplane, draw_curve, flipped
 
-from lasso_motion_ros.alignment import BEHIND, RingPrior, align
+from lasso_motion_ros.alignment import BEHIND, RingPrior, align, align_from_afar
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.frames import Frame
@@ -322,3 +322,24 @@ def test_what_looks_worse_than_another_at_the_same_look_is_given_up():
     assert len(alone.correlations) > 1
     assert alone.correlations[0] < best.correlations[0] - BEHIND[0]
     assert len(align(looked, appearances(), ARMS, START, PRIOR, ahead=best.correlations).correlations) == 1
+
+
+@pytest.mark.parametrize(("axis", "turn_deg"), [(1, 9.0), (2, 7.0), (2, 9.0)])
+def test_from_afar_a_ring_is_found_that_lies_otherwise_and_elsewhere(axis, turn_deg):
+    turn = np.zeros(3)
+    turn[axis] = np.radians(turn_deg)
+    off = dict.fromkeys(START, LOOP.centre + np.array([0.0, 0.0, 0.8e-3]))
+    looked = images(clean_images(turn=turn))
+    near = align(looked, appearances(), ARMS, off, PRIOR)
+    assert min(fit.likeness for fit in near.planes.values()) < 0.5  # it loses its way
+    found = align_from_afar(looked, appearances(), ARMS, off, PRIOR, np.zeros(3), 0.0)
+    for fit in found.planes.values():
+        assert fit.likeness > 0.85
+        assert np.abs(across_mm(fit, LOOP.centre)).max() < 0.1
+    np.testing.assert_allclose(np.degrees(found.turn), np.degrees(turn), atol=0.7)
+
+
+def test_from_afar_nothing_is_found_where_nothing_is():
+    for seed in range(4):
+        nothing = images({n: np.full((512, 512), 150, np.uint8) for n in "ab"}, seed)
+        assert align_from_afar(nothing, appearances(), ARMS, START, PRIOR, np.zeros(3), 0.0) is None

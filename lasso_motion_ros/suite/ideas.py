@@ -73,17 +73,31 @@ _without_noise = appearance._without_noise
 
 
 def _everywhere(
-    self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool
+    self: LoopFinder,
+    pair: FramePair,
+    respiration: RespiratoryMotion,
+    *,
+    turn: Array,
+    stretch: float,
+    near: bool,
+    afar: bool,
 ) -> Finding | None:
     del near
-    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=False)
+    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=False, afar=afar)
 
 
 def _near_only(
-    self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool
+    self: LoopFinder,
+    pair: FramePair,
+    respiration: RespiratoryMotion,
+    *,
+    turn: Array,
+    stretch: float,
+    near: bool,
+    afar: bool,
 ) -> Finding | None:
     del near
-    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=True)
+    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=True, afar=afar)
 
 
 class _Standing(RespiratoryMotion):
@@ -106,9 +120,16 @@ class _Standing(RespiratoryMotion):
 
 
 def _unpredicted(
-    self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool
+    self: LoopFinder,
+    pair: FramePair,
+    respiration: RespiratoryMotion,
+    *,
+    turn: Array,
+    stretch: float,
+    near: bool,
+    afar: bool,
 ) -> Finding | None:
-    return _find(self, pair, _Standing(respiration), turn=turn, stretch=stretch, near=near)
+    return _find(self, pair, _Standing(respiration), turn=turn, stretch=stretch, near=near, afar=afar)
 
 
 def _exposed_together(self: LoopFinder, pair: FramePair) -> dict[Plane, float]:
@@ -223,6 +244,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
         Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
         Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder.find": _near_only}),
+        Idea("afar", "a second look, from afar", {}, {"finding.AFAR_CANDIDATES": 0}),
         Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
         Idea("joint", "one search in both planes: each its own best", {}, {"search.RAY_TOLERANCE_M": OFF}),
         Idea("ceiling", "the ceiling by which neither plane drowns the other", {}, {"search.SCORE_CEILING": OFF}),
