@@ -14,7 +14,7 @@ from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
 from lasso_motion_ros.loop_model import LoopModel
 from lasso_motion_ros.respiration import Estimate, Observation, RespiratoryMotion
-from lasso_motion_ros.search import find_peaks, join_peaks
+from lasso_motion_ros.search import SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.working_image import WorkingImage, working_image
 
 Array = npt.NDArray[np.float64]
@@ -26,6 +26,7 @@ SYSTEMATIC_M = 3e-5
 UNFORESEEN_SPEED_M_S = 0.03
 # What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
 HEARTBEAT_SPEED_M_S = 0.006
+EXPECTATION_M = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
@@ -70,6 +71,29 @@ class Finding:
         """Two planes that agree are best, then two that do not, then one; then higher correlation."""
         worth = 2 * len(self.seen) - (1 if self.gap_mm > self.lost_gap_mm else 0)
         return worth, sum(self.alignment.planes[p].correlation for p in self.seen)
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """One look at a pair: its images, and what is known beforehand.
+
+    Attributes:
+        images: of each plane in the pair.
+        times: of their exposures, seconds since the start.
+        respiration: the motion so far; not to be changed.
+        turn: (3,) rotation vector of the ring to start from.
+        stretch: logarithm of its size to start from.
+    """
+
+    images: dict[Plane, WorkingImage]
+    times: dict[Plane, float]
+    respiration: RespiratoryMotion
+    turn: Array
+    stretch: float
+
+    def is_enough(self, finding: Finding | None) -> bool:
+        """Whether all planes in the pair show the loop, and agree on it."""
+        return finding is not None and finding.rank[0] == 2 * len(self.times)
 
 
 class LoopFinder:
@@ -117,8 +141,19 @@ class LoopFinder:
             near: True to look about the prediction only.
             afar: True to look once more, for a ring that has turned much, where not all planes show the loop.
         """
-        model = self._model
         times = self.exposures(pair)
+        images, candidates = self._search(pair, times, respiration, near=near)
+        look = _Look(images, times, respiration, turn, stretch)
+        best = self._best_of(candidates, look)
+        if afar and not look.is_enough(best):
+            best = self._best_from_afar(candidates, look, best)
+        return best
+
+    def _search(
+        self, pair: FramePair, times: dict[Plane, float], respiration: RespiratoryMotion, *, near: bool
+    ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
+        """Images to look at, and the places where they may show the loop."""
+        model = self._model
         frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
         expected: dict[Plane, Array] = {}
         foreseen = respiration.predict(self.seconds(pair.stamp_ns))
@@ -140,74 +175,83 @@ class LoopFinder:
             )
             peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
-        covariance = foreseen.covariance + 0.004**2 * np.eye(3)
-        alignment: Alignment | None
+        covariance = foreseen.covariance + EXPECTATION_M**2 * np.eye(3)
+        count = self.config.search.candidates // (2 if near else 1)
+        return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
+
+    def _best_of(self, candidates: list[SearchCandidate], look: _Look) -> Finding | None:
+        """The best-ranked finding where the search points to, and its rivals."""
         best: Finding | None = None
         agreed: list[Finding] = []
-        count = self.config.search.candidates // (2 if near else 1)
         best_score = 0.0
-        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
-        appearances = {plane: self._appearances[plane] for plane in images}
-        candidates = join_peaks(peaks, expected, covariance, slack_m, max(1, count))
         for candidate in candidates:
-            if best is not None and best.rank[0] == 2 * len(times) and candidate.score < RIVAL_SCORE * best_score:
+            if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
                 break  # found, and no rival comes near it
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
-            alignment = align(images, appearances, model.arms, candidate.centres, prior, turn, stretch, ahead)
+            alignment = align(*self._alignment_input(candidate.centres, look), ahead)
             if ahead and alignment.is_given_up:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
-            finding = self._judge(alignment, images, times, respiration)
+            finding = self._judge(alignment, look)
             if finding.rank[0] == BOTH_AGREE:
                 agreed.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
-        # A ring that has turned much looks otherwise and seems to lie elsewhere, by more than an alignment mends.
-        starts = [candidate.centres for candidate in candidates[: AFAR_CANDIDATES if afar else 0]]
-        for _ in range(AFAR_TRIES):
-            if not starts or (best is not None and best.rank[0] == 2 * len(times)):
-                break
-            alignment = align_from_afar(images, appearances, model.arms, starts.pop(0), prior, turn, stretch)
-            if alignment is None:
-                continue
-            finding = self._judge(alignment, images, times, respiration)
-            if best is None or finding.rank > best.rank:
-                best = finding
-                if len(times) > len(finding.seen) == 1:
-                    # The other plane's candidate may have been a wrong one: look where this plane foretells it.
-                    (clear,) = finding.seen
-                    other, foretold = self._foretold(clear, alignment, times, respiration)
-                    starts.insert(
-                        0, {clear: alignment.planes[clear].centre, other: model.centre + foretold.displacement}
-                    )
         if best is None or len(agreed) < 2:
             return best
         least = RIVAL_CORRELATION * best.rank[1]
         rivals = [finding for finding in agreed if finding is not best and finding.rank[1] >= least]
         return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1])))
 
-    def _judge(
-        self,
-        alignment: Alignment,
-        images: dict[Plane, WorkingImage],
-        times: dict[Plane, float],
-        respiration: RespiratoryMotion,
-    ) -> Finding:
+    def _best_from_afar(self, candidates: list[SearchCandidate], look: _Look, best: Finding | None) -> Finding | None:
+        """A better finding, if there is one, where the loop lies otherwise and elsewhere than an alignment mends.
+
+        A ring that has turned much looks otherwise, and its peak in the search is off.
+        """
+        starts = [candidate.centres for candidate in candidates[:AFAR_CANDIDATES]]
+        for _ in range(AFAR_TRIES):
+            if not starts or look.is_enough(best):
+                break
+            alignment = align_from_afar(*self._alignment_input(starts.pop(0), look))
+            if alignment is None:
+                continue
+            finding = self._judge(alignment, look)
+            if best is not None and finding.rank <= best.rank:
+                continue
+            best = finding
+            if len(look.times) > len(finding.seen) == 1:
+                # The other plane's candidate may have been a wrong one: look where this plane foretells it.
+                (clear,) = finding.seen
+                other, foretold = self._foretold(clear, alignment, look)
+                there = self._model.centre + foretold.displacement
+                starts.insert(0, {clear: alignment.planes[clear].centre, other: there})
+        return best
+
+    def _alignment_input(
+        self, starts: dict[Plane, Array], look: _Look
+    ) -> tuple[dict[Plane, WorkingImage], dict[Plane, Appearance], Array, dict[Plane, Array], RingPrior, Array, float]:
+        """What `align` takes, to start from a centre (3,) in each plane."""
+        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
+        appearances = {plane: self._appearances[plane] for plane in look.images}
+        return look.images, appearances, self._model.arms, starts, prior, look.turn, look.stretch
+
+    def _judge(self, alignment: Alignment, look: _Look) -> Finding:
+        images, times = look.images, look.times
         config = self.config.judgement
         seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
         edge_on = all(self._is_edge_on(image) for image in images.values())
         faint: Plane | None = None
-        if len(seen) < 2 and self._is_near_and_faint(alignment, times, respiration):
+        if len(seen) < 2 and self._is_near_and_faint(alignment, look):
             # Where the motion so far puts it, less has to be seen of it than elsewhere.
             weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
             seen, faint = PLANES, weaker
         if len(seen) < 2:
             # What only one plane shows must be clear there.
             clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
-            faint = self._faint_plane(alignment, clear, times, respiration)
+            faint = self._faint_plane(alignment, clear, look)
             return Finding(alignment, clear if faint is None else PLANES, faint, edge_on)
         a, b = alignment.planes["a"], alignment.planes["b"]
         model = self._model
-        trial = respiration.copy()
+        trial = look.respiration.copy()
         trial.observe(times["a"], a=self.observation(a))
         between = trial.expected_between(times["b"])
         rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
@@ -224,11 +268,9 @@ class LoopFinder:
             max(config.lost_gap_mm, 4.0 * slack_mm),
         )
 
-    def _is_near_and_faint(
-        self, alignment: Alignment, times: dict[Plane, float], respiration: RespiratoryMotion
-    ) -> bool:
+    def _is_near_and_faint(self, alignment: Alignment, look: _Look) -> bool:
         """Whether both planes show something like the loop near where each is expected to."""
-        if len(times) < 2:
+        if len(look.times) < 2:
             return False
         model, config = self._model, self.config.judgement
         if not all(
@@ -237,25 +279,19 @@ class LoopFinder:
         ):
             return False
         expected = {
-            "a": respiration.predict(times["a"]).displacement,
-            "b": respiration.expected_between(times["b"]).displacement,
+            "a": look.respiration.predict(look.times["a"]).displacement,
+            "b": look.respiration.expected_between(look.times["b"]).displacement,
         }
         return all(
             float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
             for plane, fit in alignment.planes.items()
         )
 
-    def _faint_plane(
-        self,
-        alignment: Alignment,
-        clear: tuple[Plane, ...],
-        times: dict[Plane, float],
-        respiration: RespiratoryMotion,
-    ) -> Plane | None:
+    def _faint_plane(self, alignment: Alignment, clear: tuple[Plane, ...], look: _Look) -> Plane | None:
         """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
-        if len(clear) != 1 or len(times) < 2:
+        if len(clear) != 1 or len(look.times) < 2:
             return None
-        faint, expected = self._foretold(clear[0], alignment, times, respiration)
+        faint, expected = self._foretold(clear[0], alignment, look)
         fit = alignment.planes[faint]
         if not is_faintly_seen(fit, self.config.judgement):
             return None
@@ -265,16 +301,14 @@ class LoopFinder:
         foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
         return faint if foreseen and surprise <= FAINT_SURPRISE else None
 
-    def _foretold(
-        self, clear: Plane, alignment: Alignment, times: dict[Plane, float], respiration: RespiratoryMotion
-    ) -> tuple[Plane, Estimate]:
+    def _foretold(self, clear: Plane, alignment: Alignment, look: _Look) -> tuple[Plane, Estimate]:
         """The other plane, and what it measures according to what a plane shows clearly and to the motion so far."""
-        trial, observation = respiration.copy(), self.observation(alignment.planes[clear])
+        trial, observation = look.respiration.copy(), self.observation(alignment.planes[clear])
         if clear == "a":
-            trial.observe(times["a"], a=observation)
-            return "b", trial.expected_between(times["b"])
-        trial.mark_a(times["a"])
-        trial.observe(times["b"], b=observation)
+            trial.observe(look.times["a"], a=observation)
+            return "b", trial.expected_between(look.times["b"])
+        trial.mark_a(look.times["a"])
+        trial.observe(look.times["b"], b=observation)
         return "a", trial.at_a
 
     def _is_edge_on(self, image: WorkingImage) -> bool:

@@ -76,6 +76,10 @@ def _offset(scenario: Scenario, value: float) -> Scenario:
     return dataclasses.replace(scenario, plane_b_offset=value)
 
 
+def _tilt(scenario: Scenario, value: float) -> Scenario:
+    return dataclasses.replace(scenario, lasso=dataclasses.replace(scenario.lasso, tilt_deg=value))
+
+
 def _clicks(scenario: Scenario, value: float) -> Scenario:
     return dataclasses.replace(scenario, clicks=ClickSettings(noise_px=value, fewest=6, most=14))
 
@@ -106,6 +110,7 @@ SWEEPS: Mapping[str, Sweep] = {
             trials=START_TRIALS,
             is_capture=True,
         ),
+        Sweep("tilt", "tilt of the ring with the heartbeat (deg)", (0.0, 2.0, 4.0, 6.0, 8.0), _tilt),
         Sweep("clicks", "noise of the clicks (px)", (0.5, 1.0, 2.0, 3.0, 4.0), _clicks),
     )
 }
