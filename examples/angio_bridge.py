@@ -146,9 +146,9 @@ class Bridge:
         after = time.time()
         return after - before, 0.5 * (before + after) - theirs
 
-    def subscribed(self) -> bool:
-        """Whether somebody listens to each topic."""
-        return all(one.get_subscription_count() for one in (*self._images.values(), *self._infos.values()))
+    def subscribed(self, count: int) -> bool:
+        """Whether so many listen to each topic."""
+        return all(one.get_subscription_count() >= count for one in (*self._images.values(), *self._infos.values()))
 
     def publish(self, exposure: Exposure) -> None:
         """One frame: calibration first, under the same header."""
@@ -170,6 +170,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sequence", type=Path, help="the .npz that stands for the system")
     parser.add_argument("--wait", type=float, default=0.0, metavar="S", help="first wait, at most S, for subscribers")
+    parser.add_argument("--subscribers", type=int, default=1, metavar="N", help="so many on each topic (default 1)")
     arguments, ros_arguments = parser.parse_known_args()
     warning = use_image_profile()
     rclpy.init(args=ros_arguments)
@@ -180,7 +181,7 @@ def main() -> None:
     bridge = Bridge(node, system)
     deadline = time.monotonic() + arguments.wait
     with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
-        while not bridge.subscribed() and time.monotonic() < deadline:
+        while not bridge.subscribed(arguments.subscribers) and time.monotonic() < deadline:
             rclpy.spin_once(node, timeout_sec=0.05)
         for exposure in system.exposures():
             if not rclpy.ok():

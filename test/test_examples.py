@@ -90,13 +90,12 @@ def test_the_bridge_feeds_the_tracker_through_gantry_and_table_motion(graph: Gra
     graph.wait_until(lambda: all(one.get_subscription_count() for one in seeds.values()))
     for plane, publisher in seeds.items():
         publisher.publish(clicks(plane))
-    # The tracker subscribes once somebody publishes. The listener here does so at once, and the bridge waits for one
-    # subscriber only: so it shall find the tracker listening.
+    # The tracker subscribes once somebody publishes; then the bridge waits for it as well as for the listener here.
     planes = [make(plane) for plane in "ab" for make in (image_topic, camera_info_topic)]
     beside = [graph.publisher(topic) for topic in planes]
     graph.wait_until(lambda: all(one.get_subscription_count() >= 2 for one in beside))
     before = time.time_ns()
-    graph.processes.start("bridge", "examples.angio_bridge", [str(sequence), "--wait", "30"])
+    graph.processes.start("bridge", "examples.angio_bridge", [str(sequence), "--wait", "30", "--subscribers", "2"])
     graph.heard.wait_for(lambda: len(graph.heard.messages["motion"]) == PAIRS)
     assert graph.wait_for_end("bridge") == 0
 
