@@ -30,7 +30,7 @@ EXPECTATION_M = 0.004  # standard deviation of what is expected, besides the fil
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
-AFAR_CANDIDATES = 2  # looked at once more, from afar, where not all planes show the loop
+AFAR_CANDIDATES = 1  # looked at once more, from afar, where not all planes show the loop: each costs a millisecond
 AFAR_TRIES = 4
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
