@@ -149,7 +149,6 @@ class AppearanceTracker:
         shares = []
         for plane in finding.seen:
             appearance, fit = self._appearances[plane], finding.alignment.planes[plane]
-            # What was not met quite where it lies looks weaker, and less alike.
             contrast = max(fit.contrast / float(np.clip(fit.likeness, MET_LIKENESS, 1.0)), 1e-6)
             shares.append(contrast / appearance.contrast)
             appearance.contrast = contrast
@@ -163,11 +162,12 @@ class AppearanceTracker:
             return f"plane {finding.faint.upper()} shows the lasso only faintly, and not quite where the other does"
         if len(finding.seen) == 2:
             return ""
-        other = "B" if finding.seen == ("a",) else "A"
-        if pair.frame("b" if other == "B" else "a") is not None:
+        other = _other_plane(finding)
+        if pair.frame(other) is not None:
             # What the other plane shows cannot tell which.
-            return f"plane {other} does not show the lasso: hidden there, or moved C-arm without a new calibration?"
-        return "" if followed else f"plane {other} missing: after a loss both have to show the lasso"
+            text = f"plane {other.upper()} does not show the lasso"
+            return f"{text}: hidden there, or moved C-arm without a new calibration?"
+        return "" if followed else f"plane {other.upper()} missing: after a loss both have to show the lasso"
 
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
@@ -343,12 +343,12 @@ class AppearanceTracker:
         """TRACKING, or why not."""
         config = self._config.judgement
         if len(finding.seen) == 1:
-            other = "B" if finding.seen == ("a",) else "A"
-            missing = "missing" if pair.frame("b" if other == "B" else "a") is None else "without a sight of the lasso"
+            other = _other_plane(finding)
+            missing = "missing" if pair.frame(other) is None else "without a sight of the lasso"
             alone_s = time_s - self._both_seen_s
             if alone_s > config.one_plane_s:
-                return TrackerState.LOST, f"plane {other} {missing} for {alone_s:.1f} s"
-            return TrackerState.DEGRADED, f"plane {other} {missing}: depth from the breathing so far"
+                return TrackerState.LOST, f"plane {other.upper()} {missing} for {alone_s:.1f} s"
+            return TrackerState.DEGRADED, f"plane {other.upper()} {missing}: depth from the breathing so far"
         turn_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._home_turn)))
         if turn_deg > config.degraded_turn_deg:
             lost = turn_deg > config.lost_turn_deg
@@ -434,3 +434,8 @@ class AppearanceTracker:
         if alignment is not None:
             position = position + pivot_covariance(alignment.turn, alignment.stretch)
         return at_world_origin(self._require_model().centre + moved, position, rotation.covariance)
+
+
+def _other_plane(finding: Finding) -> Plane:
+    """The plane that is not among those which show the loop, where one alone does."""
+    return "b" if finding.seen == ("a",) else "a"

@@ -81,6 +81,7 @@ class _Look:
         images: of each plane in the pair.
         times: of their exposures, seconds since the start.
         respiration: the motion so far; not to be changed.
+        prior: of the ring's own motion.
         turn: (3,) rotation vector of the ring to start from.
         stretch: logarithm of its size to start from.
     """
@@ -88,6 +89,7 @@ class _Look:
     images: dict[Plane, WorkingImage]
     times: dict[Plane, float]
     respiration: RespiratoryMotion
+    prior: RingPrior
     turn: Array
     stretch: float
 
@@ -143,7 +145,8 @@ class LoopFinder:
         """
         times = self.exposures(pair)
         images, candidates = self._search(pair, times, respiration, near=near)
-        look = _Look(images, times, respiration, turn, stretch)
+        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
+        look = _Look(images, times, respiration, prior, turn, stretch)
         best = self._best_of(candidates, look)
         if afar and not look.is_enough(best):
             best = self._best_from_afar(candidates, look, best)
@@ -188,7 +191,16 @@ class LoopFinder:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
                 break  # found, and no rival comes near it
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
-            alignment = align(*self._alignment_input(candidate.centres, look), ahead)
+            alignment = align(
+                look.images,
+                self._appearances,
+                self._model.arms,
+                candidate.centres,
+                look.prior,
+                look.turn,
+                look.stretch,
+                ahead,
+            )
             if ahead and alignment.is_given_up:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, look)
@@ -211,7 +223,9 @@ class LoopFinder:
         for _ in range(AFAR_TRIES):
             if not starts or look.is_enough(best):
                 break
-            alignment = align_from_afar(*self._alignment_input(starts.pop(0), look))
+            alignment = align_from_afar(
+                look.images, self._appearances, self._model.arms, starts.pop(0), look.prior, look.turn, look.stretch
+            )
             if alignment is None:
                 continue
             finding = self._judge(alignment, look)
@@ -225,14 +239,6 @@ class LoopFinder:
                 there = self._model.centre + foretold.displacement
                 starts.insert(0, {clear: alignment.planes[clear].centre, other: there})
         return best
-
-    def _alignment_input(
-        self, starts: dict[Plane, Array], look: _Look
-    ) -> tuple[dict[Plane, WorkingImage], dict[Plane, Appearance], Array, dict[Plane, Array], RingPrior, Array, float]:
-        """What `align` takes, to start from a centre (3,) in each plane."""
-        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
-        appearances = {plane: self._appearances[plane] for plane in look.images}
-        return look.images, appearances, self._model.arms, starts, prior, look.turn, look.stretch
 
     def _judge(self, alignment: Alignment, look: _Look) -> Finding:
         images, times = look.images, look.times

@@ -72,32 +72,12 @@ _find = LoopFinder.find
 _without_noise = appearance._without_noise
 
 
-def _everywhere(
-    self: LoopFinder,
-    pair: FramePair,
-    respiration: RespiratoryMotion,
-    *,
-    turn: Array,
-    stretch: float,
-    near: bool,
-    afar: bool,
-) -> Finding | None:
-    del near
-    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=False, afar=afar)
+def _everywhere(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
+    return _find(self, pair, respiration, **how | {"near": False})
 
 
-def _near_only(
-    self: LoopFinder,
-    pair: FramePair,
-    respiration: RespiratoryMotion,
-    *,
-    turn: Array,
-    stretch: float,
-    near: bool,
-    afar: bool,
-) -> Finding | None:
-    del near
-    return _find(self, pair, respiration, turn=turn, stretch=stretch, near=True, afar=afar)
+def _near_only(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
+    return _find(self, pair, respiration, **how | {"near": True})
 
 
 class _Standing(RespiratoryMotion):
@@ -119,17 +99,8 @@ class _Standing(RespiratoryMotion):
         return self._motion.copy()
 
 
-def _unpredicted(
-    self: LoopFinder,
-    pair: FramePair,
-    respiration: RespiratoryMotion,
-    *,
-    turn: Array,
-    stretch: float,
-    near: bool,
-    afar: bool,
-) -> Finding | None:
-    return _find(self, pair, _Standing(respiration), turn=turn, stretch=stretch, near=near, afar=afar)
+def _unpredicted(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
+    return _find(self, pair, _Standing(respiration), **how)
 
 
 def _exposed_together(self: LoopFinder, pair: FramePair) -> dict[Plane, float]:
