@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +17,7 @@ from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.judgement import BreathingEnvelope
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.respiration import RespiratoryMotion
+from lasso_motion_ros.ring_lay import RingLay
 from lasso_motion_ros.tracker import RingMotion, TrackerState, TrackResult
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.uncertainty import at_world_origin, calibration_covariance, pivot_covariance
@@ -33,9 +33,6 @@ LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from th
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
 FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
-FOUND_AGAIN_TURN_DEG = 4.0  # and if it lies nearly as it lay: in another vein it does not
-LAYS_KEPT = 64  # in so many pairs before
-STILL_TURNED_SHARE = 0.6  # of that angle, once it did not: its tilt takes it to and fro across a limit
 GHOST_CONTRAST = 0.55  # of when it was last seen: what remains of a lasso that has gone, in a filter over time
 MET_LIKENESS = 0.8  # down to this a fit is weaker and less alike since it did not meet the loop quite where it lies
 CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
@@ -77,10 +74,8 @@ class AppearanceTracker:
         self._reference_stamp_ns = self._last_stamp_ns = pair.stamp_ns
         self._displacement: Array | None = np.zeros(3)
         self._turn, self._stretch = np.zeros(3), 0.0  # to start the next alignment from
-        self._lay = self._home_turn = np.zeros(3)  # how the ring lay when last seen, and where it belongs
-        self._lays: deque[Array] = deque([self._lay], maxlen=LAYS_KEPT)  # there: its own tilt takes it to and fro
+        self._lay = RingLay()
         self._home = np.zeros(3)
-        self._turned_away = False  # found again, but lying otherwise
         self._reference_covariance = np.zeros((3, 3))
         self._displaced = ""
         # Time, displacement and correlations when last seen there.
@@ -125,7 +120,7 @@ class AppearanceTracker:
             return self._departed(pair, finding, displacement, departure)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)
-        self._displaced, self._turned_away, self._followed = "", False, True
+        self._displaced, self._followed = "", True
         if len(finding.seen) == 1:
             return self._go_on_with_one(pair, finding, trial, state, reason)
         return self._go_on(pair, finding, trial, state, reason)
@@ -171,10 +166,8 @@ class AppearanceTracker:
 
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
-        turned_deg = min(float(np.degrees(np.linalg.norm(finding.alignment.turn - lay))) for lay in self._lays)
-        if turned_deg > FOUND_AGAIN_TURN_DEG * (STILL_TURNED_SHARE if self._turned_away else 1.0):
-            self._turned_away = True
-            return f"found again, but turned by {turned_deg:.0f} degrees: moved?"
+        if refusal := self._lay.return_refusal(finding.alignment.turn):
+            return refusal
         if (share := self._share_of_usual(finding, finding.seen)) < FOUND_AGAIN_SHARE:
             return f"what is seen correlates only {100 * share:.0f} % as well as the lasso used to"
         return ""
@@ -187,7 +180,7 @@ class AppearanceTracker:
         correlations = {plane: fit.correlation for plane, fit in finding.alignment.planes.items()}
         self._displaced_place = self._seconds(pair.stamp_ns), displacement, correlations
         self._displaced, self._both_seen_s = reason, self._seconds(pair.stamp_ns)
-        self._displacement, self._lay = displacement, finding.alignment.turn
+        self._displacement, self._lay.last = displacement, finding.alignment.turn
         loop = self._loop(finding.alignment, displacement)
         return self._result(pair, TrackerState.DISPLACED, reason, loop, finding.alignment)
 
@@ -227,8 +220,7 @@ class AppearanceTracker:
         self._envelope.accept(time_s, displacement)
         self._respiration.learn(displacement)
         self._revise(self._respiration.at_a.displacement)
-        self._lay = turn
-        self._lays.append(turn)
+        self._lay.accept(turn)
         self._turn, self._stretch = 0.5 * turn, 0.5 * stretch
         if surely:
             for plane in finding.seen:
@@ -316,9 +308,9 @@ class AppearanceTracker:
         if self._displaced:
             # It belongs where and as it lies now; what was learnt of the breathing, but not of its place, still holds.
             self._displaced = ""
-            self._home, self._home_turn = self._displacement, self._lay
-            self._lays, self._turned_away = deque([self._lay], maxlen=LAYS_KEPT), False
-            self._turn, self._followed = 0.5 * self._lay, True
+            self._home = self._displacement
+            self._lay.settle()
+            self._turn, self._followed = 0.5 * self._lay.last, True
             for plane, correlation in self._displaced_place[2].items():
                 self._appearances[plane].expect(correlation)
             self._rotation = BreathingRotation()
@@ -349,7 +341,7 @@ class AppearanceTracker:
             if alone_s > config.one_plane_s:
                 return TrackerState.LOST, f"plane {other.upper()} {missing} for {alone_s:.1f} s"
             return TrackerState.DEGRADED, f"plane {other.upper()} {missing}: depth from the breathing so far"
-        turn_deg = float(np.degrees(np.linalg.norm(finding.alignment.turn - self._home_turn)))
+        turn_deg = self._lay.turned_deg(finding.alignment.turn)
         if turn_deg > config.degraded_turn_deg:
             lost = turn_deg > config.lost_turn_deg
             reason = f"the lasso is turned by {turn_deg:.0f} degrees: moved C-arm without a new calibration?"

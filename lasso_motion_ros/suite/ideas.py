@@ -295,7 +295,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("turn", "limits of the ring's turn", {"judgement.degraded_turn_deg": OFF, "judgement.lost_turn_deg": OFF}),
         Idea("changed", "noticing that a plane looks from elsewhere", {}, {"appearance_tracker.CHANGED_SHARE": 0.0}),
         Idea("found_share", "asking for more after a loss", {}, {"appearance_tracker.FOUND_AGAIN_SHARE": 0.0}),
-        Idea("found_turn", "asking that it lies as it lay", {}, {"appearance_tracker.FOUND_AGAIN_TURN_DEG": OFF}),
+        Idea("found_turn", "asking that it lies as it lay", {}, {"ring_lay.FOUND_AGAIN_TURN_DEG": OFF}),
         Idea("edge_on", "care where it is edge-on in both planes", {}, {"finding.EDGE_ON_RATIO": 0.0}),
         Idea(
             "envelope", "judging by the breathing so far", {}, {"judgement.BreathingEnvelope.departure": _no_departure}
