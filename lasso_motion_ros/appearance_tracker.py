@@ -21,6 +21,7 @@ from lasso_motion_ros.ring_lay import RingLay
 from lasso_motion_ros.tracker import RingMotion, TrackerState, TrackResult
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.uncertainty import at_world_origin, calibration_covariance, pivot_covariance
+from lasso_motion_ros.verdict import refusal_of, state_of
 from lasso_motion_ros.working_image import working_image
 
 Array = npt.NDArray[np.float64]
@@ -32,10 +33,8 @@ LARGEST_SURE_SIGMA_MM = 1.5
 LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from the pair that such a pair tells
 # What is found again after a loss is the lasso only if both planes together show it not much worse than they used to.
 FOUND_AGAIN_SHARE = 0.75
-FAINT_AGAIN_GAP_MM = 0.6  # one of them may do so faintly where both agree as well as this
 GHOST_CONTRAST = 0.55  # of when it was last seen: what remains of a lasso that has gone, in a filter over time
 MET_LIKENESS = 0.8  # down to this a fit is weaker and less alike since it did not meet the loop quite where it lies
-CHANGED_SHARE = 0.7  # less than this, and the plane looks from elsewhere
 GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
@@ -100,7 +99,7 @@ class AppearanceTracker:
         self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
-        if refusal := self._refusal(pair, finding, followed=followed):
+        if refusal := refusal_of(finding, pair, followed=followed):
             return self._result(pair, TrackerState.LOST, refusal, None)
         finding, trial, departure = self._most_plausible(pair, finding, time_s)
         contrast_left = self._contrast_left(finding)
@@ -108,7 +107,14 @@ class AppearanceTracker:
             text = f"only {100 * contrast_left:.0f} % of its contrast is left"
             text += ": gone, and still in the images' filter over time?"
             return self._result(pair, TrackerState.LOST, text, None)
-        state, reason = self._degradation(pair, finding, time_s)
+        state, reason = state_of(
+            finding,
+            pair,
+            self._config.judgement,
+            alone_s=time_s - self._both_seen_s,
+            turned_deg=self._lay.turned_deg(finding.alignment.turn),
+            shares={plane: self._share_of_usual(finding, (plane,)) for plane in finding.seen},
+        )
         # Where the planes agree, no C-arm has moved unsaid: what lies otherwise, and elsewhere, is a moved lasso.
         agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm
         if state is TrackerState.LOST and not (departure and agree):
@@ -148,21 +154,6 @@ class AppearanceTracker:
             shares.append(contrast / appearance.contrast)
             appearance.contrast = contrast
         return float(np.mean(shares))
-
-    def _refusal(self, pair: FramePair, finding: Finding, *, followed: bool) -> str:
-        """Why what was found carries no pose, wherever it is; empty if it may."""
-        if finding.gap_mm > finding.lost_gap_mm:
-            return f"the planes disagree by {finding.gap_mm:.1f} mm: moved C-arm without a new calibration?"
-        if finding.faint is not None and not followed and finding.gap_mm > FAINT_AGAIN_GAP_MM:
-            return f"plane {finding.faint.upper()} shows the lasso only faintly, and not quite where the other does"
-        if len(finding.seen) == 2:
-            return ""
-        other = _other_plane(finding)
-        if pair.frame(other) is not None:
-            # What the other plane shows cannot tell which.
-            text = f"plane {other.upper()} does not show the lasso"
-            return f"{text}: hidden there, or moved C-arm without a new calibration?"
-        return "" if followed else f"plane {other.upper()} missing: after a loss both have to show the lasso"
 
     def _return_refusal(self, finding: Finding) -> str:
         """Why what was found after a loss is not yet believed to be the lasso in its place; empty if it is."""
@@ -331,36 +322,6 @@ class AppearanceTracker:
         turn, stretch = self._turn, self._stretch
         return self._finder.find(pair, self._respiration, turn=turn, stretch=stretch, near=near, afar=afar)
 
-    def _degradation(self, pair: FramePair, finding: Finding, time_s: float) -> tuple[TrackerState, str]:
-        """TRACKING, or why not."""
-        config = self._config.judgement
-        if len(finding.seen) == 1:
-            other = _other_plane(finding)
-            missing = "missing" if pair.frame(other) is None else "without a sight of the lasso"
-            alone_s = time_s - self._both_seen_s
-            if alone_s > config.one_plane_s:
-                return TrackerState.LOST, f"plane {other.upper()} {missing} for {alone_s:.1f} s"
-            return TrackerState.DEGRADED, f"plane {other.upper()} {missing}: depth from the breathing so far"
-        turn_deg = self._lay.turned_deg(finding.alignment.turn)
-        if turn_deg > config.degraded_turn_deg:
-            lost = turn_deg > config.lost_turn_deg
-            reason = f"the lasso is turned by {turn_deg:.0f} degrees: moved C-arm without a new calibration?"
-            return (TrackerState.LOST if lost else TrackerState.DEGRADED), reason
-        for plane in finding.seen:
-            if self._share_of_usual(finding, (plane,)) < CHANGED_SHARE:
-                text = f"plane {plane.upper()} shows the lasso otherwise than before"
-                return TrackerState.DEGRADED, text + ": moved C-arm without a new calibration?"
-        if finding.faint is not None:
-            return TrackerState.DEGRADED, f"plane {finding.faint.upper()} shows the lasso only faintly"
-        if finding.edge_on:
-            return TrackerState.DEGRADED, "the lasso is seen edge-on in both planes"
-        share = min(finding.alignment.planes[p].visible for p in finding.seen)
-        if share < config.full_visible:
-            return TrackerState.DEGRADED, f"only {100 * share:.0f} % of the lasso is seen"
-        if finding.gap_mm > finding.degraded_gap_mm:
-            return TrackerState.DEGRADED, f"the planes disagree by {finding.gap_mm:.1f} mm"
-        return TrackerState.TRACKING, ""
-
     def _loop(self, alignment: Alignment, displacement: Array) -> Array:
         """(L, 3) the loop's curve at a displacement, world metres."""
         model = self._require_model()
@@ -426,8 +387,3 @@ class AppearanceTracker:
         if alignment is not None:
             position = position + pivot_covariance(alignment.turn, alignment.stretch)
         return at_world_origin(self._require_model().centre + moved, position, rotation.covariance)
-
-
-def _other_plane(finding: Finding) -> Plane:
-    """The plane that is not among those which show the loop, where one alone does."""
-    return "b" if finding.seen == ("a",) else "a"

@@ -293,7 +293,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("one_plane", "poses that rest on one plane", {"judgement.one_plane_s": 0.0}),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
         Idea("turn", "limits of the ring's turn", {"judgement.degraded_turn_deg": OFF, "judgement.lost_turn_deg": OFF}),
-        Idea("changed", "noticing that a plane looks from elsewhere", {}, {"appearance_tracker.CHANGED_SHARE": 0.0}),
+        Idea("changed", "noticing that a plane looks from elsewhere", {}, {"verdict.CHANGED_SHARE": 0.0}),
         Idea("found_share", "asking for more after a loss", {}, {"appearance_tracker.FOUND_AGAIN_SHARE": 0.0}),
         Idea("found_turn", "asking that it lies as it lay", {}, {"ring_lay.FOUND_AGAIN_TURN_DEG": OFF}),
         Idea("edge_on", "care where it is edge-on in both planes", {}, {"finding.EDGE_ON_RATIO": 0.0}),
