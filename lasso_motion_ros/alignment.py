@@ -61,7 +61,6 @@ class PlaneFit:
         centre: (3,) a world point on the ray on which the loop's centre was seen.
         across: (2, 3) two unit vectors perpendicular to that ray: the directions in which the plane measures.
         covariance: (2, 2) of the centre along them, m², image noise only.
-        gain: strength of the loop against its appearance: 1 as expected, 0 not there.
         contrast: of the loop, as a share of the grey behind it, whatever the noise.
         correlation: normalised correlation of strip and appearance.
         likeness: the same, relative to what it usually is where the loop is seen.
@@ -73,7 +72,6 @@ class PlaneFit:
     centre: Array
     across: Array
     covariance: Array
-    gain: float
     contrast: float
     correlation: float
     likeness: float
@@ -327,7 +325,6 @@ class _Views:
                 self._centres[i],
                 self._across[i],
                 covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
-                float(self._gains[i]),
                 float(self._gains[i]) * self._images[i].contrast_unit(self._centres[i]),
                 float(self.correlation[i]),
                 float(self.correlation[i] / self.usual[i]),

@@ -125,16 +125,15 @@ class SearchConfig:
 class JudgementConfig:
     """When a fit is believed."""
 
-    smallest_gain: float = tuning(0.5, "contrast of the loop, relative to what it was", minimum=0.0, maximum=1.0)
-    largest_gain: float = tuning(2.2, "likewise, above which it is something else", minimum=1.0)
     smallest_likeness: float = tuning(
         0.65, "correlation with the loop's appearance, relative to what this dose allows", minimum=0.0, maximum=1.0
     )
     smallest_visible: float = tuning(0.6, "share of the loop that looks as expected", minimum=0.0, maximum=1.0)
     full_visible: float = tuning(0.8, "share below which the state is DEGRADED", minimum=0.0, maximum=1.0)
-    faint_gain: float = tuning(0.3, "enough where the other plane and the motion agree", minimum=0.0, maximum=1.0)
-    faint_likeness: float = tuning(0.3, "likewise", minimum=0.0, maximum=1.0)
-    clear_likeness: float = tuning(0.8, "for a pose that rests on one plane", minimum=0.0, maximum=1.0)
+    faint_likeness: float = tuning(
+        0.3, "likeness that is enough where the other plane and the motion agree", minimum=0.0, maximum=1.0
+    )
+    clear_likeness: float = tuning(0.8, "likeness for a pose that rests on one plane", minimum=0.0, maximum=1.0)
     one_plane_s: float = tuning(3.0, "longest time that one plane alone carries a pose", unit="s", minimum=0.0)
     degraded_gap_mm: float = tuning(0.8, "disagreement of the planes: DEGRADED", unit="mm", minimum=0.05)
     lost_gap_mm: float = tuning(1.6, "disagreement of the planes: LOST", unit="mm", minimum=0.1)

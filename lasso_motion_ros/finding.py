@@ -280,8 +280,7 @@ class LoopFinder:
             return False
         model, config = self._model, self.config.judgement
         if not all(
-            is_faintly_seen(fit, config) and fit.gain >= config.smallest_gain and fit.visible >= config.smallest_visible
-            for fit in alignment.planes.values()
+            is_faintly_seen(fit, config) and fit.visible >= config.smallest_visible for fit in alignment.planes.values()
         ):
             return False
         expected = {

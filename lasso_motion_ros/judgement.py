@@ -25,11 +25,7 @@ REVERSAL_SHARE = 0.3  # of the range so far: a turn of the breathing, not a jitt
 
 def is_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     """Whether one plane shows the loop, by itself."""
-    return (
-        config.smallest_gain <= fit.gain <= config.largest_gain
-        and fit.likeness >= config.smallest_likeness
-        and fit.visible >= config.smallest_visible
-    )
+    return fit.likeness >= config.smallest_likeness and fit.visible >= config.smallest_visible
 
 
 def is_clearly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
@@ -39,7 +35,7 @@ def is_clearly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
 
 def is_faintly_seen(fit: PlaneFit, config: JudgementConfig) -> bool:
     """Whether a plane shows so much of the loop that it counts where all else agrees."""
-    return config.faint_gain <= fit.gain <= config.largest_gain and fit.likeness >= config.faint_likeness
+    return fit.likeness >= config.faint_likeness
 
 
 def epipolar_gap(ray_a: Array, ray_b: Array, centre_a: Array, centre_b: Array) -> tuple[float, Array]:

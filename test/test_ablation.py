@@ -98,12 +98,12 @@ def test_costs_by_hand() -> None:
     assert worse[:3] == ["silent +1", "missing +1", "centre +433 %"]
     assert better == ["time -20 %"]
     assert changes(whole, outcome([0.05, 0.05, 0.15, 0.15]))[0] == []
-    table = format_ablation([whole, outcome([0.1, 0.1, 3.0, None]), outcome([0.1, 0.1, 0.3, 0.3], idea="gain")])
+    table = format_ablation([whole, outcome([0.1, 0.1, 3.0, None]), outcome([0.1, 0.1, 0.3, 0.3], idea="visible")])
     lines = table.splitlines()
     assert lines[2].startswith("| nothing | 0 | 0 | 0 | 0.20 | 0.30 |")
     assert lines[3].startswith("| robust weights | 1 | 1 | 0 |")
     assert "| 1 / 0 |" in lines[3]
-    assert lines[-1] == "Nothing is worse without: asking for gain."
+    assert lines[-1] == "Nothing is worse without: asking for the visible share."
 
 
 def test_the_command_writes_the_table(

@@ -88,7 +88,7 @@ def test_contrast_is_remembered_of_what_was_believed(tracker):
 
 
 def test_a_picture_of_nothing_is_borne_even_without_any_limit(tracker):
-    limits = JudgementConfig(smallest_gain=0.0, smallest_likeness=0.0, smallest_visible=0.0)
+    limits = JudgementConfig(smallest_likeness=0.0, smallest_visible=0.0)
     tracker.reconfigure(dataclasses.replace(CONFIG, judgement=limits))
     nothing = {p: Frame(WARM * PERIOD_NS, np.full((512, 512), 90, np.uint8), VIEWS[p]) for p in "ab"}
     tracker.track(FramePair(WARM * PERIOD_NS, nothing["a"], nothing["b"]))

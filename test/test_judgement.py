@@ -10,8 +10,6 @@ from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clear
 
 # By name, so that the numbers below hold whatever the defaults are.
 CONFIG = JudgementConfig(
-    smallest_gain=0.5,
-    largest_gain=2.0,
     smallest_likeness=0.65,
     smallest_visible=0.6,
     full_visible=0.8,
@@ -24,9 +22,7 @@ CONFIG = JudgementConfig(
     deeper_breath_mm=20.0,
     longest_breath_s=9.0,
 )
-GOOD = PlaneFit(
-    np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32)
-)
+GOOD = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32))
 UP, ASIDE = np.array([0.0, 0.0, 1e-3]), np.array([1e-3, 0.0, 0.0])  # a millimetre each
 INTERVAL_S = 0.3
 
@@ -35,12 +31,7 @@ INTERVAL_S = 0.3
     ("change", "seen", "clearly"),
     [
         ({}, True, True),
-        ({"gain": 0.5}, True, True),
-        ({"gain": 0.49}, False, False),
-        ({"gain": 2.0}, True, True),
-        ({"gain": 2.01}, False, False),
-        ({"gain": -1.0}, False, False),
-        ({"gain": float("nan")}, False, False),
+        ({"likeness": float("nan")}, False, False),
         ({"likeness": 0.8}, True, True),
         ({"likeness": 0.79}, True, False),
         ({"likeness": 0.65}, True, False),

@@ -237,7 +237,7 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
         (bad,) = set_parameters(graph, **{"judgement.displaced_mm": 0.1})
         assert not bad.successful
         assert "judgement.displaced_mm" in bad.reason
-        both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.smallest_gain": 7.0})
+        both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.smallest_visible": 7.0})
         assert not both[0].successful
         assert set_parameters(graph, **{"search.near_mm": 10.0})[0].successful
         stream.expect(stream.pairs(2))

@@ -15,9 +15,7 @@ CONFIG = JudgementConfig(one_plane_s=3.0, degraded_turn_deg=6.0, lost_turn_deg=8
 VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], [0.0, 0.0, 1.0, 0.8]]), 8, 8)
 FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None)
-FIT = PlaneFit(
-    np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 1.0, 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32)
-)
+FIT = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32))
 ALIGNMENT = Alignment({"a": FIT, "b": FIT}, np.zeros(3), np.eye(3), 0.0, (0.9,), False)
 GOOD = Finding(ALIGNMENT, ("a", "b"), None, False, 0.1, 0.8, 1.6)
 BY_A = dataclasses.replace(GOOD, seen=("a",))

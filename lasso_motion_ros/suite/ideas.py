@@ -272,10 +272,8 @@ IDEAS: Mapping[str, Idea] = {
         # Judgement.
         Idea(
             "thresholds",
-            "asking for gain, correlation and visible share",
+            "asking for likeness and visible share",
             {
-                "judgement.smallest_gain": 0.0,
-                "judgement.largest_gain": OFF,
                 "judgement.smallest_likeness": 0.0,
                 "judgement.smallest_visible": 0.0,
             },
@@ -287,7 +285,6 @@ IDEAS: Mapping[str, Idea] = {
             {"appearance_tracker.Appearance": _AnyDose},
         ),
         Idea("ghost", "asking that contrast does not fade", {}, {"appearance_tracker.GHOST_CONTRAST": 0.0}),
-        Idea("gain", "asking for gain", {"judgement.smallest_gain": 0.0, "judgement.largest_gain": OFF}),
         Idea("visible", "asking for the visible share", {"judgement.smallest_visible": 0.0}),
         Idea("faint", "less to be asked where it is foreseen", {}, {"finding.is_faintly_seen": _no}),
         Idea("one_plane", "poses that rest on one plane", {"judgement.one_plane_s": 0.0}),
