@@ -134,6 +134,10 @@ class RingStream:
     def states(self) -> list[str]:
         return [message.data for message in self.graph.heard.messages["state"]]
 
+    def await_state(self, *states: str) -> None:
+        """Wait until the tracker said one of these last: a topic of its own, which others may overtake."""
+        self.graph.heard.wait_for(lambda: self.states()[-1:] in [[state] for state in states])
+
     def values(self, part: str) -> dict[str, str]:
         """What the diagnostics said last of `tracker`, `plane_a` or `plane_b`; its words under the key `message`."""
         return diagnosed(self.graph, part)
@@ -148,7 +152,7 @@ class RingStream:
 
     def reset(self) -> None:
         assert self.graph.call(Trigger, "/lasso_tracker/reset", Trigger.Request()).success
-        self.graph.heard.wait_for(lambda: self.states()[-1] == "WAITING_FOR_SEED")
+        self.await_state("WAITING_FOR_SEED")
 
 
 def diagnosed(graph: Graph, part: str) -> dict[str, str]:

@@ -32,7 +32,7 @@ def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RingStream]:
         start_tracker(graph)
         stream.connect()
         stream.pairs(1)
-        graph.heard.wait_for(lambda: stream.states()[-1] == "WAITING_FOR_SEED")
+        stream.await_state("WAITING_FOR_SEED")
         yield stream
 
 
@@ -47,7 +47,7 @@ def stream(running: RingStream) -> Iterator[RingStream]:
         running.seeded()
     running.pairs(2)
     running.expect(running.pairs(2))
-    assert running.states()[-1] == "TRACKING"
+    running.await_state("TRACKING")
     running.nothing_wrong()
 
 
@@ -121,7 +121,7 @@ def test_an_image_without_content_is_a_loss(stream: RingStream, value: int) -> N
     flat = np.full((SIDE, SIDE), value, np.uint16).tobytes()
     before = len(stream.graph.heard.messages["motion"])
     stream.pairs(3, spoil_image=lambda fields: fields | {"data": flat})
-    stream.graph.heard.wait_for(lambda: stream.states()[-1] == "LOST")
+    stream.await_state("LOST")
     stream.graph.heard.wait_for(lambda: stream.states()[-3:] == ["LOST"] * 3)
     assert len(stream.graph.heard.messages["motion"]) == before
 
@@ -134,7 +134,7 @@ def test_clicks_on_nothing_are_refused(stream: RingStream) -> None:
     stream.said("seed: ")
     stream.pairs(2)
     assert len(stream.graph.heard.messages["motion"]) == before
-    assert stream.states()[-1] == "WAITING_FOR_SEED"
+    stream.await_state("WAITING_FOR_SEED")
 
 
 def test_clicks_on_two_pairs_are_refused(stream: RingStream) -> None:
@@ -142,7 +142,7 @@ def test_clicks_on_two_pairs_are_refused(stream: RingStream) -> None:
     first, second = stream.pairs(2)
     stream.clicks({"a": first, "b": second})
     stream.said("seed: the clicks of both planes must be on one pair")
-    assert stream.states()[-1] == "WAITING_FOR_SEED"
+    stream.await_state("WAITING_FOR_SEED")
 
 
 def test_images_out_of_order_and_twice(stream: RingStream) -> None:
@@ -189,7 +189,7 @@ def test_stamps_with_jitter(stream: RingStream) -> None:
 
 def test_a_plane_stops_and_resumes(stream: RingStream) -> None:
     stream.pairs(6, b_spoil_image=lambda fields: None)
-    stream.graph.heard.wait_for(lambda: stream.states()[-1] in ("DEGRADED", "LOST"))
+    stream.await_state("DEGRADED", "LOST")
 
 
 def test_half_as_many_images_of_one_plane(stream: RingStream) -> None:
