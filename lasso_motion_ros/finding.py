@@ -186,6 +186,7 @@ class LoopFinder:
         """The best-ranked finding where the search points to, and its rivals."""
         best: Finding | None = None
         agreed: list[Finding] = []
+        looked: list[Finding] = []
         best_score = 0.0
         for candidate in candidates:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
@@ -204,15 +205,40 @@ class LoopFinder:
             if ahead and alignment.is_given_up:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, look)
+            looked.append(finding)
             if finding.rank[0] == BOTH_AGREE:
                 agreed.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
-        if best is None or len(agreed) < 2:
+        if best is None:
+            return None
+        if (joined := self._joined(looked, best, look)) is not None:
+            return joined
+        if len(agreed) < 2:
             return best
         least = RIVAL_CORRELATION * best.rank[1]
         rivals = [finding for finding in agreed if finding is not best and finding.rank[1] >= least]
         return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1])))
+
+    def _joined(self, looked: list[Finding], best: Finding, look: _Look) -> Finding | None:
+        """What each plane shows best, though at two candidates, as one; None if the best finding has it already.
+
+        Until the breathing is known the loop may go further between the planes' exposures than the search expects
+        when it joins their peaks.
+        """
+        if len(look.times) < 2:
+            return None
+        fits = {p: max((f.alignment.planes[p] for f in looked), key=lambda fit: fit.correlation) for p in PLANES}
+        together = sum(fit.correlation for fit in fits.values())
+        if not all(is_seen(fit, self.config.judgement) for fit in fits.values()):
+            return None
+        if RIVAL_CORRELATION * together <= sum(fit.correlation for fit in best.alignment.planes.values()):
+            return None
+        centres = {plane: fit.centre for plane, fit in fits.items()}
+        joined = self._judge(
+            align(look.images, self._appearances, self._model.arms, centres, look.prior, look.turn, look.stretch), look
+        )
+        return joined if joined.rank > best.rank else None
 
     def _best_from_afar(self, candidates: list[SearchCandidate], look: _Look, best: Finding | None) -> Finding | None:
         """A better finding, if there is one, where the loop lies otherwise and elsewhere than an alignment mends.

@@ -213,6 +213,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
         Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
+        Idea("joined", "joining what each plane shows best", {}, {"finding.LoopFinder._joined": _nothing}),
         Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
         Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder.find": _near_only}),
         Idea("afar", "a second look, from afar", {}, {"finding.AFAR_CANDIDATES": 0}),
