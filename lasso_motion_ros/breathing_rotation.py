@@ -1,10 +1,11 @@
-"""The part of the ring's turning that repeats with the breathing, and so is the atrium's; gated by its evidence.
+"""The part of the ring's turning that repeats with the breathing, and so is the atrium's; weighted by its evidence.
 
 The ring tilts and spins by itself, with the heartbeat and in the hand, while the atrium does not. What the atrium does
 turn, it turns with the breath: in proportion to how far the breath has moved it. A Bayesian linear regression (Bishop,
 "Pattern Recognition and Machine Learning", 2006, section 3.3) of the ring's turn on that displacement tells the two
-apart, with the ring's stretch as a witness of the heartbeat; the Bayes factor against no rotation at all (ibid.,
-section 3.4) decides whether it is used.
+apart, with the ring's stretch as a witness of the heartbeat. How much of it is used is the probability that it turns
+at all: the Bayes factor against no rotation (ibid., section 3.4) at even odds. So the pose never jumps from one to
+the other.
 """
 
 from __future__ import annotations
@@ -23,9 +24,8 @@ OTHERS = [CONSTANT, STRETCHED]
 PRIOR_SD = np.array([np.radians(3.0), np.radians(70.0), 1.0])
 OWN_TURN_RAD = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
 OWN_TURN_PAIRS = 2.0  # so many pairs
-STRONG_EVIDENCE = np.log(20.0)
-FEWEST_PAIRS = 10
 SMALLEST_SD_RAD = np.radians(0.25)  # what does not follow the breath's depth: hysteresis, say
+LARGEST_LOG_ODDS = 50.0  # certain enough, and no overflow
 ROUNDS = 3  # of noise and coefficients in turn
 
 
@@ -34,8 +34,8 @@ class Rotation:
     """The atrium's rotation since the reference.
 
     Attributes:
-        vector: (3,) rotation vector, rad; zero where the evidence is not enough.
-        covariance: (3, 3) rad²; the prior's where the vector is held at zero.
+        vector: (3,) rotation vector, rad; the mean over both models, with a rotation and without.
+        covariance: (3, 3) rad²; near the prior's where the vector is held near zero.
     """
 
     vector: Array
@@ -47,7 +47,7 @@ class _Fit:
     axis: Array  # (3,) unit direction of breathing
     slope: Array  # (3,) rad a metre along it
     slope_covariance: Array  # (3, 3)
-    evidence: float  # natural logarithm of the Bayes factor
+    probability: float  # that the atrium turns with the breath
 
 
 class BreathingRotation:
@@ -60,9 +60,9 @@ class BreathingRotation:
         self._fit: _Fit | None = None
 
     @property
-    def evidence(self) -> float:
-        """Natural logarithm of the Bayes factor for a rotation that goes with the breath, against none."""
-        return 0.0 if self._fit is None else self._fit.evidence
+    def probability(self) -> float:
+        """Of a rotation that goes with the breath, against none; even odds before any pair."""
+        return 0.5 if self._fit is None else self._fit.probability
 
     def learn(self, displacement: Array, turn: Array, stretch: float) -> None:
         """Take in one sure pair.
@@ -75,18 +75,20 @@ class BreathingRotation:
         row = np.concatenate([[1.0], displacement, [stretch], turn])
         self._sums = self._sums + np.outer(row, row)
         self._count += 1
-        self._fit = self._regression() if self._count >= FEWEST_PAIRS else None
+        self._fit = self._regression()
 
     def between(self, reference: Array, displacement: Array) -> Rotation:
         """The rotation from the reference's displacement (3,) m to another."""
-        moved = displacement - reference
-        fit = self._fit
+        moved, fit = displacement - reference, self._fit
+        prior = (PRIOR_SD[MOVED] ** 2 * float(moved @ moved)) * np.eye(3)
         unexplained = SMALLEST_SD_RAD**2 * np.eye(3)
-        if fit is None or fit.evidence < STRONG_EVIDENCE:
-            sd = PRIOR_SD[MOVED] * float(np.linalg.norm(moved))
-            return Rotation(np.zeros(3), sd**2 * np.eye(3) + unexplained)
-        along = float(fit.axis @ moved)
-        return Rotation(fit.slope * along, fit.slope_covariance * along**2 + unexplained)
+        if fit is None:
+            return Rotation(np.zeros(3), prior + unexplained)
+        along, p = float(fit.axis @ moved), fit.probability
+        turned = fit.slope * along
+        # Without a rotation the mixture would be certain; what has not been seen yet may still turn as the prior says.
+        spread = p * (fit.slope_covariance * along**2 + (1.0 - p) * np.outer(turned, turned)) + (1.0 - p) * prior
+        return Rotation(p * turned, spread + unexplained)
 
     def _regression(self) -> _Fit:
         moments = self._sums[:5, :5]
@@ -108,7 +110,8 @@ class BreathingRotation:
         without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
-        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), evidence)
+        probability = float(1.0 / (1.0 + np.exp(-np.clip(evidence, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS))))
+        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), probability)
 
 
 class _Posterior:
