@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, sample_at, slope, strip_about
+from lasso_motion_ros.appearance import HALF_WIDTH, Appearance, sample_at, strip_about
 from lasso_motion_ros.frames import Plane
 from lasso_motion_ros.transforms import rotation_from_vector
 from lasso_motion_ros.working_image import PIXEL_MM, Image, WorkingImage
@@ -32,10 +32,15 @@ SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is no
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
 # Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
 HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
+# A single plane's, below which it shows no loop, from the third look on, unless it has just become more like it by so
+# much: of 47 in the phantom suite none came to 0.5. It would wander to the last iteration, with the other plane done.
+NOTHING_LIKENESS, HOPEFUL_RISE, FIRST_SURE_LOOK = 0.4, 0.1, 2
 # So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both start
 # about as far off. Of 35 in the phantom suite those that came up to it were never more than 0.02 behind.
 BEHIND = (0.08, 0.06)
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
+# Of a loop's samples from its curve, and of the curve in as many steps as there are.
+AFAR_REACH_PX = HALF_WIDTH + ITERATIONS * LARGEST_STEP_MM / PIXEL_MM + 2.0
 AFAR_PRIOR = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
 
@@ -152,6 +157,7 @@ def align(
         ring = ring + step[shared:]
         # A turn or stretch that was cut to its limit is not done, though the shifts may be.
         size = np.abs(step)
+        size[:shared] *= np.repeat(views.is_hopeful | (iteration < FIRST_SURE_LOOK), 2)
         if size[:shared].max() < CONVERGED_MM * 1e-3 and (size < limits).all():
             break
     covariance: Array = np.linalg.inv(normal)
@@ -180,7 +186,7 @@ def align_from_afar(
         The alignment, or None where the blurred images show no loop.
     """
     loose = RingPrior(AFAR_PRIOR * prior.turn_rad, AFAR_PRIOR * prior.stretch)
-    soft = {plane: image.soft for plane, image in images.items()}
+    soft = {plane: image.about(starts[plane] + arms, AFAR_REACH_PX).softened() for plane, image in images.items()}
     first = align(soft, {p: appearances[p].softened() for p in soft}, arms, starts, loose, turn, stretch)
     if first.is_given_up:
         return None
@@ -229,12 +235,19 @@ class _Views:
         # (P, L, columns) each, columns being 2·HALF_WIDTH + 1.
         self._patterns = np.stack([appearance.values for appearance in appearances])
         self._distinctive = np.stack([appearance.distinctive for appearance in appearances])
-        self._along, self._sideways = slope(self._patterns, axis=1), slope(self._patterns, axis=2)
+        self._along = np.stack([appearance.slopes[0] for appearance in appearances])
+        self._sideways = np.stack([appearance.slopes[1] for appearance in appearances])
         self.usual = np.array([appearance.usual for appearance in appearances])
         self._centres = centres
         rays = centres - np.stack([p.source for p in projections])
         self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
         self.correlation = np.zeros(len(images))
+
+    @property
+    def is_hopeful(self) -> npt.NDArray[np.bool_]:
+        """(P,) whether there may be a loop in the plane, by the last two looks."""
+        likeness, before = self.correlation / self.usual, self._correlation_before / self.usual
+        return np.asarray((likeness >= NOTHING_LIKENESS) | (likeness >= before + HOPEFUL_RISE))
 
     def shift(self, step: Array) -> None:
         """Move each plane's centre across its ray: (P, 2) metres."""
@@ -246,7 +259,7 @@ class _Views:
         Args:
             arms: (L, 3) the loop about its centre, turned and stretched.
         """
-        self._arms = arms
+        self._arms, self._correlation_before = arms, self.correlation
         homogeneous = (self._centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
         self._depth = homogeneous[..., 2]
         step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.mean(axis=1))

@@ -95,6 +95,7 @@ class Appearance:
     Attributes:
         values: (L, 2·HALF_WIDTH + 1) float32 with all that alignment can hold on to, little shrunk.
         distinctive: the same freed of all that noise and background explain, by which the loop is told from others.
+        slopes: of `values`, along the curve and across it.
         usual: correlation with it where the loop is seen; at first what the noise about the loop lets expect.
         contrast: of the loop, as a share of the grey behind it, when last seen.
     """
@@ -106,15 +107,15 @@ class Appearance:
         self.contrast = contrast
         self._mean: Image = np.array(first)
         self._count = 1
-        self.values, self.distinctive = _without_noise(self._mean)
+        self._show(*_without_noise(self._mean))
         # A strip of signal and as much noise again correlates with the signal by the root of the signal's share.
         share = float(np.sum(np.square(self.distinctive))) / max(float(np.sum(np.square(first))), 1e-9)
         self.expect(float(np.sqrt(share)))
 
     def softened(self) -> Appearance:
-        """What it looks like in `WorkingImage.soft`."""
+        """What it looks like in `a softened `WorkingImage`."""
         soft = copy.copy(self)
-        soft.values, soft.distinctive = softened(self.values), softened(self.distinctive)
+        soft._show(softened(self.values), softened(self.distinctive))
         soft.usual = USUAL_SOFTENED
         return soft
 
@@ -127,7 +128,11 @@ class Appearance:
         self._count = min(self._count + 1, self.LONGEST_MEMORY)
         self.expect(self.usual + (correlation - self.usual) / min(self._count, self.USUAL_MEMORY))
         self._mean = self._mean + (strip - self._mean) * np.float32(1.0 / self._count)
-        self.values, self.distinctive = _without_noise(self._mean)
+        self._show(*_without_noise(self._mean))
+
+    def _show(self, values: Image, distinctive: Image) -> None:
+        self.values, self.distinctive = values, distinctive
+        self.slopes = slope(values, axis=0), slope(values, axis=1)
 
 
 def _without_noise(mean: Image) -> tuple[Image, Image]:

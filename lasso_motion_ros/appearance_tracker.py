@@ -95,7 +95,10 @@ class AppearanceTracker:
         time_s = self._seconds(pair.stamp_ns)
         self._last_stamp_ns, self._displacement = pair.stamp_ns, None
         followed, self._followed, self._doubt = self._followed, False, 1.0
-        finding = self._look(pair)
+        # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
+        finding = self._finder.find(
+            pair, self._respiration, turn=self._turn, stretch=self._stretch, near_first=not self._lost
+        )
         self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
@@ -130,17 +133,6 @@ class AppearanceTracker:
         if len(finding.seen) == 1:
             return self._go_on_with_one(pair, finding, trial, state, reason)
         return self._go_on(pair, finding, trial, state, reason)
-
-    def _look(self, pair: FramePair) -> Finding | None:
-        """The best finding about the prediction, or where that fails anywhere."""
-        # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
-        near = None if self._lost else self._find(pair, near=True, afar=True)
-        if near is not None and near.rank[0] == 2 * len(self._finder.exposures(pair)):
-            return near
-        anywhere = self._find(pair, near=False, afar=self._lost)
-        if near is None or (anywhere is not None and anywhere.rank > near.rank):
-            return anywhere
-        return near
 
     def _contrast_left(self, finding: Finding) -> float:
         """What was found, relative in contrast to what was seen last; from now on this is what was seen last.
@@ -317,10 +309,6 @@ class AppearanceTracker:
 
     def _seconds(self, stamp_ns: int) -> float:
         return self._finder.seconds(stamp_ns)
-
-    def _find(self, pair: FramePair, *, near: bool, afar: bool) -> Finding | None:
-        turn, stretch = self._turn, self._stretch
-        return self._finder.find(pair, self._respiration, turn=turn, stretch=stretch, near=near, afar=afar)
 
     def _loop(self, alignment: Alignment, displacement: Array) -> Array:
         """(L, 3) the loop's curve at a displacement, world metres."""

@@ -131,25 +131,34 @@ class LoopFinder:
         return times
 
     def find(
-        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near: bool, afar: bool
+        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near_first: bool
     ) -> Finding | None:
-        """The best-ranked finding among the candidates, near the prediction or anywhere in the images.
+        """The best-ranked finding among the candidates; one near the prediction first, then anywhere in the images.
 
         Args:
             pair: the images, one or two.
             respiration: the motion so far, which is asked for a prediction and not changed.
             turn: (3,) rotation vector of the ring to start from.
             stretch: logarithm of its size to start from.
-            near: True to look about the prediction only.
-            afar: True to look once more, for a ring that has turned much, where not all planes show the loop.
+            near_first: whether the prediction is worth a look about it.
         """
         times = self.exposures(pair)
-        images, candidates = self._search(pair, times, respiration, near=near)
         prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
-        look = _Look(images, times, respiration, prior, turn, stretch)
-        best = self._best_of(candidates, look)
-        if afar and not look.is_enough(best):
-            best = self._best_from_afar(candidates, look, best)
+        best: Finding | None = None
+        tried: list[SearchCandidate] = []
+        looked: list[Finding] = []
+        for near in (True, False) if near_first else (False,):
+            images, candidates = self._search(pair, times, respiration, near=near)
+            look = _Look(images, times, respiration, prior, turn, stretch)
+            found = self._best_of([c for c in candidates if not any(map(c.is_like, tried))], look, looked)
+            if near is near_first and not look.is_enough(found):
+                # A ring that has turned much lies near the prediction, or where it has not been followed, anywhere.
+                found = self._best_from_afar(candidates, look, found)
+            if best is None or (found is not None and found.rank > best.rank):
+                best = found
+            if look.is_enough(best):
+                break
+            tried = candidates
         return best
 
     def _search(
@@ -182,11 +191,10 @@ class LoopFinder:
         count = self.config.search.candidates // (2 if near else 1)
         return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
 
-    def _best_of(self, candidates: list[SearchCandidate], look: _Look) -> Finding | None:
-        """The best-ranked finding where the search points to, and its rivals."""
+    def _best_of(self, candidates: list[SearchCandidate], look: _Look, looked: list[Finding]) -> Finding | None:
+        """The best-ranked finding where the search points to, and its rivals; all are added to those looked at."""
         best: Finding | None = None
         agreed: list[Finding] = []
-        looked: list[Finding] = []
         best_score = 0.0
         for candidate in candidates:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:

@@ -20,6 +20,7 @@ PEAK_RADIUS_CELLS = 3
 PEAK_WINDOW = np.ones((2 * PEAK_RADIUS_CELLS + 1, 2 * PEAK_RADIUS_CELLS + 1), np.uint8)
 SCORE_CEILING = 25.0  # so that neither plane can drown the other
 RAY_TOLERANCE_M = 0.002
+SAME_M = 2e-4  # closer than an alignment needs to start
 LARGEST_DISAGREEMENT_M = 0.03
 DISAGREEMENT_PENALTY = 6.0  # in units of score,
 DISAGREEMENT_SCALE_M = 0.005  # and one more for each of these
@@ -51,6 +52,11 @@ class SearchCandidate:
 
     score: float
     centres: dict[Plane, Array]
+
+    def is_like(self, other: SearchCandidate) -> bool:
+        """Whether an alignment that starts here ends where one from there does."""
+        pairs = ((centre, other.centres[plane]) for plane, centre in self.centres.items() if plane in other.centres)
+        return all(float(np.abs(one - two).max()) < SAME_M for one, two in pairs)
 
 
 def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Array) -> Peaks:

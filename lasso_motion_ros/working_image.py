@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -42,8 +41,17 @@ class WorkingImage:
     noise: Image
     grey: npt.NDArray[np.uint8 | np.uint16]
 
-    @cached_property
-    def soft(self) -> WorkingImage:
+    def about(self, points: Array, reach_px: float) -> WorkingImage:
+        """The part of it that shows some world points (N, 3) m and what lies within a reach of them."""
+        pixels = self.projection.project(points)
+        size = np.array(self.values.shape[::-1])
+        left, top = np.clip(np.floor(pixels.min(axis=0) - reach_px), 0, size - 1).astype(int)
+        right, bottom = np.clip(np.ceil(pixels.max(axis=0) + reach_px), 0, size - 1).astype(int) + 1
+        part = slice(top, bottom), slice(left, right)
+        projection = self.projection.read_out(left, top, right - left, bottom - top)
+        return WorkingImage(self.values[part], projection, self.noise[part], self.grey[part])
+
+    def softened(self) -> WorkingImage:
         """The same, blurred: an alignment finds its way in it from further off."""
         return replace(self, values=softened(self.values))
 

@@ -181,7 +181,7 @@ def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(
         assert result.state is TRACKING, result.reason
         assert centre_error_mm(result, moved(index) + ASIDE, reference) < 0.5
         # That it was tilted in the move is no rotation of the atrium.
-        np.testing.assert_array_equal(result.motion[:3, :3], np.eye(3))
+        np.testing.assert_allclose(result.motion[:3, :3], np.eye(3), atol=np.radians(0.15))
 
 
 def test_a_lasso_that_was_moved_and_turned_beyond_the_limit_of_a_c_arm_is_displaced(tracker):

@@ -7,7 +7,7 @@ from method_inputs import flipped
 
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.frames import Frame
-from lasso_motion_ros.search import PEAKS, Peaks, find_peaks, join_peaks
+from lasso_motion_ros.search import PEAKS, Peaks, SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.working_image import working_image
 
 ARMS = CURVE - LOOP.centre
@@ -245,3 +245,9 @@ def test_nothing_found_gives_no_candidates():
     assert joined(empty) == []
     assert joined({"a": empty["a"]}) == []
     assert joined({}) == []
+
+
+def test_candidates_are_alike_where_both_planes_are():
+    here = SearchCandidate(9.0, {"a": np.zeros(3), "b": np.zeros(3)})
+    assert here.is_like(SearchCandidate(5.0, {"a": np.full(3, 1e-4), "b": np.full(3, -1e-4)}))
+    assert not here.is_like(SearchCandidate(9.0, {"a": np.zeros(3), "b": np.array([0.0, 0.0, 4e-4])}))

@@ -166,3 +166,29 @@ def test_contrast_is_a_share_of_the_grey_whatever_noise_and_brightness():
     # A place outside the image has the border's.
     assert np.isfinite(unit(10.0 * clean, LOOP.centre + 1.0))
     assert unit(np.zeros(clean.shape)) < 0.01
+
+
+def test_the_part_about_some_points_is_the_whole_there():
+    whole = working_image(lasso_frame(), LOOP.centre, bright=False, shift=np.zeros(2))
+    part = whole.about(CURVE, 5.0)
+    pixels, there = whole.projection.project(CURVE), part.projection.project(CURVE)
+    corner = (pixels - there)[0]
+    np.testing.assert_allclose(pixels - there, np.broadcast_to(corner, pixels.shape), atol=1e-9)
+    left, top = np.rint(corner).astype(int)
+    height, width = part.values.shape
+    np.testing.assert_array_equal(part.values, whole.values[top : top + height, left : left + width])
+    np.testing.assert_array_equal(part.noise, whole.noise[top : top + height, left : left + width])
+    # The reach on every side, to the next whole pixel.
+    assert np.all(there.min(axis=0) >= 5.0)
+    assert np.all(there.min(axis=0) < 6.0)
+    assert np.all(there.max(axis=0) <= np.array([width, height]) - 6.0)
+
+
+def test_the_part_about_points_at_the_border_ends_there():
+    whole = working_image(lasso_frame(), LOOP.centre, bright=False, shift=np.zeros(2))
+    ray = whole.projection.rays(np.array([2.0, 3.0]))
+    corner = (whole.projection.source + whole.projection.depth(LOOP.centre) * ray)[None]
+    part = whole.about(corner, 10.5)
+    # Columns 0 to ceil(2 + 10.5), rows 0 to ceil(3 + 10.5).
+    assert part.values.shape == (15, 14)
+    np.testing.assert_array_equal(part.values, whole.values[:15, :14])

@@ -68,16 +68,18 @@ class Idea:
             yield
 
 
-_find = LoopFinder.find
+_find, _search = LoopFinder.find, LoopFinder._search
 _without_noise = appearance._without_noise
 
 
-def _everywhere(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
-    return _find(self, pair, respiration, **how | {"near": False})
+def _everywhere(self: LoopFinder, *what: Any, near: bool) -> Any:
+    del near
+    return _search(self, *what, near=False)
 
 
-def _near_only(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
-    return _find(self, pair, respiration, **how | {"near": True})
+def _near_only(self: LoopFinder, *what: Any, near: bool) -> Any:
+    del near
+    return _search(self, *what, near=True)
 
 
 class _Standing(RespiratoryMotion):
@@ -214,8 +216,8 @@ IDEAS: Mapping[str, Idea] = {
         Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
         Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
         Idea("joined", "joining what each plane shows best", {}, {"finding.LoopFinder._joined": _nothing}),
-        Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
-        Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder.find": _near_only}),
+        Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder._search": _everywhere}),
+        Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder._search": _near_only}),
         Idea("afar", "a second look, from afar", {}, {"finding.AFAR_CANDIDATES": 0}),
         Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
         Idea("joint", "one search in both planes: each its own best", {}, {"search.RAY_TOLERANCE_M": OFF}),
