@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from itertools import count
+from itertools import islice
 
 import numpy as np
 
@@ -17,12 +17,10 @@ from lasso_motion_ros.phantom.settings import (
     PlaneSettings,
     Scenario,
 )
+from lasso_motion_ros.suite.moderate import PAIRS, moderate_scenarios
 from lasso_motion_ros.suite.report import Measures
-from lasso_motion_ros.suite.sequences import edge_on_deg, suite_scenario
 
-PAIRS = 12
 SECONDS = 4.0  # at least: a breath has to be in it
-NOT_EDGE_ON_DEG = 20.0
 START_PAUSE_S = 2.0  # longer than what the tracker takes for continuous film, so that its limit of speed is not asked
 START_TRIALS = 7  # a sequence of two pairs is cheap, and a share of 95 % needs many
 CAPTURED_SHARE = 0.95
@@ -125,13 +123,7 @@ def sweep_scenarios(sweep: Sweep, seed: int, sequences: int) -> dict[float, tupl
             out, since the suite itself asks that.
         sequences: how many for each value; times the sweep's `trials`.
     """
-    moderate: list[Scenario] = []
-    for index in count():
-        scenario = _moderate(suite_scenario(seed, index))
-        if min(edge_on_deg(scenario, plane) for plane in range(2)) > NOT_EDGE_ON_DEG:
-            moderate.append(scenario)
-        if len(moderate) == sequences * sweep.trials:
-            break
+    moderate = tuple(islice(moderate_scenarios(seed), sequences * sweep.trials))
     return {value: tuple(sweep.apply(scenario, value) for scenario in moderate) for value in sweep.values}
 
 
@@ -146,17 +138,3 @@ def capture_range(by_value: Mapping[float, Measures]) -> float | None:
             break
         reached = value
     return reached
-
-
-def _moderate(drawn: Scenario) -> Scenario:
-    scenario = dataclasses.replace(
-        drawn,
-        pairs=PAIRS,
-        rate_hz=3.0,
-        plane_b_offset=0.0,
-        geometry=dataclasses.replace(drawn.geometry, size_px=512),
-        calibration_error=CalibrationSettings(),
-        clicks=ClickSettings(noise_px=1.0, fewest=8, most=14),
-        events=(),
-    )
-    return _amplitude(_quanta(scenario, 30.0), 15.0)
