@@ -1,6 +1,7 @@
 """Ablation: every idea can be switched off and comes back, and what it costs is told right."""
 
 import importlib
+import json
 from functools import cache
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.suite.ablation import Outcome, changes, format_ablation, run_ablation
 from lasso_motion_ros.suite.ideas import IDEAS, PACKAGE
 from lasso_motion_ros.suite.run import Sequence, SequenceResult, render_sequence
+from lasso_motion_ros.suite.traps import TRAPS
 
 SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
 
@@ -70,6 +72,21 @@ def test_every_idea_switched_off_still_tracks() -> None:
     assert by_name["speed"] == by_name["found_share"] == whole
 
 
+def test_traps_are_counted_by_themselves() -> None:
+    ideas = [IDEAS["robust"], IDEAS["curve"]]
+    outcomes = run_ablation(ProductConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])
+    without = run_ablation(ProductConfig(), [small()], ideas)
+    for one, other in zip(outcomes, without, strict=True):
+        assert (one.pairs, one.measures) == (other.pairs, other.measures)
+        assert {name: len(results) for name, results in one.trapped.items()} == {"tilt": 1, "gantry": 1}
+        # The sequence is the same; TRACKING is only wrong where doubt is due.
+        assert (one.traps["tilt"].unsaid, one.traps["gantry"].unsaid) == (0, 2)
+    # Each idea is switched off in the traps, too, and only for its own row.
+    models = [one.traps["tilt"].measures.model_mm for one in outcomes]
+    assert models[0] is not None
+    assert models[0] == models[1] < models[2]
+
+
 def outcome(errors_mm: list[float | None], ms: float = 10.0, idea: str | None = "robust") -> Outcome:
     """One sequence; None is a missing pose."""
     scores = [
@@ -106,16 +123,41 @@ def test_costs_by_hand() -> None:
     assert lines[-1] == "Nothing is worse without: asking for the visible share."
 
 
+def test_what_is_worse_in_a_trap_is_named() -> None:
+    def trapped(errors_mm: list[float | None], idea: str | None = "robust") -> Outcome:
+        quiet = outcome([0.1, 0.1], idea=idea)
+        quiet.trapped = {"tilt": outcome(errors_mm).results, "jump": outcome([0.1]).results}
+        return quiet
+
+    whole = trapped([0.1, 0.1, None], idea=None)
+    assert changes(whole, trapped([0.1, 0.1, None])) == ([], [])
+    assert changes(whole, trapped([None, 3.0, 0.1])) == (
+        ["tilt: silent +1", "tilt: TRE +1450 %"],
+        [],
+    )
+    assert changes(whole, trapped([0.1, None, None])) == (["tilt: missing +1"], [])
+    assert changes(whole, trapped([0.1, 0.1, 0.1])) == ([], ["tilt: missing -1"])
+    # Less than a tenth, and less than 0.02 mm, is no change in so few pairs.
+    assert changes(whole, trapped([0.109, 0.109, None])) == ([], [])
+    assert changes(whole, trapped([0.115, 0.115, None])) == ([], [])
+    lines = format_ablation([whole, trapped([0.1, None, None]), trapped([0.1, 0.1, None], idea="ghost")]).splitlines()
+    assert lines[2].endswith("|  | 0 | 1 | 0 |  |  |")
+    assert lines[3].endswith("| 0 / 0 | 0 | 2 | 0 | tilt: missing +1 | – |")
+    assert lines[-1] == "Nothing is worse without: asking that contrast does not fade."
+
+
 def test_the_command_writes_the_table(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("lasso_motion_ros.suite.cache.render_sequence", lambda scenario: small())
-    arguments = ["suite", "--quiet", "--sequences", "1", "--ablation", "robust", "curve"]
+    arguments = ["suite", "--quiet", "--sequences", "1", "--traps", "zoom", "--ablation", "robust", "curve"]
     assert main([*arguments, "--report", str(tmp_path), "--json", str(tmp_path / "a.json")]) == 0
     text = (tmp_path / "ablation.md").read_text()
     assert "| robust weights |" in text
     assert "| an open curve: the ellipse |" in text
     assert text.count("\n| ") == 5
+    assert "1 random sequences of seed 2009, 2 pairs, and 2 traps, 4 pairs." in text
+    assert set(json.loads((tmp_path / "a.json").read_text())[0]["traps"]) == {"zoom"}
     assert main([*arguments, "nonsense"]) == 2
     assert "found nonsense" in capsys.readouterr().err
     assert main([*arguments, "--config", "config/tracker.yaml", "config/brost2009.yaml"]) == 2

@@ -20,6 +20,8 @@ from lasso_motion_ros.suite.report import Measures, format_report, format_sweep,
 from lasso_motion_ros.suite.run import SequenceResult, run_sequence
 from lasso_motion_ros.suite.sequences import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
 from lasso_motion_ros.suite.sweeps import SWEEPS, Sweep, capture_range, sweep_scenarios
+from lasso_motion_ros.suite.trap_report import format_traps, trap_measures
+from lasso_motion_ros.suite.traps import TRAPS, Trap, trap_scenarios
 
 SWEEP_SEQUENCES = 4
 
@@ -35,7 +37,14 @@ degr.: poses that were DEGRADED; in 68/95: centre errors inside that ellipsoid o
 ABLATION_NOTE = """Silent: poses more than 2 mm off or without a lasso in its place; missing: no pose though the
 lasso is in its place; lengths in mm; TRE: target registration error; in 68 / 95: centre errors inside that ellipsoid
 of the covariance, sigma: its size; ms: processor time a pair, one thread. Worse and better: what changed notably
-against the first row. The suite has no C-arm that moves unsaid: what is there against that costs nothing here."""
+against the first row. The columns of the traps and what names a trap are of its sequences (docs/suite.md), all others
+of the random ones; unsaid: TRACKING where doubt is due."""
+
+TRAP_NOTE = """
+mm; silent: poses more than 2 mm off or without a lasso in its place; missing: no pose though one is due; unsaid:
+TRACKING where doubt is due; false poses: among the pairs with the lasso hidden, gone or displaced; centre: of the
+ring in 3-D, mean and maximum; TRE: target registration error; in 95: centre errors inside that ellipsoid of the
+covariance; then pairs by state."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +74,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--ablation",
         nargs="*",
         metavar="IDEA",
-        help="track the suite with every idea of the tracker switched off in turn, or these, and say what it costs",
+        help="track suite and traps with every idea of the tracker switched off in turn, or these: what does it cost?",
+    )
+    parser.add_argument(
+        "--traps",
+        nargs="*",
+        metavar="NAME",
+        help=f"sequences made for one difficulty each instead, all or these: {', '.join(TRAPS)}",
     )
     parser.add_argument(
         "--cache",
@@ -81,8 +96,11 @@ def run(args: argparse.Namespace) -> int:
     """Run the suite with every configuration."""
     if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
+    _refuse_contradictions(args)
     if args.sweep:
         return _sweep(args)
+    if args.traps is not None and args.ablation is None:
+        return _traps(args)
     scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES)
     if args.only:
         beyond = [number for number in args.only if not 0 <= number < len(scenarios)]
@@ -107,6 +125,17 @@ def run(args: argparse.Namespace) -> int:
     if args.report is not None:
         _write_report(args.report, {Path(name).stem: of_config for name, of_config in results.items()})
     return EXIT_DONE
+
+
+def _refuse_contradictions(args: argparse.Namespace) -> None:
+    """Options that cannot both be meant."""
+    if args.sweep and (args.ablation is not None or args.traps is not None):
+        raise LassoMotionError("--sweep: not together with --ablation or --traps")
+    if args.only and (args.sweep or (args.traps is not None and args.ablation is None)):
+        raise LassoMotionError("--only: numbers of random sequences, of which sweeps and traps have none")
+    unknown = [name for name in args.traps or () if name not in TRAPS]
+    if unknown:
+        raise LassoMotionError(f"--traps: expected some of {', '.join(TRAPS)}, found {unknown[0]}")
 
 
 def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
@@ -166,8 +195,39 @@ def _sweep_text(sweep: Sweep, found: dict[str, dict[float, Measures]]) -> str:
     return "\n".join(lines)
 
 
+def _chosen_traps(args: argparse.Namespace) -> list[Trap]:
+    return [TRAPS[name] for name in dict.fromkeys(args.traps or TRAPS)]
+
+
+def _traps(args: argparse.Namespace) -> int:
+    """Sequences made for one difficulty each; each is rendered once for all configurations."""
+    configs = _configurations(args)
+    rendered = _prepare(args)
+    todo = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed, args.sequences)]
+    results: dict[str, dict[str, list[SequenceResult]]] = {}
+    for trap, scenario in progress(todo, len(todo), "traps", args.quiet):
+        sequence = rendered.sequence(scenario)
+        for config, parameters in configs.items():
+            by_config = results.setdefault(trap.name, {})
+            by_config.setdefault(Path(config).stem, []).append(run_sequence(sequence, parameters))
+    found = {
+        name: {config: trap_measures(TRAPS[name], of_config) for config, of_config in by_config.items()}
+        for name, by_config in results.items()
+    }
+    text = format_traps(found)
+    print(f"traps, seed {args.seed}\n{text}")
+    if not args.quiet:
+        print(TRAP_NOTE)
+    if args.json is not None:
+        values = {name: {config: asdict(one) for config, one in by.items()} for name, by in found.items()}
+        _write(args.json, json.dumps(values, indent=1))
+    if args.report is not None:
+        _write(args.report / "traps.txt", f"traps, seed {args.seed}\n{text}\n{TRAP_NOTE}\n")
+    return EXIT_DONE
+
+
 def _ablation(args: argparse.Namespace, scenarios: tuple[Scenario, ...]) -> int:
-    """The suite with every idea switched off in turn; on one thread, since the table has times."""
+    """Suite and traps with every idea switched off in turn; on one thread, since the table has times."""
     from lasso_motion_ros.cli.bench import one_thread
     from lasso_motion_ros.suite.ablation import format_ablation, run_ablation
     from lasso_motion_ros.suite.ideas import IDEAS
@@ -180,16 +240,32 @@ def _ablation(args: argparse.Namespace, scenarios: tuple[Scenario, ...]) -> int:
         raise LassoMotionError("--ablation: one --config only")
     rendered = _prepare(args)
     ideas = [IDEAS[name] for name in args.ablation or IDEAS]
+    todo = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed)]
     shown = progress(scenarios, len(scenarios), "ablation", args.quiet)
+    trapped = progress(todo, len(todo), "traps", args.quiet)
     with one_thread():
-        outcomes = run_ablation(config, (rendered.sequence(scenario) for scenario in shown), ideas)
+        outcomes = run_ablation(
+            config,
+            (rendered.sequence(scenario) for scenario in shown),
+            ideas,
+            ((trap, rendered.sequence(scenario)) for trap, scenario in trapped),
+        )
     text = format_ablation(outcomes)
     print(text)
     if args.json is not None:
-        values = [{"without": o.idea and o.idea.without, "ms": o.ms, "measures": asdict(o.measures)} for o in outcomes]
+        values = [
+            {
+                "without": outcome.idea and outcome.idea.without,
+                "ms": outcome.ms,
+                "measures": asdict(outcome.measures),
+                "traps": {name: asdict(one) for name, one in outcome.traps.items()},
+            }
+            for outcome in outcomes
+        ]
         _write(args.json, json.dumps(values, indent=1))
     if args.report is not None:
-        title = f"{len(scenarios)} sequences of seed {args.seed}, {outcomes[0].measures.pairs} pairs"
+        title = f"{len(scenarios)} random sequences of seed {args.seed}, {outcomes[0].measures.pairs} pairs"
+        title += f", and {len(todo)} traps, {sum(one.measures.pairs for one in outcomes[0].traps.values())} pairs"
         _write(args.report / "ablation.md", f"# Each idea switched off in turn\n\n{title}. {ABLATION_NOTE}\n\n{text}\n")
     return EXIT_DONE
 

@@ -1,9 +1,10 @@
-"""Ablation: every idea of the tracker switched off in turn, and what that costs on the suite."""
+"""Ablation: every idea of the tracker switched off in turn, and what that costs on the suite and in the traps."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 from lasso_motion_ros.configuration import ProductConfig
@@ -11,6 +12,8 @@ from lasso_motion_ros.suite.ideas import Idea
 from lasso_motion_ros.suite.report import Measures, measures, percent, table_cell
 from lasso_motion_ros.suite.run import Sequence as RenderedSequence
 from lasso_motion_ros.suite.run import SequenceResult, run_sequence
+from lasso_motion_ros.suite.trap_report import TrapMeasures, trap_measures
+from lasso_motion_ros.suite.traps import TRAPS, Trap
 from lasso_motion_ros.timed_tracker import TimedTracker
 from lasso_motion_ros.tracker_factory import create_tracker
 
@@ -20,6 +23,7 @@ NOTABLE_MM = 0.003
 NOTABLE_COVERAGE = 0.02
 NOTABLE_TIME = 0.10
 NOTABLE_TARGET_MM = 0.02  # by which a sequence counts as worse or better
+NOTABLE_TRAP_SHARE = 0.10  # of a trap's lengths: it has three sequences
 
 
 @dataclass
@@ -31,12 +35,14 @@ class Outcome:
         results: sequence by sequence.
         spent_s: processor time of tracking.
         pairs: pairs that it was spent on.
+        trapped: by name of the trap, sequence by sequence; none of it is in `results` or the time.
     """
 
     idea: Idea | None
     results: list[SequenceResult] = field(default_factory=list)
     spent_s: float = 0.0
     pairs: int = 0
+    trapped: dict[str, list[SequenceResult]] = field(default_factory=dict)
 
     @property
     def ms(self) -> float:
@@ -48,14 +54,25 @@ class Outcome:
         """Of all pairs."""
         return measures([score for result in self.results for score in result.scores])
 
+    @property
+    def traps(self) -> dict[str, TrapMeasures]:
+        """Of each trap."""
+        return {name: trap_measures(TRAPS[name], results) for name, results in self.trapped.items()}
 
-def run_ablation(config: ProductConfig, sequences: Iterable[RenderedSequence], ideas: Iterable[Idea]) -> list[Outcome]:
+
+def run_ablation(
+    config: ProductConfig,
+    sequences: Iterable[RenderedSequence],
+    ideas: Iterable[Idea],
+    traps: Iterable[tuple[Trap, RenderedSequence]] = (),
+) -> list[Outcome]:
     """Track every sequence with all ideas, then with each of them switched off.
 
     Args:
         config: the whole tracker's.
         sequences: rendered one at a time.
         ideas: those to be switched off.
+        traps: each trap's sequences, rendered one at a time, too.
 
     Returns:
         The whole tracker's outcome, then each idea's.
@@ -63,19 +80,29 @@ def run_ablation(config: ProductConfig, sequences: Iterable[RenderedSequence], i
     outcomes = [Outcome(None), *(Outcome(idea) for idea in ideas)]
     for sequence in sequences:
         for outcome in outcomes:
-            if outcome.idea is None:
-                _run(outcome, sequence, config)
-            else:
-                with outcome.idea.switched_off():
-                    _run(outcome, sequence, outcome.idea.configuration(config))
+            _run(outcome, sequence, config)
+    for trap, sequence in traps:
+        for outcome in outcomes:
+            result, _ = _tracked(outcome.idea, sequence, config)
+            outcome.trapped.setdefault(trap.name, []).append(result)
     return outcomes
 
 
 def _run(outcome: Outcome, sequence: RenderedSequence, config: ProductConfig) -> None:
-    tracker = TimedTracker(create_tracker(config), time.process_time)
-    outcome.results.append(run_sequence(sequence, config, tracker))
-    outcome.spent_s += 1e-3 * sum(tracker.milliseconds)
-    outcome.pairs += len(tracker.milliseconds)
+    result, milliseconds = _tracked(outcome.idea, sequence, config)
+    outcome.results.append(result)
+    outcome.spent_s += 1e-3 * sum(milliseconds)
+    outcome.pairs += len(milliseconds)
+
+
+def _tracked(
+    without: Idea | None, sequence: RenderedSequence, config: ProductConfig
+) -> tuple[SequenceResult, Sequence[float]]:
+    """What is made of a sequence, and the processor time of its pairs."""
+    with nullcontext() if without is None else without.switched_off():
+        changed = config if without is None else without.configuration(config)
+        tracker = TimedTracker(create_tracker(changed), time.process_time)
+        return run_sequence(sequence, changed, tracker), tracker.milliseconds
 
 
 def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:
@@ -112,14 +139,36 @@ def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:
         note(text, is_worse=after.inside_95 < before.inside_95)
     if abs(outcome.ms / whole.ms - 1.0) > NOTABLE_TIME:
         note(f"time {100.0 * (outcome.ms / whole.ms - 1.0):+.0f} %", is_worse=outcome.ms > whole.ms)
+    for text, is_worse in _trap_changes(whole, outcome):
+        note(text, is_worse=is_worse)
     return worse, better
+
+
+def _trap_changes(whole: Outcome, outcome: Outcome) -> Iterator[tuple[str, bool]]:
+    """What is notably different in each trap, and whether it is worse."""
+    after = outcome.traps
+    for name, old in whole.traps.items():
+        new = after[name]
+        for kind, more in (
+            ("seeds refused", new.refused - old.refused),
+            ("silent", new.measures.silent - old.measures.silent),
+            ("missing", new.measures.missing - old.measures.missing),
+            ("unsaid", new.unsaid - old.unsaid),
+        ):
+            if more:
+                yield f"{name}: {kind} {more:+d}", more > 0
+        for kind, attribute in (("TRE", "target_mean_mm"), ("2-D", "error_2d_mm")):
+            before, now = getattr(old.measures, attribute), getattr(new.measures, attribute)
+            if before and now and abs(now - before) > max(NOTABLE_TRAP_SHARE * before, NOTABLE_TARGET_MM):
+                yield f"{name}: {kind} {100.0 * (now / before - 1.0):+.0f} %", now > before
 
 
 def format_ablation(outcomes: Sequence[Outcome]) -> str:
     """The table in Markdown; the first outcome is the whole tracker's."""
     whole = outcomes[0]
     head = ["switched off", "silent", "missing", "degraded", "centre", "largest", "TRE", "95 %", "2-D", "model"]
-    head += ["in 68", "in 95", "sigma", "ms", "sequences worse / better", "what is worse", "what is better"]
+    head += ["in 68", "in 95", "sigma", "ms", "sequences worse / better"]
+    head += ["traps: silent", "missing", "unsaid", "what is worse", "what is better"]
     lines = [_row(head), _row(["---"] * len(head))]
     idle = []
     for outcome in outcomes:
@@ -130,12 +179,16 @@ def format_ablation(outcomes: Sequence[Outcome]) -> str:
         lengths += [one.error_2d_mm, one.model_mm]
         cells = [name, *counts, *map(table_cell, lengths), percent(one.inside_68), percent(one.inside_95)]
         cells += [table_cell(one.sigma_mm), f"{outcome.ms:.1f}"]
+        traps = outcome.traps.values()
+        in_traps = [sum(trap.measures.silent for trap in traps), sum(trap.measures.missing for trap in traps)]
+        in_traps.append(sum(trap.unsaid for trap in traps))
         if outcome is whole:
-            lines.append(_row([*cells, "", "", ""]))
+            lines.append(_row([*cells, "", *map(str, in_traps), "", ""]))
             continue
         worse, better = changes(whole, outcome)
         more, less = _by_sequence(whole, outcome)
-        lines.append(_row([*cells, f"{more} / {less}", ", ".join(worse) or "–", ", ".join(better) or "–"]))
+        cells += [f"{more} / {less}", *map(str, in_traps)]
+        lines.append(_row([*cells, ", ".join(worse) or "–", ", ".join(better) or "–"]))
         if not worse:
             idle.append(name)
     text = "\n".join(lines)

@@ -235,7 +235,7 @@ def format_report(results: Sequence[SequenceResult]) -> str:
             [name, *counts, *lengths, percent(one.inside_68), percent(one.inside_95), table_cell(one.sigma_mm), text]
         )
     wrong = ", ".join(f"{name} {count}" for name, count in sequence_counts(results).items())
-    parts = [_table(lines), f"sequences with: {wrong}"]
+    parts = [text_table(lines), f"sequences with: {wrong}"]
     parts.append(_confusion_table(confusion(results)))
     timings = event_timings(results)
     if timings:
@@ -243,13 +243,13 @@ def format_report(results: Sequence[SequenceResult]) -> str:
         for t in timings:
             cells = (t.pairs_to_silence, t.pairs_to_recovery, t.pairs_to_displaced)
             timing_lines.append([t.sequence, t.kind, *("–" if value is None else str(value) for value in cells)])
-        parts.append(_table(timing_lines))
+        parts.append(text_table(timing_lines))
         waits = timing_distribution(timings)
         found = {count for counts in waits.values() for count in counts}
         columns = sorted(found - {"never"}, key=int) + sorted(found & {"never"})
         wait_lines = [["pairs waited", *columns]]
         wait_lines += [[name, *(str(of.get(count, 0)) for count in columns)] for name, of in waits.items() if of]
-        parts.append(_table(wait_lines))
+        parts.append(text_table(wait_lines))
     return "\n\n".join(parts)
 
 
@@ -266,17 +266,18 @@ def format_sweep(label: str, found: Mapping[str, Mapping[float, Measures]]) -> s
             counts = [f"{one.poses}/{one.expected}", *map(str, (one.silent, one.missing, one.degraded))]
             lengths = map(table_cell, (one.centre_mean_mm, one.centre_max_mm, one.target_mean_mm))
             lines.append([f"{value:g}", config, *counts, *lengths, percent(one.inside_95), table_cell(one.sigma_mm)])
-    return _table(lines)
+    return text_table(lines)
 
 
 def _confusion_table(counts: Mapping[str, Mapping[str, int]]) -> str:
     states = [state.value for state in TrackerState if any(state.value in row for row in counts.values())]
     lines = [["truth", *states]]
     lines += [[name, *(str(row.get(state, 0)) for state in states)] for name, row in counts.items()]
-    return _table(lines)
+    return text_table(lines)
 
 
-def _table(lines: Sequence[Sequence[str]]) -> str:
+def text_table(lines: Sequence[Sequence[str]]) -> str:
+    """Columns of text: the first to the left, numbers to the right, prose at the end of a wide table to the left."""
     widths = [max(len(line[column]) for line in lines) for column in range(len(lines[0]))]
     text = []
     for line in lines:
