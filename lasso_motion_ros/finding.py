@@ -37,7 +37,7 @@ NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
 FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
 EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
-EDGE_ON_M = 1e-3  # in both planes, the electrodes' spacing is mistaken along the line
+EDGE_ON_M = 5e-4  # in both planes, the electrodes' spacing is mistaken along the line
 BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 
 
