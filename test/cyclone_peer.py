@@ -1,13 +1,15 @@
 """A child of a test: the system around the tracker on another implementation of DDS, Cyclone DDS.
 
 `python cyclone_peer.py PAIRS SIDE`: publishes clicks and so many pairs with calibration, each when the last is
-answered, and writes a line `STAMP x y z` (ns, metres) for each `motion` that it hears. ROS 2 puts `rt/` before a
-topic's name, and names a type of package/msg/Name `package::msg::dds_::Name_`.
+answered, and writes a line `STAMP x y z` (ns, metres) for each `motion` that it hears; the first is the reference. One
+end knows of the other earlier than the other way round, so what is not answered at first is tried again with the next
+pair. ROS 2 puts `rt/` before a topic's name, and names a type of package/msg/Name `package::msg::dds_::Name_`.
 """
 
 # Not `from __future__ import annotations`: the fields' types are read from the classes.
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +29,7 @@ from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_proj
 START_S = 1_760_000_000
 PERIOD_NS = 100_000_000
 PATIENCE_S = 30.0
+FIRST_PATIENCE_S, FIRST_TRIES = 5.0, 6
 TICK_S = 0.01
 
 
@@ -142,25 +145,46 @@ class Peer:
     def _topic(self, name: str, kind: type) -> Any:
         return Topic(self._participant, f"rt/{name}", kind)
 
-    def connect(self) -> None:
+    def is_connected(self) -> bool:
         """Wait until the tracker listens to everything."""
-        wait_until(lambda: all(writer.get_matched_subscriptions() for writer in self._writers.values()))
+        return happens(lambda: all(w.get_matched_subscriptions() for w in self._writers.values()), PATIENCE_S)
 
-    def clicks(self) -> None:
-        """On the next pair."""
+    def clicks(self, number: int) -> None:
+        """On the next pair, which is this one."""
         for plane in PLANES:
-            points = [Point32(float(x), float(y), 0.0) for x, y in ring_seed(self._side).points(plane)]
+            points = [
+                Point32(float(x), float(y), 0.0)
+                for x, y in ring_seed(self._side, breath_mm(1e-9 * number * PERIOD_NS)).points(plane)
+            ]
             self._writers[plane, "seed"].write(PolygonStamped(Header(Time(0, 0), ""), Polygon(points)))
 
-    def pair(self, number: int) -> None:
-        """Publish one pair, and write down the motion that answers it."""
+    def first_pair(self) -> int:
+        """Click on a pair until one is answered; returns its number."""
+        for number in range(FIRST_TRIES):
+            self.clicks(number)
+            if self.pair(number, FIRST_PATIENCE_S):
+                return number
+        sys.exit("no motion came of the first pairs")
+
+    def pair(self, number: int, patience_s: float = PATIENCE_S) -> bool:
+        """Publish one pair, and write down the motion that answers it; whether it did so in time."""
         for plane in PLANES:
             self._frame(plane, number)
+        stamp = divmod(number * PERIOD_NS, 10**9)
         heard: list[PoseStamped] = []
-        wait_until(lambda: bool(heard.extend(self._motion.take(10)) or heard))
+
+        def is_answered() -> bool:
+            heard.extend(
+                m for m in self._motion.take(10) if (m.header.stamp.sec - START_S, m.header.stamp.nanosec) == stamp
+            )
+            return bool(heard)
+
+        if not happens(is_answered, patience_s):
+            return False
         for message in heard:
-            stamp, position = message.header.stamp, message.pose.position
-            sys.stdout.write(f"{stamp.sec * 10**9 + stamp.nanosec} {position.x!r} {position.y!r} {position.z!r}\n")
+            at, position = message.header.stamp, message.pose.position
+            sys.stdout.write(f"{at.sec * 10**9 + at.nanosec} {position.x!r} {position.y!r} {position.z!r}\n")
+        return True
 
     def _frame(self, plane: Plane, number: int) -> None:
         seconds, nanoseconds = divmod(number * PERIOD_NS, 10**9)
@@ -178,27 +202,24 @@ class Peer:
         self._writers[plane, "image_raw"].write(Image(header, side, side, encoding, 0, rows.strides[0], data))
 
 
-def wait_until(what: Any) -> None:
-    """Until it holds.
-
-    Raises:
-        SystemExit: it has not happened in time.
-    """
-    deadline = time.monotonic() + PATIENCE_S
-    while not what():
-        if time.monotonic() > deadline:
-            sys.exit("nothing came of it")
+def happens(what: Callable[[], bool], patience_s: float) -> bool:
+    """Whether it comes to hold within that time."""
+    deadline = time.monotonic() + patience_s
+    while not (held := what()) and time.monotonic() < deadline:
         time.sleep(TICK_S)
+    return held
 
 
 def main() -> None:
     """Connect, click, publish pair by pair."""
     pairs, side = int(sys.argv[1]), int(sys.argv[2])
     peer = Peer(side)
-    peer.connect()
-    peer.clicks()
-    for number in range(pairs):
-        peer.pair(number)
+    if not peer.is_connected():
+        sys.exit("the tracker does not listen")
+    first = peer.first_pair()
+    for number in range(first + 1, first + pairs):
+        if not peer.pair(number):
+            sys.exit(f"no motion came of pair {number}")
 
 
 if __name__ == "__main__":
