@@ -32,15 +32,16 @@ SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is no
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
 # Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
 HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
-# A single plane's, below which it shows no loop, from the third look on, unless it has just become more like it by so
-# much: of 47 in the phantom suite none came to 0.5. It would wander to the last iteration, with the other plane done.
+# A plane's own likeness, below which it is not waited for from the third look (counted from 0) on, unless it has just
+# risen by so much: of 47 such planes in the phantom suite none later came to 0.5; waiting for one costs all iterations.
 NOTHING_LIKENESS, HOPEFUL_RISE, FIRST_SURE_LOOK = 0.4, 0.1, 2
 # So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both start
 # about as far off. Of 35 in the phantom suite those that came up to it were never more than 0.02 behind.
 BEHIND = (0.08, 0.06)
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
-# Of a loop's samples from its curve, and of the curve in as many steps as there are.
-AFAR_REACH_PX = HALF_WIDTH + ITERATIONS * LARGEST_STEP_MM / PIXEL_MM + 2.0
+# How far from the curve at the start an alignment from afar may sample: beside the curve; as far as the loop may shift,
+# and a ring of 12 mm turn, in as many steps; and the blur's own reach.
+AFAR_REACH_MM = HALF_WIDTH * PIXEL_MM + ITERATIONS * (LARGEST_STEP_MM + 12.0 * LARGEST_TURN_RAD) + 1.5
 AFAR_PRIOR = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
 
@@ -186,7 +187,8 @@ def align_from_afar(
         The alignment, or None where the blurred images show no loop.
     """
     loose = RingPrior(AFAR_PRIOR * prior.turn_rad, AFAR_PRIOR * prior.stretch)
-    soft = {plane: image.about(starts[plane] + arms, AFAR_REACH_PX).softened() for plane, image in images.items()}
+    ring = arms @ rotation_from_vector(turn).T * np.exp(stretch)
+    soft = {plane: image.about(starts[plane] + ring, AFAR_REACH_MM).softened() for plane, image in images.items()}
     first = align(soft, {p: appearances[p].softened() for p in soft}, arms, starts, loose, turn, stretch)
     if first.is_given_up:
         return None

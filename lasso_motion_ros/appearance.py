@@ -113,7 +113,7 @@ class Appearance:
         self.expect(float(np.sqrt(share)))
 
     def softened(self) -> Appearance:
-        """What it looks like in `a softened `WorkingImage`."""
+        """What it looks like in a softened `WorkingImage`."""
         soft = copy.copy(self)
         soft._show(softened(self.values), softened(self.distinctive))
         soft.usual = USUAL_SOFTENED

@@ -209,7 +209,7 @@ class AppearanceTracker:
             for plane in finding.seen:
                 fit = finding.alignment.planes[plane]
                 self._appearances[plane].update(fit.strip, fit.correlation)
-            self._rotation.learn(displacement - self._home, turn, stretch)
+            self._rotation.learn(time_s, displacement - self._home, turn, stretch)
 
     @property
     def _sigma_mm(self) -> float:

@@ -4,8 +4,8 @@ The ring tilts and spins by itself, with the heartbeat and in the hand, while th
 turn, it turns with the breath: in proportion to how far the breath has moved it. A Bayesian linear regression (Bishop,
 "Pattern Recognition and Machine Learning", 2006, section 3.3) of the ring's turn on that displacement tells the two
 apart, with the ring's stretch as a witness of the heartbeat. How much of it is used is the probability that it turns
-at all: the Bayes factor against no rotation (ibid., section 3.4) at even odds. So the pose never jumps from one to
-the other.
+at all: the Bayes factor against no rotation (ibid., section 3.4) at even odds. So the pose is
+never switched from one to the other.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import expit
 
 Array = npt.NDArray[np.float64]
 
@@ -25,7 +26,8 @@ PRIOR_SD = np.array([np.radians(3.0), np.radians(70.0), 1.0])
 OWN_TURN_RAD = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
 OWN_TURN_PAIRS = 2.0  # so many pairs
 SMALLEST_SD_RAD = np.radians(0.25)  # what does not follow the breath's depth: hysteresis, say
-LARGEST_LOG_ODDS = 50.0  # certain enough, and no overflow
+FEWEST_PAIRS = 2  # before, there is no direction of breathing
+INDEPENDENT_S = 0.3  # pairs closer in time than this show nearly the same phase of the heartbeat, and count for less
 ROUNDS = 3  # of noise and coefficients in turn
 
 
@@ -54,7 +56,8 @@ class BreathingRotation:
     """Learns from pair to pair; sums only, so that it costs the same after an hour."""
 
     def __init__(self) -> None:
-        self._count = 0
+        self._pairs, self._last_s = 0, -np.inf
+        self._count = 0.0  # of pairs, each as far as it is independent of the one before
         # Sums of products of (1, displacement (3), stretch, turn (3)).
         self._sums = np.zeros((8, 8))
         self._fit: _Fit | None = None
@@ -64,31 +67,35 @@ class BreathingRotation:
         """Of a rotation that goes with the breath, against none; even odds before any pair."""
         return 0.5 if self._fit is None else self._fit.probability
 
-    def learn(self, displacement: Array, turn: Array, stretch: float) -> None:
+    def learn(self, time_s: float, displacement: Array, turn: Array, stretch: float) -> None:
         """Take in one sure pair.
 
         Args:
+            time_s: of the pair; later than that of the last.
             displacement: (3,) of the ring's centre since the first pair, metres.
             turn: (3,) rotation vector of the ring since then, rad.
             stretch: logarithm of its size since then.
         """
+        weight = min(1.0, (time_s - self._last_s) / INDEPENDENT_S)
         row = np.concatenate([[1.0], displacement, [stretch], turn])
-        self._sums = self._sums + np.outer(row, row)
-        self._count += 1
-        self._fit = self._regression()
+        self._sums = self._sums + weight * np.outer(row, row)
+        self._pairs, self._count, self._last_s = self._pairs + 1, self._count + weight, time_s
+        self._fit = self._regression() if self._pairs >= FEWEST_PAIRS else None
 
     def between(self, reference: Array, displacement: Array) -> Rotation:
         """The rotation from the reference's displacement (3,) m to another."""
         moved, fit = displacement - reference, self._fit
-        prior = (PRIOR_SD[MOVED] ** 2 * float(moved @ moved)) * np.eye(3)
-        unexplained = SMALLEST_SD_RAD**2 * np.eye(3)
+        squared = float(moved @ moved)
+        prior, unexplained = PRIOR_SD[MOVED] ** 2 * np.eye(3), SMALLEST_SD_RAD**2 * np.eye(3)
         if fit is None:
-            return Rotation(np.zeros(3), prior + unexplained)
+            return Rotation(np.zeros(3), squared * prior + unexplained)
         along, p = float(fit.axis @ moved), fit.probability
         turned = fit.slope * along
-        # Without a rotation the mixture would be certain; what has not been seen yet may still turn as the prior says.
-        spread = p * (fit.slope_covariance * along**2 + (1.0 - p) * np.outer(turned, turned)) + (1.0 - p) * prior
-        return Rotation(p * turned, spread + unexplained)
+        known = fit.slope_covariance * along**2 + (1.0 - p) * np.outer(turned, turned)
+        # Without a rotation the mixture would be certain; what has not been seen yet may still turn as the prior says,
+        # and so may what lies across the breathing's axis.
+        unseen = p * max(squared - along**2, 0.0) + (1.0 - p) * squared
+        return Rotation(p * turned, p * known + unseen * prior + unexplained)
 
     def _regression(self) -> _Fit:
         moments = self._sums[:5, :5]
@@ -110,8 +117,7 @@ class BreathingRotation:
         without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
-        probability = float(1.0 / (1.0 + np.exp(-np.clip(evidence, -LARGEST_LOG_ODDS, LARGEST_LOG_ODDS))))
-        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), probability)
+        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), float(expit(evidence)))
 
 
 class _Posterior:

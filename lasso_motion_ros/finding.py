@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align, align_from_afar
-from lasso_motion_ros.appearance import Appearance
+from lasso_motion_ros.appearance import HALF_WIDTH, Appearance
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
@@ -38,6 +38,8 @@ FAINT_SPREAD_M = 0.003
 FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
 EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
 EDGE_ON_M = 5e-4  # in both planes, the electrodes' spacing is mistaken along the line
+WORTH_JOINING = 0.9  # of what the planes show best apart: a finding on which they agree shows less
+EDGE_PX = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
 BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 
 
@@ -144,22 +146,35 @@ class LoopFinder:
         """
         times = self.exposures(pair)
         prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
-        best: Finding | None = None
-        tried: list[SearchCandidate] = []
         looked: list[Finding] = []
-        for near in (True, False) if near_first else (False,):
+        tried: list[SearchCandidate] = []
+        best: Finding | None = None
+        for number, near in enumerate((True, False) if near_first else (False,)):
             images, candidates = self._search(pair, times, respiration, near=near)
             look = _Look(images, times, respiration, prior, turn, stretch)
-            found = self._best_of([c for c in candidates if not any(map(c.is_like, tried))], look, looked)
-            if near is near_first and not look.is_enough(found):
+            looked += self._look_at([c for c in candidates if not any(map(c.is_like, tried))], look)
+            best = max(looked, key=lambda finding: finding.rank, default=None)
+            if (joined := self._joined(looked, best, look)) is not None:
+                looked.append(joined)
+                best = max(looked, key=lambda finding: finding.rank)
+            if number == 0 and not look.is_enough(best):
                 # A ring that has turned much lies near the prediction, or where it has not been followed, anywhere.
-                found = self._best_from_afar(candidates, look, found)
-            if best is None or (found is not None and found.rank > best.rank):
-                best = found
+                best = self._best_from_afar(candidates, look, best)
+            if best is None:
+                continue
             if look.is_enough(best):
                 break
-            tried = candidates
-        return best
+            looked.append(best)
+            tried = [candidate for candidate in candidates if self._is_inside(candidate, images)]
+        return None if best is None else _with_rivals(best, looked)
+
+    def _is_inside(self, candidate: SearchCandidate, images: dict[Plane, WorkingImage]) -> bool:
+        """Whether all samples of the loop would come from the images, which may be parts of the whole."""
+        for plane, centre in candidate.centres.items():
+            pixels = images[plane].projection.project(centre + self._model.arms)
+            if pixels.min() < EDGE_PX or (pixels > np.array(images[plane].values.shape[::-1]) - 1 - EDGE_PX).any():
+                return False
+        return True
 
     def _search(
         self, pair: FramePair, times: dict[Plane, float], respiration: RespiratoryMotion, *, near: bool
@@ -191,14 +206,14 @@ class LoopFinder:
         count = self.config.search.candidates // (2 if near else 1)
         return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
 
-    def _best_of(self, candidates: list[SearchCandidate], look: _Look, looked: list[Finding]) -> Finding | None:
-        """The best-ranked finding where the search points to, and its rivals; all are added to those looked at."""
+    def _look_at(self, candidates: list[SearchCandidate], look: _Look) -> list[Finding]:
+        """What the search points to, until it is found and no rival comes near it."""
+        looked: list[Finding] = []
         best: Finding | None = None
-        agreed: list[Finding] = []
         best_score = 0.0
         for candidate in candidates:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
-                break  # found, and no rival comes near it
+                break
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
             alignment = align(
                 look.images,
@@ -214,39 +229,31 @@ class LoopFinder:
                 continue  # whatever the judgement, it cannot rival one on which both planes agree
             finding = self._judge(alignment, look)
             looked.append(finding)
-            if finding.rank[0] == BOTH_AGREE:
-                agreed.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
-        if best is None:
-            return None
-        if (joined := self._joined(looked, best, look)) is not None:
-            return joined
-        if len(agreed) < 2:
-            return best
-        least = RIVAL_CORRELATION * best.rank[1]
-        rivals = [finding for finding in agreed if finding is not best and finding.rank[1] >= least]
-        return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1])))
+        return looked
 
-    def _joined(self, looked: list[Finding], best: Finding, look: _Look) -> Finding | None:
-        """What each plane shows best, though at two candidates, as one; None if the best finding has it already.
+    def _joined(self, looked: list[Finding], best: Finding | None, look: _Look) -> Finding | None:
+        """What each plane shows best, though at two candidates, as one; None where the best finding is as good.
 
         Until the breathing is known the loop may go further between the planes' exposures than the search expects
         when it joins their peaks.
         """
-        if len(look.times) < 2:
+        if best is None or len(look.times) < 2:
             return None
         fits = {p: max((f.alignment.planes[p] for f in looked), key=lambda fit: fit.correlation) for p in PLANES}
-        together = sum(fit.correlation for fit in fits.values())
+        if all(fits[plane] is best.alignment.planes[plane] for plane in PLANES):
+            return None
         if not all(is_seen(fit, self.config.judgement) for fit in fits.values()):
             return None
-        if RIVAL_CORRELATION * together <= sum(fit.correlation for fit in best.alignment.planes.values()):
+        together = sum(fit.correlation for fit in fits.values())
+        if look.is_enough(best) and best.rank[1] >= WORTH_JOINING * together:
             return None
         centres = {plane: fit.centre for plane, fit in fits.items()}
-        joined = self._judge(
-            align(look.images, self._appearances, self._model.arms, centres, look.prior, look.turn, look.stretch), look
+        alignment = align(
+            look.images, self._appearances, self._model.arms, centres, look.prior, look.turn, look.stretch
         )
-        return joined if joined.rank > best.rank else None
+        return self._judge(alignment, look)
 
     def _best_from_afar(self, candidates: list[SearchCandidate], look: _Look, best: Finding | None) -> Finding | None:
         """A better finding, if there is one, where the loop lies otherwise and elsewhere than an alignment mends.
@@ -373,3 +380,10 @@ class LoopFinder:
         respiration.mark_a(time_s)
         if "b" in finding.seen:
             respiration.observe(times["b"], b=self.observation(planes["b"], edge_on=finding.edge_on))
+
+
+def _with_rivals(best: Finding, looked: list[Finding]) -> Finding:
+    """The best finding with those on which both planes agree as well, and which correlate nearly as well."""
+    least = RIVAL_CORRELATION * best.rank[1]
+    rivals = [f for f in looked if f is not best and f.rank[0] == BOTH_AGREE and f.rank[1] >= least]
+    return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1]))) if rivals else best

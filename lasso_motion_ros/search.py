@@ -54,9 +54,8 @@ class SearchCandidate:
     centres: dict[Plane, Array]
 
     def is_like(self, other: SearchCandidate) -> bool:
-        """Whether an alignment that starts here ends where one from there does."""
-        pairs = ((centre, other.centres[plane]) for plane, centre in self.centres.items() if plane in other.centres)
-        return all(float(np.abs(one - two).max()) < SAME_M for one, two in pairs)
+        """Whether an alignment that starts here ends where one from there does, in the same image and the same pair."""
+        return all(float(np.abs(c - other.centres[plane]).max()) < SAME_M for plane, c in self.centres.items())
 
 
 def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Array) -> Peaks:

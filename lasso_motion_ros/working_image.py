@@ -41,9 +41,10 @@ class WorkingImage:
     noise: Image
     grey: npt.NDArray[np.uint8 | np.uint16]
 
-    def about(self, points: Array, reach_px: float) -> WorkingImage:
-        """The part of it that shows some world points (N, 3) m and what lies within a reach of them."""
+    def about(self, points: Array, reach_mm: float) -> WorkingImage:
+        """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
         pixels = self.projection.project(points)
+        reach_px = reach_mm / self.projection.millimetres_per_pixel(points.mean(axis=0))
         size = np.array(self.values.shape[::-1])
         left, top = np.clip(np.floor(pixels.min(axis=0) - reach_px), 0, size - 1).astype(int)
         right, bottom = np.clip(np.ceil(pixels.max(axis=0) + reach_px), 0, size - 1).astype(int) + 1

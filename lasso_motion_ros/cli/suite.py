@@ -73,12 +73,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--ablation",
         nargs="*",
+        action="extend",
         metavar="IDEA",
         help="track suite and traps with every idea of the tracker switched off in turn, or these: what does it cost?",
     )
     parser.add_argument(
         "--traps",
         nargs="*",
+        action="extend",
         metavar="NAME",
         help=f"sequences made for one difficulty each instead, all or these: {', '.join(TRAPS)}",
     )
@@ -140,6 +142,10 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
 
 def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
     files = args.config or [share_file("config/tracker.yaml")]
+    stems = [file.stem for file in files]
+    if len(set(stems)) < len(stems):
+        again = next(stem for number, stem in enumerate(stems) if stem in stems[:number])
+        raise LassoMotionError(f"--config: two files are named {again}; results are told apart by these names")
     return {str(file): load_configuration(file, ProductConfig) for file in files}
 
 

@@ -23,7 +23,7 @@ NOTABLE_MM = 0.003
 NOTABLE_COVERAGE = 0.02
 NOTABLE_TIME = 0.10
 NOTABLE_TARGET_MM = 0.02  # by which a sequence counts as worse or better
-NOTABLE_TRAP_SHARE = 0.10  # of a trap's lengths: it has three sequences
+NOTABLE_TRAP_SHARE = 0.10  # of a trap's lengths: it has a few sequences only
 
 
 @dataclass

@@ -72,9 +72,8 @@ _find, _search = LoopFinder.find, LoopFinder._search
 _without_noise = appearance._without_noise
 
 
-def _everywhere(self: LoopFinder, *what: Any, near: bool) -> Any:
-    del near
-    return _search(self, *what, near=False)
+def _everywhere(self: LoopFinder, pair: FramePair, respiration: RespiratoryMotion, **how: Any) -> Finding | None:
+    return _find(self, pair, respiration, **how | {"near_first": False})
 
 
 def _near_only(self: LoopFinder, *what: Any, near: bool) -> Any:
@@ -216,7 +215,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
         Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
         Idea("joined", "joining what each plane shows best", {}, {"finding.LoopFinder._joined": _nothing}),
-        Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder._search": _everywhere}),
+        Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
         Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder._search": _near_only}),
         Idea("afar", "a second look, from afar", {}, {"finding.AFAR_CANDIDATES": 0}),
         Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
@@ -245,6 +244,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
         Idea("hopeless", "giving up early on hopeless candidates", {}, {"alignment.HOPELESS_LIKENESS": ()}),
+        Idea("unawaited", "not waiting for a plane that shows nothing", {}, {"alignment.NOTHING_LIKENESS": -OFF}),
         Idea(
             "translation",
             "publishing the translation alone: the ring's turn as well",

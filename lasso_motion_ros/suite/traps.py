@@ -93,7 +93,7 @@ def _zoom(scenario: Scenario, number: int) -> Scenario:
 
 
 def _slow_move(scenario: Scenario, number: int) -> Scenario:
-    """After two breaths and more the ring is moved over 4 to 8 pairs, no step larger than a breath's."""
+    """After two breaths and more the ring is moved over 4 to 8 pairs, in steps that a breath might take, or nearly."""
     shift = _vector(MOVE_MM * _direction(scenario))
     move = Event("move", 24, 24 + (3, 5, 7)[number % 3], shift_mm=shift)
     return altered(scenario, pairs=34, rate_hz=3.75, breathing={"period_s": 3.0}, events=(move,))
@@ -129,7 +129,7 @@ def _hidden(scenario: Scenario, number: int) -> Scenario:
 
 
 def _two_rings(scenario: Scenario, number: int) -> Scenario:
-    """Taken out for good, at once or in the second pair; the other ring stays."""
+    """Taken out for good, halfway or right after the first pairs; the other ring stays."""
     return altered(
         scenario,
         imaging={"quanta": LOW_DOSE},
@@ -226,22 +226,22 @@ def _alike(scenario: Scenario, number: int) -> Scenario:
 TRAPS: Mapping[str, Trap] = {
     trap.name: trap
     for trap in (
-        Trap("ghost", "a filter over time keeps a fifth to a third of a lasso that has gone", _ghost),
+        Trap("ghost", "a filter over time keeps a third of a lasso that has gone", _ghost),
         Trap("tilt", "the ring tilts by 3.5 to 6° with the heartbeat", _tilt),
         Trap("gantry", "a plane tilts by 2 to 8° or rotates by 7 to 20° unsaid", _gantry, 6, False, True),
         Trap("table", "the table moves by 20 mm unsaid", _table, 3, False, True),
         Trap("zoom", "one or both planes magnify by a quarter unsaid", _zoom, 2, False, True),
-        Trap("slow_move", "moved over 4 to 8 pairs after several breaths", _slow_move, 2),
+        Trap("slow_move", "moved over 4 to 8 pairs after several breaths", _slow_move),
         Trap("jump", "moved in one of the first pairs", _jump),
         Trap("hidden", "hidden for half a breath of 25 mm beside another ring, 14 quanta", _hidden, 2),
         Trap("two_rings", "taken out at 14 quanta, another ring stays", _two_rings, 2),
         Trap("sigh", "unequal breaths, and one 1.4 times as deep as all before", _sigh, 2),
         Trap("bright", "bright on dark at 10 quanta, six clicks of 2 px", _bright),
-        Trap("edge_on", "edge-on in both planes", _edge_on, 2, doubt_due=True),
+        Trap("edge_on", "edge-on in both planes", _edge_on, doubt_due=True),
         Trap("overlap", "an overlapping loop that tilts by 3°, and six clicks of 2 px", _overlap, 2),
-        Trap("rotation", "the heart rotates by 4° with the breath, 64 pairs", _rotation, 1),
-        Trap("low_dose", "10 to 12 quanta", _low_dose, 2),
-        Trap("edges", "collimator, wires and leads beside the loop, sharpened", _strong_edges, 2),
+        Trap("rotation", "the heart rotates by 4 or 2.5° with the breath, 64 pairs", _rotation, 2),
+        Trap("low_dose", "10 to 12 quanta", _low_dose),
+        Trap("edges", "collimator, wires and leads beside the loop, sharpened", _strong_edges),
         Trap("alternating", "1 to 2 pairs/s, B half a frame late, 20 to 30 mm", _alternating),
         Trap("alike", "edge-on in one plane among lines, 14 quanta", _alike, 2),
         Trap("moved_unseen", "moved while hidden, along the breath's way or far", _moved_unseen),
