@@ -322,7 +322,7 @@ class AppearanceTracker:
     def _ring(self, alignment: Alignment) -> RingMotion:
         """What the ring has done by itself since the seed pair."""
         moved = np.zeros(3) if self._displacement is None else self._displacement
-        own = alignment.turn - self._rotation.between(np.zeros(3), moved).vector
+        own = alignment.turn - self._rotation.between(self._home, moved).vector
         axis = self._axis
         spin = float(axis @ own)
         prior = float(np.radians(self._config.ring.turn_deg))

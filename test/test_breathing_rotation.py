@@ -9,16 +9,16 @@ AXIS = np.array([0.6, 0.0, 0.8])
 DIRECTION = np.array([0.0, 0.28, 0.96])
 
 
-def learned(pairs, slope_deg_per_mm=0.0, own_deg=0.0, noise_deg=0.0, seed=0):
+def learned(pairs, slope_deg_per_mm=0.0, own_deg=0.0, noise_deg=0.0, seed=0, period_s=0.27):
     """What was learned at 3.7 pairs/s of breaths of 4 s and 14 mm, the heart at 71 a minute."""
     random = np.random.default_rng(seed)
     rotation = BreathingRotation()
-    for time_s in 0.27 * np.arange(pairs):
+    for time_s in period_s * np.arange(pairs):
         depth_mm = 14.0 * np.sin(np.pi * time_s / 4.0) ** 4
         beat = 2.0 * np.pi * time_s / 0.85
         own = own_deg * np.sin(beat) * np.array([1.0, 0.0, 0.0]) + noise_deg * random.normal(size=3)
         turn = np.radians(slope_deg_per_mm * depth_mm * AXIS + own)
-        rotation.learn(1e-3 * depth_mm * DIRECTION, turn, 0.02 * np.sin(beat + 1.0))
+        rotation.learn(time_s, 1e-3 * depth_mm * DIRECTION, turn, 0.02 * np.sin(beat + 1.0))
     return rotation
 
 
@@ -72,10 +72,29 @@ def test_what_is_as_probable_as_not_is_taken_half():
     )
 
 
-def test_before_any_pair_nothing_is_said():
-    rotation = BreathingRotation()
+@pytest.mark.parametrize("pairs", [0, 1])
+def test_before_two_pairs_nothing_is_said(pairs):
+    rotation = learned(pairs, slope_deg_per_mm=0.14)
     assert rotation.probability == 0.5
-    np.testing.assert_array_equal(rotation.between(np.zeros(3), 0.014 * DIRECTION).vector, np.zeros(3))
+    found = rotation.between(np.zeros(3), 0.014 * DIRECTION)
+    np.testing.assert_array_equal(found.vector, np.zeros(3))
+    variance = np.radians(0.98) ** 2 + np.radians(0.25) ** 2
+    np.testing.assert_allclose(found.covariance, variance * np.eye(3), rtol=1e-12)
+
+
+def test_across_the_breath_nothing_is_known():
+    across = np.array([0.014, 0.0, 0.0])
+    found = learned(60, slope_deg_per_mm=0.14, noise_deg=0.3).between(np.zeros(3), across)
+    assert np.degrees(np.linalg.norm(found.vector)) < 0.05
+    assert np.degrees(np.sqrt(found.covariance[0, 0])) == pytest.approx(np.hypot(0.98, 0.25), rel=0.01)
+
+
+def test_pairs_of_the_same_heartbeat_count_for_less():
+    """Four times as many pairs of the same four seconds are hardly more evidence."""
+    few = learned(15, own_deg=1.5, slope_deg_per_mm=0.05, period_s=0.28)
+    many = learned(60, own_deg=1.5, slope_deg_per_mm=0.05, period_s=0.07)
+    odds = [np.log(one.probability / (1.0 - one.probability)) for one in (few, many)]
+    assert odds[1] == pytest.approx(odds[0], abs=0.5)
 
 
 def test_the_pose_does_not_jump_as_the_evidence_grows():
@@ -83,4 +102,4 @@ def test_the_pose_does_not_jump_as_the_evidence_grows():
     turned = [learned(n, 0.14, 1.0, 0.3).between(np.zeros(3), 0.01 * DIRECTION).vector for n in range(1, 61)]
     steps = np.degrees(np.linalg.norm(np.diff(turned, axis=0), axis=1))
     assert steps.max() < 0.6
-    assert np.degrees(np.linalg.norm(turned[-1])) == pytest.approx(1.4, abs=0.1)
+    assert np.degrees(np.linalg.norm(turned[-1])) == pytest.approx(1.4, abs=0.15)

@@ -5,14 +5,16 @@ import pytest
 from lasso_inputs import LOOP, lasso_pair, lasso_seed
 
 from lasso_motion_ros import finding
+from lasso_motion_ros.alignment import align
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
-from lasso_motion_ros.configuration import TrackerConfig
+from lasso_motion_ros.configuration import SearchConfig, TrackerConfig
 from lasso_motion_ros.search import SearchCandidate
 from lasso_motion_ros.tracker import TrackerState
 from lasso_motion_ros.transforms import apply
 
 DOWN = np.array([0.0, 0.001, -0.005])
 FAR = np.array([0.0, 0.0, 0.03])  # where nothing is
+ASIDE = np.array([0.0, 0.0, 0.012])  # nor there, and near
 
 
 def candidates(*places):
@@ -32,11 +34,36 @@ def test_planes_that_the_search_has_joined_wrongly_are_joined_anew(monkeypatch, 
     assert np.linalg.norm(apply(result.motion, LOOP.centre) - LOOP.centre - DOWN) < 2e-4
 
 
-def test_a_plane_that_no_candidate_shows_the_loop_in_is_not_joined(monkeypatch):
+@pytest.fixture
+def aligned(monkeypatch):
+    """Where alignments started from."""
+    starts = []
+
+    def spied(images, appearances, arms, centres, *others):
+        starts.append(centres)
+        return align(images, appearances, arms, centres, *others)
+
+    monkeypatch.setattr(finding, "align", spied)
+    return starts
+
+
+def test_neither_what_no_candidate_shows_is_joined_nor_what_was_tried_is_tried_again(monkeypatch, aligned):
     tracker = AppearanceTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN + FAR), (DOWN - FAR, DOWN - FAR)))
+    nowhere = [(DOWN - ASIDE, DOWN + side * ASIDE) for side in (-1.0, -0.7, 0.7, 1.0)]
+    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN + FAR), *nowhere))
     monkeypatch.setattr(finding, "AFAR_CANDIDATES", 0)
     result = tracker.track(lasso_pair(1, DOWN))
     assert result.state is TrackerState.LOST
     assert "plane B" in result.reason
+    assert len(aligned) == 5  # near the prediction; in the whole picture they are known
+
+
+def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):
+    """Cut by the edge of the part about the prediction a loop shows as a peak there, too, but cannot be aligned."""
+    tracker = AppearanceTracker(TrackerConfig(search=SearchConfig(near_mm=2.0)))
+    tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
+    for index in range(1, 5):
+        assert tracker.track(lasso_pair(index, np.zeros(3))).state is TrackerState.TRACKING
+    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((FAR, FAR)))
+    assert tracker.track(lasso_pair(5, FAR)).state is TrackerState.DISPLACED

@@ -102,7 +102,7 @@ def test_images_without_a_stamp_are_tracked_by_their_arrival(tmp_path: Path) -> 
             answered, posed = len(stream.states()), len(motions)
             stream.pairs(1, spoil_image=unstamped, spoil_info=unstamped)
             graph.heard.wait_for(lambda answered=answered: len(stream.states()) > answered)
-            if stream.states()[-1] == "TRACKING":
+            if stream.states()[-1:] == ["TRACKING"]:
                 graph.heard.wait_for(lambda posed=posed: len(motions) > posed)
             assert stream.number < 12, stream.states()
         # The clicks may have been overtaken by the first pairs, on topics of their own.
@@ -252,7 +252,7 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
             request = ChangeState.Request(transition=Transition(id=transition))
             assert graph.call(ChangeState, "/lasso_tracker/change_state", request).success
             assert graph.call(GetState, "/lasso_tracker/get_state", GetState.Request()).current_state.id == state
-            graph.heard.wait_for(lambda says=says: stream.states()[-1] == says)
+            graph.heard.wait_for(lambda says=says: stream.states()[-1:] == [says])
         graph.processes.send("tracker", signal.SIGINT)
         assert graph.wait_for_end("tracker") == 0
 

@@ -114,7 +114,7 @@ def test_every_pair_is_answered_as_offline(tmp_path: Path, recording: Path, offl
 
         graph.processes.send("tracker", signal.SIGINT)
         assert graph.wait_for_end("tracker") == 0
-        graph.heard.wait_for(lambda: states(graph)[-1] == "INACTIVE")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["INACTIVE"])
 
 
 def test_clicks_that_come_late_change_nothing(tmp_path: Path, recording: Path, offline: list[np.ndarray]) -> None:
@@ -125,7 +125,7 @@ def test_clicks_that_come_late_change_nothing(tmp_path: Path, recording: Path, o
         for name, data in recorded(recording, *IMAGES, *INFOS):
             outlets[name].publish(data)
         graph.heard.wait_for(lambda: counts(graph, "tracker").get("pairs answered") == str(len(MOTIONS_MM)))
-        graph.heard.wait_for(lambda: states(graph)[-1] == "WAITING_FOR_SEED")  # on a topic of its own
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_SEED"])  # on a topic of its own
         assert poses(graph) == {}
         for name, data in recorded(recording, *SEEDS):
             outlets[name].publish(data)
@@ -140,7 +140,7 @@ def test_best_effort_images_and_a_latched_calibration_are_heard(tmp_path: Path, 
         for name, data in recorded(recording, *INFOS)[:2]:
             infos[name].publish(data)
         start(graph)
-        graph.heard.wait_for(lambda: states(graph)[-1] == "WAITING_FOR_SEED")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_SEED"])
         outlets = {topic.name: graph.publisher(topic, reliable=False) for topic in IMAGES}
         outlets |= {topic.name: graph.publisher(topic) for topic in SEEDS}
         graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in outlets.values()))
@@ -184,7 +184,7 @@ def test_services(tmp_path: Path, recording: Path) -> None:
         graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
         assert call(graph, "set_reference").success
         assert call(graph, "reset").success
-        graph.heard.wait_for(lambda: states(graph)[-1] == "WAITING_FOR_SEED")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_SEED"])
 
 
 def test_managed_life(tmp_path: Path, recording: Path) -> None:
@@ -194,9 +194,9 @@ def test_managed_life(tmp_path: Path, recording: Path) -> None:
         assert not call(graph, "reset").success
         assert change(graph, Transition.TRANSITION_CONFIGURE)
         assert change(graph, Transition.TRANSITION_ACTIVATE)
-        graph.heard.wait_for(lambda: states(graph)[-1] == "WAITING_FOR_CALIBRATION")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_CALIBRATION"])
         assert change(graph, Transition.TRANSITION_DEACTIVATE)
-        graph.heard.wait_for(lambda: states(graph)[-1] == "INACTIVE")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["INACTIVE"])
         assert change(graph, Transition.TRANSITION_CLEANUP)
         assert change(graph, Transition.TRANSITION_CONFIGURE)
         assert change(graph, Transition.TRANSITION_ACTIVATE)
@@ -205,7 +205,7 @@ def test_managed_life(tmp_path: Path, recording: Path) -> None:
         # The model is kept; what was tracked before says nothing about now.
         assert change(graph, Transition.TRANSITION_DEACTIVATE)
         assert change(graph, Transition.TRANSITION_ACTIVATE)
-        graph.heard.wait_for(lambda: states(graph)[-1] == "LOST")
+        graph.heard.wait_for(lambda: states(graph)[-1:] == ["LOST"])
         graph.heard.wait_for(lambda: any("no pair since activation" in reason for reason in reasons(graph)))
 
 

@@ -11,6 +11,7 @@ import pytest
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.gantry import published_projection, true_projection
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 from lasso_motion_ros.phantom.settings import CalibrationSettings, Event, GeometrySettings, Scenario
@@ -122,11 +123,16 @@ def test_the_collimator_leaves_the_loop_free() -> None:
         left, top, right, bottom = one.imaging.collimator
         assert min(left, top, right, bottom) > 0.05
         sequence = Scenario(name="loop", pairs=1, geometry=one.geometry, lasso=one.lasso)
+        breath = 1e-3 * one.breathing.amplitude_mm * np.array(one.breathing.direction)
+        breath /= np.linalg.norm(one.breathing.direction)
+        # It begins at any phase: a breath further in or out.
+        loop = np.concatenate([Simulator(sequence).reference_loop + way * breath for way in (-1.0, 0.0, 1.0)])
         for plane in PLANES:
-            centre = 1e-3 * np.array(one.lasso.centre_mm)[None]
-            share = true_projection(sequence, plane, 0).project(centre)[0] / one.geometry.size_px
-            assert left < share[0] < 1.0 - right
-            assert top < share[1] < 1.0 - bottom
+            shares = true_projection(sequence, plane, 0).project(loop) / one.geometry.size_px
+            assert shares.min(axis=0)[0] > left
+            assert shares.min(axis=0)[1] > top
+            assert shares.max(axis=0)[0] < 1.0 - right
+            assert shares.max(axis=0)[1] < 1.0 - bottom
 
 
 def test_what_is_not_asked_is_no_fault_and_what_is_asked_besides_is() -> None:

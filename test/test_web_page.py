@@ -230,11 +230,14 @@ def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -
     page.wait_for(lambda: page.driver.find_element("id", "drawing").is_enabled(), "the overlay's style")
     page.press("o")
     page.wait_for(lambda: page.driver.find_element("id", "drawing").get_attribute("value") == "outline", "its change")
-    seen = []
-    for _ in range(2):
-        seen.append(outline_in_place(stage).mean(axis=0))
+    first = outline_in_place(stage).mean(axis=0)
+    for _ in range(6):  # an attempt that came too early goes on to another phase, which may be the first one again
         stage.go_on()
-    assert np.linalg.norm(seen[1] - seen[0]) > 4.0
+        moved_px = np.linalg.norm(outline_in_place(stage).mean(axis=0) - first)
+        if moved_px > 4.0:
+            break
+    assert moved_px > 4.0
+    stage.go_on()
     assert page.complaints() == []
 
 

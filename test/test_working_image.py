@@ -170,7 +170,8 @@ def test_contrast_is_a_share_of_the_grey_whatever_noise_and_brightness():
 
 def test_the_part_about_some_points_is_the_whole_there():
     whole = working_image(lasso_frame(), LOOP.centre, bright=False, shift=np.zeros(2))
-    part = whole.about(CURVE, 5.0)
+    pixel_mm = whole.projection.millimetres_per_pixel(CURVE.mean(axis=0))
+    part = whole.about(CURVE, 5.0 * pixel_mm)
     pixels, there = whole.projection.project(CURVE), part.projection.project(CURVE)
     corner = (pixels - there)[0]
     np.testing.assert_allclose(pixels - there, np.broadcast_to(corner, pixels.shape), atol=1e-9)
@@ -188,7 +189,7 @@ def test_the_part_about_points_at_the_border_ends_there():
     whole = working_image(lasso_frame(), LOOP.centre, bright=False, shift=np.zeros(2))
     ray = whole.projection.rays(np.array([2.0, 3.0]))
     corner = (whole.projection.source + whole.projection.depth(LOOP.centre) * ray)[None]
-    part = whole.about(corner, 10.5)
+    part = whole.about(corner, 10.5 * whole.projection.millimetres_per_pixel(corner[0]))
     # Columns 0 to ceil(2 + 10.5), rows 0 to ceil(3 + 10.5).
     assert part.values.shape == (15, 14)
     np.testing.assert_array_equal(part.values, whole.values[:15, :14])
