@@ -158,7 +158,8 @@ def align(
         ring = ring + step[shared:]
         # A turn or stretch that was cut to its limit is not done, though the shifts may be.
         size = np.abs(step)
-        size[:shared] *= np.repeat(views.is_hopeful | (iteration < FIRST_SURE_LOOK), 2)
+        if iteration >= FIRST_SURE_LOOK:
+            size[:shared] *= np.repeat(views.is_hopeful, 2)
         if size[:shared].max() < CONVERGED_MM * 1e-3 and (size < limits).all():
             break
     covariance: Array = np.linalg.inv(normal)
