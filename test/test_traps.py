@@ -189,6 +189,9 @@ def test_the_command_runs_traps(
         (["--ablation", "--sweep", "rate"], "--sweep: not together"),
         (["--traps", "--only", "1"], "--only: numbers of random sequences"),
         (["--sweep", "rate", "--only", "1"], "--only: numbers of random sequences"),
+        (["--traps", "tilt", "--traps", "nonsense"], "found nonsense"),
+        (["--traps", "nonsense", "--traps", "tilt"], "found nonsense"),
+        (["--traps", "--config", "config/tracker.yaml", "here/tracker.yaml"], "two files are named tracker"),
     ],
 )
 def test_options_that_contradict_each_other(
