@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.alignment import Alignment, PlaneFit, RingPrior, align, align_from_afar
+from lasso_motion_ros.alignment import Alignment, RingPrior, align, align_from_afar
 from lasso_motion_ros.appearance import HALF_WIDTH, Appearance
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
 from lasso_motion_ros.loop_model import LoopModel
+from lasso_motion_ros.loop_views import PlaneFit
 from lasso_motion_ros.respiration import Estimate, Observation, RespiratoryMotion
 from lasso_motion_ros.search import SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.working_image import WorkingImage, working_image

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.alignment import PlaneFit
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.curves import distance_to_curve
+from lasso_motion_ros.loop_views import PlaneFit
 
 Array = npt.NDArray[np.float64]
 

@@ -21,6 +21,7 @@ COARSE_BOX_PX = (9, 9)  # twice: nearly a Gaussian of 3.7 pixels, at a fifth of 
 NOISE_WINDOW_PX = 61
 CLIP = 4.0
 SOFT_BOX_PX = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
+SOFT_REACH_MM = 2 * (SOFT_BOX_PX[0] // 2) * PIXEL_MM
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from method_inputs import biplane
 
-from lasso_motion_ros.alignment import PlaneFit
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_seen
+from lasso_motion_ros.loop_views import PlaneFit
 
 # By name, so that the numbers below hold whatever the defaults are.
 CONFIG = JudgementConfig(

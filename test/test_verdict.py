@@ -3,11 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lasso_motion_ros.alignment import Alignment, PlaneFit
+from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.finding import Finding
 from lasso_motion_ros.frames import Frame, FramePair
 from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.loop_views import PlaneFit
 from lasso_motion_ros.tracker import TrackerState
 from lasso_motion_ros.verdict import refusal_of, state_of
 

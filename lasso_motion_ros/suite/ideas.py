@@ -240,11 +240,11 @@ IDEAS: Mapping[str, Idea] = {
         Idea("local", "contrast in units of the local noise", {}, {"working_image.cv2": _EvenNoise()}),
         Idea("clip", "clipping of strong contrast", {}, {"working_image.CLIP": OFF}),
         # Alignment.
-        Idea("robust", "robust weights", {}, {"alignment.OUTLIER_SIGMAS": OFF}),
+        Idea("robust", "robust weights", {}, {"loop_views.OUTLIER_SIGMAS": OFF}),
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
         Idea("hopeless", "giving up early on hopeless candidates", {}, {"alignment.HOPELESS_LIKENESS": ()}),
-        Idea("unawaited", "not waiting for a plane that shows nothing", {}, {"alignment.NOTHING_LIKENESS": -OFF}),
+        Idea("unawaited", "not waiting for a plane that shows nothing", {}, {"loop_views.NOTHING_LIKENESS": -OFF}),
         Idea(
             "translation",
             "publishing the translation alone: the ring's turn as well",

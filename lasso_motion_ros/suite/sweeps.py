@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import islice
@@ -17,7 +16,7 @@ from lasso_motion_ros.phantom.settings import (
     PlaneSettings,
     Scenario,
 )
-from lasso_motion_ros.suite.moderate import PAIRS, moderate_scenarios
+from lasso_motion_ros.suite.moderate import PAIRS, altered, moderate_scenarios
 from lasso_motion_ros.suite.report import Measures
 
 SECONDS = 4.0  # at least: a breath has to be in it
@@ -48,38 +47,38 @@ class Sweep:
 
 
 def _quanta(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, imaging=dataclasses.replace(scenario.imaging, quanta=value))
+    return altered(scenario, imaging={"quanta": value})
 
 
 def _calibration(scenario: Scenario, value: float) -> Scenario:
     # The other errors go with the angle: 2.8 mm and 6 px a degree, as in the suite.
-    return dataclasses.replace(scenario, calibration_error=CalibrationSettings(value, 2.8 * value, 6.0 * value))
+    return altered(scenario, calibration_error=CalibrationSettings(value, 2.8 * value, 6.0 * value))
 
 
 def _separation(scenario: Scenario, value: float) -> Scenario:
     geometry = scenario.geometry
     plane_b = PlaneSettings(geometry.plane_a.lao_deg + value, geometry.plane_a.cranial_deg)
-    return dataclasses.replace(scenario, geometry=dataclasses.replace(geometry, plane_b=plane_b))
+    return altered(scenario, geometry={"plane_b": plane_b})
 
 
 def _amplitude(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, breathing=dataclasses.replace(scenario.breathing, amplitude_mm=value))
+    return altered(scenario, breathing={"amplitude_mm": value})
 
 
 def _rate(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, rate_hz=value, pairs=max(PAIRS, round(SECONDS * value)))
+    return altered(scenario, rate_hz=value, pairs=max(PAIRS, round(SECONDS * value)))
 
 
 def _offset(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, plane_b_offset=value)
+    return altered(scenario, plane_b_offset=value)
 
 
 def _tilt(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, lasso=dataclasses.replace(scenario.lasso, tilt_deg=value))
+    return altered(scenario, lasso={"tilt_deg": value})
 
 
 def _clicks(scenario: Scenario, value: float) -> Scenario:
-    return dataclasses.replace(scenario, clicks=ClickSettings(noise_px=value, fewest=6, most=14))
+    return altered(scenario, clicks=ClickSettings(noise_px=value, fewest=6, most=14))
 
 
 def _start(scenario: Scenario, value: float) -> Scenario:
@@ -88,7 +87,7 @@ def _start(scenario: Scenario, value: float) -> Scenario:
     # Half a breath of four seconds: from end-expiration to the deepest point.
     breathing = BreathingSettings(amplitude_mm=value, direction=tuple(direction.tolist()), period_s=2.0 * START_PAUSE_S)
     still = HeartSettings(amplitude_mm=0.0)
-    return dataclasses.replace(scenario, pairs=2, rate_hz=1.0 / START_PAUSE_S, breathing=breathing, heart=still)
+    return altered(scenario, pairs=2, rate_hz=1.0 / START_PAUSE_S, breathing=breathing, heart=still)
 
 
 SWEEPS: Mapping[str, Sweep] = {
