@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 LOOP_COLOUR = (255, 226, 64)
 # A ROS installation's own libraries, and the mark that they have been set up, are not for a foreign program.
 ROS_ONLY = ("LD_LIBRARY_PATH", "LD_PRELOAD", "_ROS_WHEELS_BOOTSTRAP_COMPLETE", "PYTHONPATH")

@@ -6,6 +6,7 @@ import itertools
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -36,6 +37,7 @@ pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
 PERIOD_S = 0.125
 START_NS = 1_760_000_000_000_000_000
 BREATH_MM = 7.0
+UP, DOWN = 6, 18  # phases of the breath
 LEGEND_FROM = 0.8 * SIDE
 CORNERS = 0.028 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
@@ -57,6 +59,7 @@ class Stream:
         self._phases = itertools.cycle(range(24))
         self._pictures: dict[tuple[str, int], np.ndarray] = {}
         self.visible = True
+        self.held_phase: int | None = None  # where the breath is held, once it comes there
         self.last_ns, self.last_mm = 0, 0.0
 
     def start(self) -> None:
@@ -70,8 +73,12 @@ class Stream:
             self._thread.join()
 
     def _run(self) -> None:
+        phase = -1
         while not self._stop.wait(PERIOD_S):
-            phase = next(self._phases) if self.visible else -1
+            if not self.visible:
+                phase = -1
+            elif self.held_phase is None or phase != self.held_phase:
+                phase = next(self._phases)
             self.last_ns = START_NS + next(self._pairs) * round(PERIOD_S * 1e9)
             self.last_mm = z_of(phase)
             for plane in "ab":
@@ -121,26 +128,20 @@ class Stage:
             means.append(film[y, x].mean())
         return curves[int(np.argmin(means))] if min(means) < np.median(film) - 20 else None
 
-    def settled_loop(self) -> np.ndarray:
-        """Stop the images and give back the loop that the tracker published for the last pair, (N, 3)."""
-        self.stream.stop()
-        markers = self.graph.heard.messages["catheter"]
-        self.graph.heard.wait_for(lambda: stamp_to_ns(markers[-1].header.stamp) == self.stream.last_ns)
-        assert markers[-1].action == ADD
-        return np.array([[point.x, point.y, point.z] for point in markers[-1].points])
+    def hold_breath(self, phase: int) -> int:
+        """Let the ring rest at a phase while its images go on; the stamp from which on it rests, ns.
 
-    def settled_motion(self) -> np.ndarray:
-        """Stop the images and give back the motion that the tracker published for the last pair, (4, 4)."""
-        self.stream.stop()
-        motions = self.graph.heard.messages["motion"]
-        self.graph.heard.wait_for(lambda: stamp_to_ns(motions[-1].header.stamp) == self.stream.last_ns)
-        return decode_pose(motions[-1])
+        A still picture is waited for, not a certain pair: a busy machine may show any pair late, or not at all.
+        """
+        self.stream.held_phase = phase
+        self.page.wait_for(lambda: self.stream.last_mm == z_of(phase), "the held breath")
+        return self.stream.last_ns
 
-    def go_on(self) -> None:
-        """Start the images again and wait for another phase of the breath."""
-        now_mm = self.stream.last_mm
-        self.stream.start()
-        self.page.wait_for(lambda: abs(self.stream.last_mm - now_mm) > BREATH_MM, "another phase")
+    def published_since(self, topic: str, stamp_ns: int) -> Any:
+        """The last message of a topic, once one is as late as a stamp."""
+        messages = self.graph.heard.messages[topic]
+        self.graph.heard.wait_for(lambda: bool(messages) and stamp_to_ns(messages[-1].header.stamp) >= stamp_ns)
+        return messages[-1]
 
     def outline(self, plane: str) -> np.ndarray:
         """(N, 2) image pixels where the overlay's compensated outline is green on the page's film."""
@@ -197,11 +198,13 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     page.press(Keys.ENTER)
     page.wait_for_state("TRACKING")
     places = []
-    for _ in range(2):
-        points = stage.settled_loop()
+    for phase in (UP, DOWN):
+        marker = stage.published_since("catheter", stage.hold_breath(phase))
+        assert marker.action == ADD
+        points = np.array([[point.x, point.y, point.z] for point in marker.points])
         for plane in "ab":
             expected = homogeneous(encode_camera_info(projections()[plane], {})["p"], points)
-            true = projections()[plane].project(apply(shift(stream.last_mm), loop()))
+            true = projections()[plane].project(apply(shift(z_of(phase)), loop()))
             page.wait_for(
                 lambda p=plane, e=expected: near(page.loop_pixels(p, SIDE), e),
                 f"the loop of plane {plane} in its place",
@@ -209,10 +212,9 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
             drawn = page.loop_pixels(plane, SIDE)
             assert distances(expected, drawn).max() < 2.0  # all of it is drawn, not a part
             assert distances(drawn, true).mean() < 1.5  # and that is where the ring is
-        places.append((stream.last_mm, page.loop_pixels("a", SIDE).mean(axis=0)))
-        stage.go_on()
+        places.append((z_of(phase), page.loop_pixels("a", SIDE).mean(axis=0)))
+    stream.held_phase = None
     (first_mm, first), (second_mm, second) = places
-    assert abs(second_mm - first_mm) > 3.0
     moved = second - first
     centre = np.array([[0.0, 0.0, 1e-3 * mm] for mm in (first_mm, second_mm)])
     np.testing.assert_allclose(moved, np.diff(projections()["a"].project(centre), axis=0)[0], atol=1.5)
@@ -230,42 +232,28 @@ def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -
     page.wait_for(lambda: page.driver.find_element("id", "drawing").is_enabled(), "the overlay's style")
     page.press("o")
     page.wait_for(lambda: page.driver.find_element("id", "drawing").get_attribute("value") == "outline", "its change")
-    first = outline_in_place(stage).mean(axis=0)
-    for _ in range(6):  # an attempt that came too early goes on to another phase, which may be the first one again
-        stage.go_on()
-        moved_px = np.linalg.norm(outline_in_place(stage).mean(axis=0) - first)
-        if moved_px > 4.0:
-            break
-    assert moved_px > 4.0
-    stage.go_on()
+    places = {phase: outline_in_place(stage, phase) for phase in (UP, DOWN)}
+    stage.stream.held_phase = None
+    centre = np.array([[0.0, 0.0, 1e-3 * z_of(phase)] for phase in (UP, DOWN)])
+    expected = np.diff(projections()["b"].project(centre), axis=0)[0]
+    np.testing.assert_allclose(places[DOWN] - places[UP], expected, atol=3.0)
     assert page.complaints() == []
 
 
-def outline_in_place(stage: Stage, attempts: int = 4) -> np.ndarray:
-    """Stop at a pair whose overlay lies in both planes where its motion puts it; plane B's outline there, (N, 2).
-
-    On a busy machine a pair's motion may come later than the overlay waits for it: then it is drawn, as it must be,
-    with the motion before.
-    """
-    for attempt in range(attempts):
-        corners = apply(stage.settled_motion(), CORNERS)
-        try:
-            for plane in "ab":
-                matrix = encode_camera_info(projections()[plane], {})["p"]
-                hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
-                hull = np.concatenate([hull, hull[:1]])
-                stage.page.wait_for(
-                    lambda p=plane, h=hull: outlined(stage.outline(p), h),
-                    f"the outline of plane {plane} in its place",
-                    patience_s=5.0,
-                )
-        except AssertionError:
-            if attempt == attempts - 1:
-                raise
-            stage.go_on()
-        else:
-            break
-    return hull
+def outline_in_place(stage: Stage, phase: int) -> np.ndarray:
+    """The middle of plane B's outline, (2,), at a held breath, once both planes show it where the motion puts it."""
+    motion = decode_pose(stage.published_since("motion", stage.hold_breath(phase)))
+    corners = apply(motion, CORNERS)
+    for plane in "ab":
+        matrix = encode_camera_info(projections()[plane], {})["p"]
+        hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
+        hull = np.concatenate([hull, hull[:1]])
+        stage.page.wait_for(
+            lambda p=plane, h=hull: outlined(stage.outline(p), h),
+            f"the outline of plane {plane} in its place",
+        )
+    drawn = stage.outline("b")
+    return np.asarray(drawn.min(axis=0) + drawn.max(axis=0)) / 2
 
 
 def outlined(drawn: np.ndarray, hull: np.ndarray) -> bool:
