@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.appearance import Appearance, strip_along
+from lasso_motion_ros.breathing_prior import breathing_shape
 from lasso_motion_ros.breathing_rotation import BreathingRotation, Rotation
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
@@ -27,7 +28,7 @@ from lasso_motion_ros.working_image import working_image
 Array = npt.NDArray[np.float64]
 
 # A pose that rests on one plane is not published where its depth may be this far off (standard deviation).
-LARGEST_ONE_PLANE_SIGMA_MM = 2.0
+LARGEST_ONE_PLANE_SIGMA_MM = 1.8
 # Two planes that are exposed one after the other know the depth as badly at first; then the state is DEGRADED.
 LARGEST_SURE_SIGMA_MM = 1.5
 LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from the pair that such a pair tells
@@ -66,7 +67,12 @@ class AppearanceTracker:
         self._appearances = appearances
         self._start_ns = pair.stamp_ns
         self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns)
-        self._respiration = RespiratoryMotion(0.0, max(0.0, self._seconds(frames["b"].stamp_ns)))
+        self._respiration = RespiratoryMotion(
+            0.0,
+            max(0.0, self._seconds(frames["b"].stamp_ns)),
+            shape=breathing_shape({plane: frame.projection for plane, frame in frames.items()}, self._config.posture),
+            between=model.between,
+        )
         self._envelope = BreathingEnvelope(self._config.judgement)
         self._rotation = BreathingRotation()
         self._reference = np.zeros(3)
@@ -83,7 +89,7 @@ class AppearanceTracker:
         self._followed = True  # what was found in the pair before was believed
         self._doubt = 1.0
         self._both_seen_s = 0.0
-        return self._result(pair, TrackerState.TRACKING, "", model.points)
+        return self._result(pair, TrackerState.TRACKING, "", model.points + self._depth_correction)
 
     def track(self, pair: FramePair) -> TrackResult:
         """Find the loop in the next pair.
@@ -314,10 +320,16 @@ class AppearanceTracker:
         """(L, 3) the loop's curve at a displacement, world metres."""
         model = self._require_model()
         rotation = rotation_from_vector(alignment.turn) * np.exp(alignment.stretch)
-        # The model's depth came from plane B's first exposure: what the loop moved until then put it off.
-        ray_a, lateral = model.depth_directions
-        depth = float(lateral @ self._respiration.origin_b.displacement) / float(lateral @ ray_a)
-        return np.asarray(model.centre - depth * ray_a + displacement + model.arms @ rotation.T)
+        return np.asarray(model.centre + self._depth_correction + displacement + model.arms @ rotation.T)
+
+    @property
+    def _depth_correction(self) -> Array:
+        """(3,) from the model to where the loop was at plane A's first exposure, metres.
+
+        The model's depth came from plane B's first exposure: what the loop had moved until then put it off.
+        """
+        ray_a, lateral = self._require_model().depth_directions
+        return np.asarray(-float(lateral @ self._respiration.origin_b.displacement) / float(lateral @ ray_a) * ray_a)
 
     def _ring(self, alignment: Alignment) -> RingMotion:
         """What the ring has done by itself since the seed pair."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lasso_motion_ros.breathing_prior import POSTURES
 from lasso_motion_ros.parameters import parameter, tuning
 
 
@@ -168,6 +169,12 @@ class TrackerConfig:
         "appearance", "tracking method: ours, or the published one", choices=("appearance", "brost2009")
     )
     polarity: str = parameter("auto", "the catheter against its background", choices=("auto", "dark", "bright"))
+    posture: str = parameter(
+        "supine",
+        "how the patient lies under the detectors, head up in the images: where breathing is expected to move the heart"
+        " before that has been seen",
+        choices=POSTURES,
+    )
     path: PathConfig = field(default_factory=PathConfig)
     model: ModelConfig = field(default_factory=ModelConfig)
     features: FeatureConfig = field(default_factory=FeatureConfig)

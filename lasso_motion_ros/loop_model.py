@@ -23,6 +23,7 @@ from lasso_motion_ros.geometry import Projection
 from lasso_motion_ros.line_filter import sato
 from lasso_motion_ros.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
+from lasso_motion_ros.respiration import Observation
 from lasso_motion_ros.seeding import (
     is_bright,
     line_sigma_px,
@@ -38,6 +39,7 @@ POINTS = 120
 KNOTS_PER_TURN = 14
 ROUNDS = 3  # of snapping to the lines in the images
 SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
+BETWEEN_SIGMA_M = 0.0005  # of the motion between others, as the epipolar planes tell it: mostly the calibration's error
 
 OUTLINE_SIGMA_MM = 0.15
 BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
@@ -62,6 +64,7 @@ class LoopModel:
         bright: True where the catheter is brighter than its background.
         shifts: per plane, (2,) pixels by which its images lie off its calibration (and, where plane B is
             exposed later, off plane A's phase).
+        between: what the pair shows of the loop's motion between the planes' exposures; None if exposed together.
         depth_directions: (3,) unit vector of plane A's ray through the centre, along which only plane B sees, and
             (3,) the unit vector along which plane B measures it, across its own ray and the epipolar plane's normal.
     """
@@ -70,6 +73,7 @@ class LoopModel:
     centre: Array
     bright: bool
     shifts: dict[Plane, Array]
+    between: Observation | None
     depth_directions: tuple[Array, Array]
 
     @property
@@ -167,8 +171,16 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) 
     points = resample(curve(np.linspace(low, high, 8 * POINTS)), POINTS)
     centre = _circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
-    lateral = np.cross(np.cross(ray_a, ray_b), ray_b)
-    return LoopModel(points, centre, bright, moved, (ray_a, lateral / np.linalg.norm(lateral)))
+    normal = np.cross(ray_a, ray_b) / np.linalg.norm(np.cross(ray_a, ray_b))
+    lateral = np.cross(normal, ray_b)
+    between = None if simultaneous else _between(normal, moved["b"], projections["b"].jacobian(centre))
+    return LoopModel(points, centre, bright, moved, between, (ray_a, lateral / np.linalg.norm(lateral)))
+
+
+def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:
+    """What plane B's shift (2,) px tells of the motion since plane A's exposure: it lies along the epipolar normal."""
+    upward = jacobian @ normal  # pixels per metre
+    return Observation(normal[None], np.array([shift @ upward / (upward @ upward)]), np.array([[BETWEEN_SIGMA_M**2]]))
 
 
 def _circle_centre(points: Array) -> Array:

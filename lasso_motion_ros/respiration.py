@@ -29,10 +29,10 @@ DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] =
 SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
 SINCE_B[:, ORIGIN_B] = -np.eye(3)
 
-FIRST_SPREAD_M = 0.010  # standard deviation of the motion in any direction before any has been seen
+FIRST_SPREAD_M = 0.010  # standard deviation of the motion along the body before any has been seen
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
 SEEN_SPREAD_M = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
-SIDEWAYS_SHARE = 0.2  # of the motion's size, expected across its direction: breathing nearly follows a line
+SIDEWAYS_SHARE = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
 # After these many sure displacements the past is gone through again with the spread learned since. What it changes
 # is what the loop did between the first two exposures, and with it every displacement's depth.
 REBUILD_AT = frozenset({*range(1, 9), 12, 16, 24})
@@ -59,12 +59,12 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """A plane's view of the displacement.
+    """A plane's view of the displacement, or what else tells of it.
 
     Attributes:
-        across: (2, 3) unit vectors across the ray.
-        value: (2,) the displacement along them, metres.
-        covariance: (2, 2) m².
+        across: (N, 3) unit vectors; a plane's are the two across its ray.
+        value: (N,) the displacement along them, metres.
+        covariance: (N, N) m².
     """
 
     across: Array
@@ -89,9 +89,24 @@ class RespiratoryMotion:
     (`ORIGIN_B`), since plane B's appearance, and so its every measurement, refers to it.
     """
 
-    def __init__(self, time_a_s: float, time_b_s: float) -> None:
-        """Start at the reference pair's two times of exposure, seconds."""
+    def __init__(
+        self,
+        time_a_s: float,
+        time_b_s: float,
+        *,
+        shape: Array = _IDENTITY_3,
+        between: Observation | None = None,
+    ) -> None:
+        """Start at the reference pair.
+
+        Args:
+            time_a_s: plane A's exposure, seconds.
+            time_b_s: plane B's, not earlier.
+            shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
+            between: what the reference pair shows of the displacement at plane B's exposure.
+        """
         self._start_s = time_a_s, time_b_s
+        self._shape, self._between = shape, between
         self._scatter = np.zeros((3, 3))
         self._learned = 0
         self._scatter_mean = np.zeros(3)
@@ -114,6 +129,8 @@ class RespiratoryMotion:
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
         self._clone(AT_A)
         self._advance(time_b_s)
+        if self._between is not None:
+            self._update(self._between.across @ DISPLACEMENT, self._between.value, self._between.covariance)
         self._clone(ORIGIN_B)
 
     def copy(self) -> RespiratoryMotion:
@@ -129,7 +146,7 @@ class RespiratoryMotion:
         seen = float(np.trace(self._scatter))
         sideways = SIDEWAYS_SHARE**2 * seen / max(self._learned, 1)
         unknown = FIRST_SPREAD_M**2 / (1.0 + seen / SEEN_SPREAD_M**2)
-        first = (sideways + unknown) * _IDENTITY_3  # which counts as one displacement
+        first = sideways * _IDENTITY_3 + unknown * self._shape  # which counts as one displacement
         return np.asarray((self._scatter + first) / (self._learned + 1) + SMALLEST_SPREAD_M**2 * _IDENTITY_3)
 
     @property

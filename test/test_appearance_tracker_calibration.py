@@ -181,6 +181,20 @@ def test_plane_b_may_be_exposed_half_a_period_later():
     assert np.mean(errors) < 0.3 * np.mean(naive)
 
 
+def test_the_loop_is_where_plane_a_shows_it_though_plane_b_was_exposed_later():
+    # 6 mm to the feet and 1.6 mm to the front later: the first is seen by both planes, the second is in no image.
+    b_shift = np.array([0.0, -0.0016, -0.006])
+    late = Frame(PERIOD_NS // 2, noisy(lasso_image(CURVE + b_shift, VIEWS["b"]), 3), VIEWS["b"])
+    first = FramePair(0, pair(0).a, late)
+    clicks = Seed(lasso_seed().points_a, lasso_seed(curve=CURVE + b_shift).points_b)
+    errors = {}
+    for posture in ("supine", "unknown"):
+        result = AppearanceTracker(dataclasses.replace(CONFIG, posture=posture)).initialise(first, clicks)
+        errors[posture] = 1e3 * np.linalg.norm(result.loop.mean(axis=0) - CURVE.mean(axis=0))
+    assert errors["unknown"] > 1.0
+    assert errors["supine"] < 0.4 * errors["unknown"]
+
+
 def test_full_size_images_are_tracked_alike():
     views = biplane(side=1024)
 

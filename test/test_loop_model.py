@@ -267,3 +267,19 @@ def test_a_loop_at_the_images_border():
     assert 0.0 < min(inside.values()) < 12.0
     model = build_loop_model(pair, clicks(curve, 12, 0.5), CONFIG)
     assert one_way_mm(model, curve) < 0.3
+
+
+def test_the_pair_shows_what_the_loop_rose_between_the_exposures():
+    normal = np.cross(LOOP.centre - VIEWS["a"].source, LOOP.centre - VIEWS["b"].source)
+    normal /= np.linalg.norm(normal)
+    moved = 0.003 * normal + 0.001 * np.cross(normal, [0.0, 1.0, 0.0])
+    b = noisy(lasso_image(lasso_curve(1.0) + moved, VIEWS["b"]), 7)
+    late = FramePair(0, drawn().a, Frame(100_000_000, b, VIEWS["b"]))
+    seed = Seed(clicks(lasso_curve(1.0)).points_a, clicks(lasso_curve(1.0) + moved).points_b)
+    between = build_loop_model(late, seed, CONFIG).between
+    assert between.value[0] * (between.across[0] @ normal) == pytest.approx(0.003, abs=2e-4)
+    assert abs(between.across[0] @ normal) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_exposed_together_the_planes_show_no_motion():
+    assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).between is None

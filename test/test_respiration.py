@@ -278,3 +278,25 @@ def test_whatever_the_time_scale_the_future_has_a_positive_covariance(scale_s, m
         covariance = motion.predict(0.05 + interval_s).covariance
         assert np.linalg.eigvalsh(covariance).min() > 0.0
         assert np.sqrt(np.trace(covariance)) < 0.03
+
+
+def test_what_is_seen_along_the_body_tells_the_depth_before_any_breath():
+    shape = np.array([[0.16, 0.0, 0.0], [0.0, 0.3, 0.25], [0.0, 0.25, 1.0]])
+    rise = Observation(np.array([[0.0, 0.0, 1.0]]), np.array([0.004]), np.array([[1e-10]]))
+    told = RespiratoryMotion(0.0, 0.15, shape=shape, between=rise).origin_b
+    np.testing.assert_allclose(told.displacement, [0.0, 0.001, 0.004], atol=1e-4)
+    untold = RespiratoryMotion(0.0, 0.15, shape=shape).origin_b
+    assert told.covariance[2, 2] < 1e-9 < untold.covariance[2, 2]
+    # Of 4 mm along the body a quarter, give or take what the shape leaves open.
+    open_share = np.sqrt((0.3 - 0.25**2) / 0.3)
+    assert np.sqrt(told.covariance[1, 1] / untold.covariance[1, 1]) == pytest.approx(open_share, rel=0.05)
+
+
+def test_a_direction_that_has_been_seen_outweighs_the_one_expected():
+    expected = np.array([0.0, -0.26, -1.0])
+    motion = RespiratoryMotion(0.0, 0.0, shape=np.outer(expected, expected) + 0.05 * np.eye(3))
+    other = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
+    for millimetres in (2.0, 5.0, 9.0, 12.0, 8.0, 3.0):
+        motion.learn(1e-3 * millimetres * other)
+    main = np.linalg.eigh(motion.spread)[1][:, -1]
+    assert abs(main @ other) > 0.99

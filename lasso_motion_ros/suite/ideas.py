@@ -108,9 +108,9 @@ def _exposed_together(self: LoopFinder, pair: FramePair) -> dict[Plane, float]:
     return {plane: self.seconds(pair.stamp_ns) for plane in PLANES if pair.frame(plane) is not None}
 
 
-def _started_together(time_a_s: float, time_b_s: float) -> RespiratoryMotion:
-    del time_b_s
-    return RespiratoryMotion(time_a_s, time_a_s)
+def _started_together(time_a_s: float, time_b_s: float, *, shape: Array, between: object) -> RespiratoryMotion:
+    del time_b_s, between
+    return RespiratoryMotion(time_a_s, time_a_s, shape=shape)
 
 
 _TOGETHER: Mapping[str, Any] = {
@@ -268,6 +268,8 @@ IDEAS: Mapping[str, Idea] = {
         # The motion in time.
         Idea("together", "plane B's own time of exposure", {}, _TOGETHER),
         Idea("filter", "the filter in time, and B's own time", {}, {**_TOGETHER, "respiration.TIME_SCALE_S": 0.03}),
+        Idea("foreseen", "where breathing is known to move the heart", {"posture": "unknown"}),
+        Idea("between", "the motion between the first two exposures", {}, {"loop_model._between": _nothing}),
         Idea("direction", "learning the breathing's direction", {}, {"respiration.RespiratoryMotion.learn": _nothing}),
         Idea("rebuild", "going through the past again", {}, {"respiration.REBUILD_AT": frozenset()}),
         Idea("heartbeat", "the heartbeat beside the breathing", {}, {"respiration.HEARTBEAT_SPREAD_M": 1e-6}),
