@@ -30,6 +30,7 @@ HEARTBEAT_SPEED_M_S = 0.006
 EXPECTATION_M = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
+RIVAL_DRIFT_MM = 0.5  # an alignment seldom ends further than this from where it starts, and finds the loop there
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
 AFAR_CANDIDATES = 1  # looked at once more, from afar, where not all planes show the loop: each costs a millisecond
 AFAR_TRIES = 4
@@ -215,6 +216,8 @@ class LoopFinder:
         for candidate in candidates:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
                 break
+            if best is not None and self._would_disagree(candidate, best, look):
+                continue
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
             alignment = align(
                 look.images,
@@ -233,6 +236,16 @@ class LoopFinder:
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
         return looked
+
+    def _would_disagree(self, candidate: SearchCandidate, best: Finding, look: _Look) -> bool:
+        """Whether the planes agree on the best finding, and could not do so well on one where a candidate is."""
+        if best.rank[0] < BOTH_AGREE:
+            return False
+        planes = best.alignment.planes
+        away = {p: candidate.centres[p] - planes[p].centre for p in PLANES}
+        rays = {p: planes[p].centre - look.images[p].projection.source for p in PLANES}
+        gap, _ = epipolar_gap(rays["a"], rays["b"], away["a"], away["b"])
+        return 1e3 * abs(gap) > best.gap_mm + best.degraded_gap_mm + RIVAL_DRIFT_MM
 
     def _joined(self, looked: list[Finding], best: Finding | None, look: _Look) -> Finding | None:
         """What each plane shows best, though at two candidates, as one; None where the best finding is as good.

@@ -13,6 +13,7 @@ from __future__ import annotations
 import copy
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
@@ -250,16 +251,11 @@ class RespiratoryMotion:
         return ahead
 
     def _moved_on(self, interval_s: float) -> tuple[Array, Array]:
-        transition = matern.transition(interval_s, TIME_SCALE_S)
-        decay = math.exp(-interval_s / HEARTBEAT_TIME_SCALE_S)
-        phi = _IDENTITY.copy()
-        phi[:9, :9] = _in_each_direction(transition, _IDENTITY_3)  # x, y and z move alike
-        phi[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
-        covariance = phi @ self._covariance @ phi.T
-        stationary = matern.stationary(TIME_SCALE_S)
-        covariance[:9, :9] += _in_each_direction(stationary - transition @ stationary @ transition.T, self._spread)
-        covariance[HEARTBEAT, HEARTBEAT] += HEARTBEAT_SPREAD_M**2 * (1.0 - decay**2) * _IDENTITY_3
-        return phi @ self._state, 0.5 * (covariance + covariance.T)
+        transition, breathing, heartbeat = _passage(round(interval_s * 1e9), TIME_SCALE_S, HEARTBEAT_SPREAD_M)
+        covariance = transition @ self._covariance @ transition.T
+        covariance[:9, :9] += _in_each_direction(breathing, self._spread)
+        covariance[HEARTBEAT, HEARTBEAT] += heartbeat
+        return transition @ self._state, 0.5 * (covariance + covariance.T)
 
     def _become(self, state: Array, covariance: Array) -> None:
         # A new dictionary: a copy of this filter goes on with the old one.
@@ -286,6 +282,22 @@ class RespiratoryMotion:
         # Joseph's form stays positive where nearly noise-free measurements would not.
         covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
         self._become(self._state + gain @ (value - h @ self._state), covariance)
+
+
+@lru_cache(maxsize=64)
+def _passage(interval_ns: int, scale_s: float, heartbeat_m: float) -> tuple[Array, Array, Array]:
+    """What a time does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
+
+    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (3, 3) m² of the heartbeat.
+    Exposures come at few intervals, and the past is gone through again at the same ones.
+    """
+    breathing, stationary = matern.transition(interval_ns * 1e-9, scale_s), matern.stationary(scale_s)
+    decay = math.exp(-interval_ns * 1e-9 / HEARTBEAT_TIME_SCALE_S)
+    transition = np.eye(SIZE)
+    transition[:9, :9] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
+    transition[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
+    heartbeat = heartbeat_m**2 * (1.0 - decay**2) * _IDENTITY_3
+    return transition, stationary - breathing @ stationary @ breathing.T, heartbeat
 
 
 def _in_each_direction(blocks: Array, directions: Array) -> Array:
