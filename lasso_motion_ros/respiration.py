@@ -288,7 +288,8 @@ class RespiratoryMotion:
 def _passage(interval_ns: int, scale_s: float, heartbeat_m: float) -> tuple[Array, Array, Array]:
     """What a time does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
 
-    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (3, 3) m² of the heartbeat.
+    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (3, 3) m² of the
+    heartbeat.
     Exposures come at few intervals, and the past is gone through again at the same ones.
     """
     breathing, stationary = matern.transition(interval_ns * 1e-9, scale_s), matern.stationary(scale_s)

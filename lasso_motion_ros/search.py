@@ -10,11 +10,10 @@ import numpy.typing as npt
 
 from lasso_motion_ros.appearance import render, strip_along
 from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.working_image import Image, WorkingImage
+from lasso_motion_ros.working_image import CELL_PX, Image, WorkingImage, in_cells
 
 Array = npt.NDArray[np.float64]
 
-CELL_PX = 2  # working pixels per search cell: about half a millimetre at the loop
 PEAKS = 24  # per plane
 PEAK_RADIUS_CELLS = 3
 PEAK_WINDOW = np.ones((2 * PEAK_RADIUS_CELLS + 1, 2 * PEAK_RADIUS_CELLS + 1), np.uint8)
@@ -68,16 +67,13 @@ def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Arra
         arms: (L, 3) the loop about its centre, metres.
     """
     kernel, first_cell = render(appearance, strip_along(centre + arms, image.projection), CELL_PX)
-    height, width = (size // CELL_PX for size in image.values.shape)
-    cells = cv2.resize(
-        image.values[: height * CELL_PX, : width * CELL_PX], (width, height), interpolation=cv2.INTER_AREA
-    )
+    cells = in_cells(image.values)
     # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
     pad_y, pad_x = kernel.shape
     cells = cv2.copyMakeBorder(cells, pad_y // 2, pad_y // 2, pad_x // 2, pad_x // 2, cv2.BORDER_CONSTANT)
     if cells.shape[0] < pad_y or cells.shape[1] < pad_x:
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
-    scores = cv2.matchTemplate(cells, kernel, cv2.TM_CCORR)
+    scores = _correlation(cells, kernel)
     scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
     is_peak = scores >= cv2.dilate(scores, PEAK_WINDOW)
     is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
@@ -141,6 +137,23 @@ def join_peaks(
             if np.isfinite(score[i, j]):
                 found.append(SearchCandidate(float(score[i, j]), {"a": on_a[:, i, j], "b": on_b[:, i, j] + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
+
+
+def _correlation(cells: Image, kernel: Image) -> Image:
+    """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
+
+    As OpenCV's `matchTemplate`, in two thirds of the time: in one piece, for one kernel.
+    """
+    (height, width), (rows, columns) = cells.shape, kernel.shape
+    down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)
+    of_cells, of_kernel = (
+        cv2.dft(cv2.copyMakeBorder(part, 0, down - h, 0, right - w, cv2.BORDER_CONSTANT), nonzeroRows=h)
+        for part, (h, w) in ((cells, cells.shape), (kernel, kernel.shape))
+    )
+    product = cv2.mulSpectrums(of_cells, of_kernel, 0, conjB=True)
+    valid = height - rows + 1
+    scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT, nonzeroRows=valid)
+    return np.ascontiguousarray(scores[:valid, : width - columns + 1])
 
 
 def _parabola(before: Image, at: Image, after: Image) -> Array:
