@@ -8,6 +8,7 @@ by priors, since a small circle shows them only weakly.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -54,20 +55,29 @@ class Alignment:
     """The loop in one pair.
 
     Attributes:
-        planes: fit of each plane that took part.
+        likeness: of each plane that took part, as of its fit.
         turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
         turn_covariance: (3, 3) rad², prior included.
         stretch: natural logarithm of the ring's size relative to the reference.
         correlations: mean of the planes' correlations, look by look on the way.
         is_given_up: whether it was left before it was done, since no loop is there, or one that looks worse.
+        views: what the planes showed, at last.
+        covariance: (N, N) of the parameters, planes' shifts first.
     """
 
-    planes: dict[Plane, PlaneFit]
+    likeness: dict[Plane, float]
     turn: Array
     turn_covariance: Array
     stretch: float
     correlations: tuple[float, ...]
     is_given_up: bool
+    views: LoopViews
+    covariance: Array
+
+    @cached_property
+    def planes(self) -> dict[Plane, PlaneFit]:
+        """Fit of each plane that took part, worked out when asked for: of most candidates nobody wants to know."""
+        return dict(zip(self.likeness, self.views.fits(self.covariance), strict=True))
 
 
 def align(
@@ -127,12 +137,14 @@ def align(
             break
     covariance: Array = np.linalg.inv(normal)
     return Alignment(
-        planes=dict(zip(planes, views.fits(covariance), strict=True)),
+        likeness=dict(zip(planes, views.likeness.tolist(), strict=True)),
         turn=ring[:3],
         turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),
         correlations=correlations,
         is_given_up=is_given_up,
+        views=views,
+        covariance=covariance,
     )
 
 

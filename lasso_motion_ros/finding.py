@@ -162,11 +162,10 @@ class LoopFinder:
             if number == 0 and not look.is_enough(best):
                 # A ring that has turned much lies near the prediction, or where it has not been followed, anywhere.
                 best = self._best_from_afar(candidates, look, best)
-            if best is None:
-                continue
             if look.is_enough(best):
                 break
-            looked.append(best)
+            if best is not None:
+                looked.append(best)
             tried = [candidate for candidate in candidates if self._is_inside(candidate, images)]
         return None if best is None else _with_rivals(best, looked)
 
@@ -229,13 +228,18 @@ class LoopFinder:
                 look.stretch,
                 ahead,
             )
-            if ahead and alignment.is_given_up:
-                continue  # whatever the judgement, it cannot rival one on which both planes agree
+            if alignment.is_given_up and (ahead or self._shows_nothing(alignment)):
+                continue  # whatever the judgement, it cannot rival one on which both planes agree, or be seen
             finding = self._judge(alignment, look)
             looked.append(finding)
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
         return looked
+
+    def _shows_nothing(self, alignment: Alignment) -> bool:
+        """Whether no plane can be judged to show the loop: none by itself, nor one with the other's help."""
+        config, likeness = self.config.judgement, alignment.likeness.values()
+        return max(likeness) < config.smallest_likeness and min(likeness) < config.faint_likeness
 
     def _would_disagree(self, candidate: SearchCandidate, best: Finding, look: _Look) -> bool:
         """Whether the planes agree on the best finding, and could not do so well on one where a candidate is."""

@@ -82,9 +82,14 @@ class LoopViews:
         self.correlation = np.zeros(len(images))
 
     @property
+    def likeness(self) -> Array:
+        """(P,) correlation at the last look, relative to what is usual."""
+        return np.asarray(self.correlation / self.usual, dtype=np.float64)
+
+    @property
     def is_hopeful(self) -> npt.NDArray[np.bool_]:
         """(P,) whether there may be a loop in the plane, by the last two looks."""
-        likeness, before = self.correlation / self.usual, self._correlation_before / self.usual
+        likeness, before = self.likeness, self._correlation_before / self.usual
         return np.asarray((likeness >= NOTHING_LIKENESS) | (likeness >= before + HOPEFUL_RISE))
 
     def shift(self, step: Array) -> None:
@@ -106,9 +111,8 @@ class LoopViews:
         self._samples = samples = np.array([sample_at(at, image) for at, image in planes])
         density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[..., None]
         residual = _gain(density, samples, self._patterns)[:, None, None] * self._patterns - samples
-        self._noise = noise = np.float32(1.4826) * upper_median(
-            np.abs(residual).reshape(len(residual), -1)
-        ) + np.float32(1e-6)
+        self._noise = noise = np.float32(1.4826) * upper_median(np.abs(residual.reshape(len(residual), -1)))
+        noise += np.float32(1e-6)
         # Tukey's weights.
         residual /= (np.float32(OUTLIER_SIGMAS) * noise)[:, None, None]
         share = np.square(residual, out=residual)

@@ -100,7 +100,11 @@ def working_image(
         x, y = projection.project(centre)
         left, right = (int(min(max(v, 0.0), width)) for v in (x - reach, x + reach))
         top, bottom = (int(min(max(v, 0.0), height)) for v in (y - reach, y + reach))
-    width, height = (CELL_PX * ((end - start) // (CELL_PX * factor)) for start, end in ((left, right), (top, bottom)))
+    # Whole cells of the whole image's grid: a part of it looks as it does in the whole.
+    cell = CELL_PX * factor
+    left, top = left // cell * cell, top // cell * cell
+    width = CELL_PX * min(-(-(right - left) // cell), (frame.pixels.shape[1] - left) // cell)
+    height = CELL_PX * min(-(-(bottom - top) // cell), (frame.pixels.shape[0] - top) // cell)
     if min(width, height) < 2 * NOISE_WINDOW_PX:
         return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]

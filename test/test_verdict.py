@@ -17,7 +17,19 @@ VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], 
 FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None)
 FIT = PlaneFit(np.zeros(3), np.eye(3)[:2], 1e-10 * np.eye(2), 0.2, 0.9, 1.0, 1.0, 0.1, np.zeros((1, 13), np.float32))
-ALIGNMENT = Alignment({"a": FIT, "b": FIT}, np.zeros(3), np.eye(3), 0.0, (0.9,), False)
+
+
+class Views:
+    """What the planes showed."""
+
+    def __init__(self, *of_planes):
+        self._fits = of_planes
+
+    def fits(self, covariance):
+        return self._fits
+
+
+ALIGNMENT = Alignment({"a": 1.0, "b": 1.0}, np.zeros(3), np.eye(3), 0.0, (0.9,), False, Views(FIT, FIT), np.eye(8))
 GOOD = Finding(ALIGNMENT, ("a", "b"), None, False, 0.1, 0.8, 1.6)
 BY_A = dataclasses.replace(GOOD, seen=("a",))
 
@@ -85,6 +97,6 @@ def test_states(change, asked, expected, said):
 
 
 def test_a_part_that_is_not_seen_is_said():
-    hidden = {"a": FIT, "b": dataclasses.replace(FIT, visible=0.79)}
-    finding = dataclasses.replace(GOOD, alignment=dataclasses.replace(ALIGNMENT, planes=hidden))
+    views = Views(FIT, dataclasses.replace(FIT, visible=0.79))
+    finding = dataclasses.replace(GOOD, alignment=dataclasses.replace(ALIGNMENT, views=views))
     assert state(finding) == (TrackerState.DEGRADED, "only 79 % of the lasso is seen")
