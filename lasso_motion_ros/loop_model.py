@@ -47,8 +47,8 @@ BEND_SIGMA_MM = 0.35  # of the spline coefficients' second differences
 SNAP_REACH_MM = 1.0
 SNAP_STEP_MM = 0.1
 # Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
-# below 0.5 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
-SMALLEST_CONTRAST = 0.5
+# below 0.49 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
+SMALLEST_CONTRAST = 0.49
 DOUBTFUL_CONTRAST = 1.0
 OPEN_CONTRAST = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
 
@@ -110,7 +110,7 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
                 model, contrast = other, _contrast(pair, other)
     if contrast < SMALLEST_CONTRAST:
         raise SeedError(
-            f"no catheter is seen along the clicks: contrast {contrast:.1f} times the noise, "
+            f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
             f"expected at least {SMALLEST_CONTRAST}"
         )
     require_lasso_size(model.radius_mm)

@@ -19,7 +19,7 @@ PIXEL_MM = 0.25
 CELL_PX = 2  # of a search cell: half a millimetre at the loop
 FINE_SIGMA_PX, FINE_KERNEL_PX = 0.8, (5, 5)
 # What changes slowly is worked out in cells, at a third of the time.
-COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.75, (9, 9)
+COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.88, (9, 9)
 NOISE_WINDOW_CELLS = (31, 31)
 NOISE_WINDOW_PX = CELL_PX * NOISE_WINDOW_CELLS[0]
 CLIP = 4.0
