@@ -297,8 +297,14 @@ def _passage(interval_ns: int, scale_s: float, heartbeat_m: float) -> tuple[Arra
     transition = np.eye(SIZE)
     transition[:9, :9] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
     transition[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
-    heartbeat = heartbeat_m**2 * (1.0 - decay**2) * _IDENTITY_3
-    return transition, stationary - breathing @ stationary @ breathing.T, heartbeat
+    passage = (
+        transition,
+        stationary - breathing @ stationary @ breathing.T,
+        heartbeat_m**2 * (1.0 - decay**2) * _IDENTITY_3,
+    )
+    for array in passage:
+        array.setflags(write=False)
+    return passage
 
 
 def _in_each_direction(blocks: Array, directions: Array) -> Array:

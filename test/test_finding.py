@@ -8,6 +8,7 @@ from lasso_motion_ros import finding
 from lasso_motion_ros.alignment import align
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import SearchConfig, TrackerConfig
+from lasso_motion_ros.loop_views import LoopViews
 from lasso_motion_ros.search import SearchCandidate
 from lasso_motion_ros.tracker import TrackerState
 from lasso_motion_ros.transforms import apply
@@ -57,6 +58,29 @@ def test_neither_what_no_candidate_shows_is_joined_nor_what_was_tried_is_tried_a
     assert result.state is TrackerState.LOST
     assert "plane B" in result.reason
     assert len(aligned) == 5  # near the prediction; in the whole picture they are known
+
+
+@pytest.mark.parametrize(("apart", "looks"), [(0.0, 2), (0.006, 1), (-0.006, 1)])
+def test_a_rival_on_which_the_planes_would_disagree_is_not_looked_at(monkeypatch, aligned, apart, looks):
+    rival = DOWN + np.array([0.004, 0.0, 0.0])
+    tracker = AppearanceTracker(TrackerConfig())
+    tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
+    places = candidates((DOWN, DOWN), (rival, rival + np.array([0.0, 0.0, apart])))
+    monkeypatch.setattr(finding, "join_peaks", lambda *_: places)
+    assert tracker.track(lasso_pair(1, DOWN)).state is TrackerState.TRACKING
+    assert len(aligned) == looks
+
+
+def test_where_nothing_is_nothing_is_fitted(monkeypatch, aligned):
+    def fits(*_):
+        raise AssertionError("nobody needs to know")
+
+    tracker = AppearanceTracker(TrackerConfig())
+    tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
+    monkeypatch.setattr(LoopViews, "fits", fits)
+    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN), (FAR, FAR)))
+    assert tracker.track(lasso_pair(1, None)).state is TrackerState.LOST
+    assert len(aligned) == 2
 
 
 def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):

@@ -1,10 +1,12 @@
 import dataclasses
 
+import cv2
 import numpy as np
 import pytest
 from lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from method_inputs import flipped
 
+from lasso_motion_ros import search
 from lasso_motion_ros.appearance import Appearance, strip_along
 from lasso_motion_ros.frames import Frame
 from lasso_motion_ros.search import PEAKS, Peaks, SearchCandidate, find_peaks, join_peaks
@@ -251,3 +253,16 @@ def test_candidates_are_alike_where_both_planes_are():
     here = SearchCandidate(9.0, {"a": np.zeros(3), "b": np.zeros(3)})
     assert here.is_like(SearchCandidate(5.0, {"a": np.full(3, 1e-4), "b": np.full(3, -1e-4)}))
     assert not here.is_like(SearchCandidate(9.0, {"a": np.zeros(3), "b": np.array([0.0, 0.0, 4e-4])}))
+
+
+@pytest.mark.parametrize(
+    ("height", "width", "rows", "columns"), [(97, 131, 20, 33), (150, 150, 41, 41), (40, 30, 40, 30)]
+)
+def test_the_correlation_is_that_of_template_matching(height, width, rows, columns):
+    random = np.random.default_rng(height)
+    cells = random.normal(size=(height, width)).astype(np.float32)
+    kernel = random.normal(size=(rows, columns)).astype(np.float32)
+    expected = cv2.matchTemplate(cells, kernel, cv2.TM_CCORR)
+    found = search._correlation(cells, kernel)
+    assert found.shape == expected.shape
+    np.testing.assert_allclose(found, expected, atol=1e-3)
