@@ -14,6 +14,7 @@ from lasso_motion_ros.breathing_rotation import BreathingRotation, Rotation
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
 from lasso_motion_ros.finding import Finding, LoopFinder
+from lasso_motion_ros.foresight import Foresight, surprise_of
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.judgement import BreathingEnvelope
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
@@ -74,6 +75,7 @@ class AppearanceTracker:
             between=model.between,
         )
         self._envelope = BreathingEnvelope(self._config.judgement)
+        self._foresight = Foresight()
         self._rotation = BreathingRotation()
         self._reference = np.zeros(3)
         self._reference_stamp_ns = self._last_stamp_ns = pair.stamp_ns
@@ -128,14 +130,19 @@ class AppearanceTracker:
         agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm
         if state is TrackerState.LOST and not (departure and agree):
             return self._result(pair, state, reason, None)
-        displacement = trial.at_a.displacement
+        displacement, predicted = trial.at_a.displacement, self._respiration.predict(time_s)
         if not departure and not self._is_back(finding, displacement, time_s):
             departure = self._displaced
         if departure:
             return self._departed(pair, finding, displacement, departure)
+        unforeseen = displacement - predicted.displacement
+        surprise = surprise_of(unforeseen, predicted)
+        if refusal := self._foresight.refusal(surprise, unforeseen):
+            return self._result(pair, TrackerState.LOST, refusal, None)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)
         self._displaced, self._followed = "", True
+        self._foresight.accept(surprise)
         if len(finding.seen) == 1:
             return self._go_on_with_one(pair, finding, trial, state, reason)
         return self._go_on(pair, finding, trial, state, reason)
@@ -242,9 +249,12 @@ class AppearanceTracker:
             if not finding.rivals:
                 break
             unforeseen = displacement - predicted.displacement
-            surprise = float(unforeseen @ np.linalg.solve(predicted.covariance, unforeseen))
             surprises.append(
-                (departure != "", surprise + (GAP_SIGMAS * candidate.gap_mm / candidate.degraded_gap_mm) ** 2)
+                (
+                    departure != "",
+                    surprise_of(unforeseen, predicted)
+                    + (GAP_SIGMAS * candidate.gap_mm / candidate.degraded_gap_mm) ** 2,
+                )
             )
         return judged[surprises.index(min(surprises))] if surprises else judged[0]
 
