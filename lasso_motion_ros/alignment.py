@@ -55,13 +55,13 @@ class Alignment:
     """The loop in one pair.
 
     Attributes:
-        likeness: of each plane that took part, as of its fit.
+        likeness: per plane that took part, as its fit tells it.
         turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
         turn_covariance: (3, 3) rad², prior included.
         stretch: natural logarithm of the ring's size relative to the reference.
         correlations: mean of the planes' correlations, look by look on the way.
         is_given_up: whether it was left before it was done, since no loop is there, or one that looks worse.
-        views: what the planes showed, at last.
+        views: the planes as last sampled; not looked at again.
         covariance: (N, N) of the parameters, planes' shifts first.
     """
 
@@ -76,7 +76,7 @@ class Alignment:
 
     @cached_property
     def planes(self) -> dict[Plane, PlaneFit]:
-        """Fit of each plane that took part, worked out when asked for: of most candidates nobody wants to know."""
+        """Fit of each plane that took part, worked out when asked for: most candidates are discarded unread."""
         return dict(zip(self.likeness, self.views.fits(self.covariance), strict=True))
 
 

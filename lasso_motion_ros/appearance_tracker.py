@@ -385,7 +385,7 @@ class AppearanceTracker:
         motion = np.eye(4)
         motion[:3, :3] = rotation_from_vector(rotation.vector)
         # About the ring's centre at the reference, which goes where the ring's centre has gone.
-        centre = self._require_model().centre + self._reference
+        centre = self._require_model().centre + self._depth_correction + self._reference
         motion[:3, 3] = centre + self._displacement - self._reference - motion[:3, :3] @ centre
         return replace(result, motion=motion, covariance=self._covariance(rotation, alignment))
 
@@ -396,4 +396,5 @@ class AppearanceTracker:
         position = position + calibration_covariance(moved - self._reference)
         if alignment is not None:
             position = position + pivot_covariance(alignment.turn, alignment.stretch)
-        return at_world_origin(self._require_model().centre + moved, position, rotation.covariance)
+        centre = self._require_model().centre + self._depth_correction + moved
+        return at_world_origin(centre, position, rotation.covariance)

@@ -17,12 +17,14 @@ from lasso_motion_ros.geometry import Projection
 Array = npt.NDArray[np.float64]
 
 POSTURES = ("supine", "prone", "unknown")
-ANTERIOR_SHARE = 1.3 / 4.9  # of the way along the body
-# Standard deviations, in units of the way along the body. Patients differ by 0.37 front to back; the way back lies
-# beside the way in, and the heart beats. Of left and right less is known, and less seen.
-ANTERIOR_SIGMA = 0.5
+# Of the way along the body: towards the detectors, which a supine patient faces.
+TOWARDS_DETECTORS = {"supine": 1.3 / 4.9, "prone": -1.3 / 4.9}
+# Standard deviations, in units of the way along the body: 1.8 / 4.9 between patients, and somewhat for hysteresis and
+# the heartbeat; from left to right a guess.
+FRONTAL_SIGMA = 0.5
 LATERAL_SIGMA = 0.4
-FRONTAL_SHARE = 0.6  # plane A is the frontal one, where neither is nearer to frontal than the other
+SHARE_OF_A = 0.6  # plane A is taken for the more frontal view: of 0° and 90° it is the one at 0°
+SMALLEST_PART = 0.5  # of a direction along an axis, below which the axis is not known
 
 
 def breathing_shape(projections: dict[Plane, Projection], posture: str) -> Array:
@@ -30,38 +32,43 @@ def breathing_shape(projections: dict[Plane, Projection], posture: str) -> Array
 
     Args:
         projections: world metres to pixels, per plane.
-        posture: how the patient lies, one of `POSTURES`; where it is unknown, all directions are alike.
+        posture: how the patient lies, one of `POSTURES`.
 
     Returns:
-        (3, 3), world frame.
+        (3, 3), world frame; all directions are alike where the posture is unknown, or the views do not show it.
     """
-    if posture == "unknown":
+    axes = None if posture == "unknown" else _head_and_detectors(projections)
+    if axes is None:
         return np.eye(3)
-    head, front = _head_and_front(projections)
-    lateral = np.cross(head, front)
-    main = (ANTERIOR_SHARE if posture == "supine" else -ANTERIOR_SHARE) * front - head
+    head, detectors = axes
+    lateral = np.cross(head, detectors)
+    main = TOWARDS_DETECTORS[posture] * detectors - head
     covariance = np.outer(main, main)
-    covariance += ANTERIOR_SIGMA**2 * np.outer(front, front) + LATERAL_SIGMA**2 * np.outer(lateral, lateral)
+    covariance += FRONTAL_SIGMA**2 * np.outer(detectors, detectors) + LATERAL_SIGMA**2 * np.outer(lateral, lateral)
     return covariance
 
 
-def _head_and_front(projections: dict[Plane, Projection]) -> tuple[Array, Array]:
+def _head_and_detectors(projections: dict[Plane, Projection]) -> tuple[Array, Array] | None:
     """The world's axes, (3,) each, nearest to where the images have their tops, and to where the detectors are.
 
     Makers count the axes of a table or an iso-centre differently, but lay one along the patient. Images are shown
-    with the head up, whether or not they are mirrored, and the detectors are above the patient.
+    with the head up, whether or not they are mirrored, and the detectors are above the patient. None where the two
+    images' tops, or the detectors, lie along no axis.
     """
-    upward, towards_detectors = np.zeros(3), np.zeros(3)
-    for plane, share in zip(PLANES, (FRONTAL_SHARE, 1.0 - FRONTAL_SHARE), strict=True):
+    upward, outward = np.zeros(3), np.zeros(3)
+    for plane, share in zip(PLANES, (SHARE_OF_A, 1.0 - SHARE_OF_A), strict=True):
         up = -projections[plane].jacobian(np.zeros(3))[1]
-        upward += up / np.linalg.norm(up)
-        towards_detectors += share * projections[plane].viewing_direction
+        upward += 0.5 * up / np.linalg.norm(up)
+        outward += share * projections[plane].viewing_direction
     head = _nearest_axis(upward)
-    return head, _nearest_axis(towards_detectors - (towards_detectors @ head) * head)
+    detectors = None if head is None else _nearest_axis(outward - (outward @ head) * head)
+    return None if head is None or detectors is None else (head, detectors)
 
 
-def _nearest_axis(direction: Array) -> Array:
-    axis = np.zeros(3)
+def _nearest_axis(direction: Array) -> Array | None:
     largest = int(np.argmax(np.abs(direction)))
+    if abs(direction[largest]) < SMALLEST_PART:
+        return None
+    axis = np.zeros(3)
     axis[largest] = np.sign(direction[largest])
     return axis

@@ -171,8 +171,8 @@ class TrackerConfig:
     polarity: str = parameter("auto", "the catheter against its background", choices=("auto", "dark", "bright"))
     posture: str = parameter(
         "supine",
-        "how the patient lies under the detectors, head up in the images: where breathing is expected to move the heart"
-        " before that has been seen",
+        "how the patient lies: the direction in which breathing is expected to move the heart until that has been seen"
+        " (head at the top of the images, detectors above the patient, plane A the more frontal); unknown: none",
         choices=POSTURES,
     )
     path: PathConfig = field(default_factory=PathConfig)

@@ -30,7 +30,7 @@ HEARTBEAT_SPEED_M_S = 0.006
 EXPECTATION_M = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
 RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
-RIVAL_DRIFT_MM = 0.5  # an alignment seldom ends further than this from where it starts, and finds the loop there
+RIVAL_DRIFT_MM = 0.5  # an alignment that finds the loop seldom ends further than this from where it starts
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
 AFAR_CANDIDATES = 1  # looked at once more, from afar, where not all planes show the loop: each costs a millisecond
 AFAR_TRIES = 4
@@ -215,7 +215,7 @@ class LoopFinder:
         for candidate in candidates:
             if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
                 break
-            if best is not None and self._would_disagree(candidate, best, look):
+            if best is not None and _would_disagree(candidate, best, look):
                 continue
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
             alignment = align(
@@ -229,7 +229,7 @@ class LoopFinder:
                 ahead,
             )
             if alignment.is_given_up and (ahead or self._shows_nothing(alignment)):
-                continue  # whatever the judgement, it cannot rival one on which both planes agree, or be seen
+                continue  # it can neither rival a finding on which both planes agree nor count as seen
             finding = self._judge(alignment, look)
             looked.append(finding)
             if best is None or finding.rank > best.rank:
@@ -240,16 +240,6 @@ class LoopFinder:
         """Whether no plane can be judged to show the loop: none by itself, nor one with the other's help."""
         config, likeness = self.config.judgement, alignment.likeness.values()
         return max(likeness) < config.smallest_likeness and min(likeness) < config.faint_likeness
-
-    def _would_disagree(self, candidate: SearchCandidate, best: Finding, look: _Look) -> bool:
-        """Whether the planes agree on the best finding, and could not do so well on one where a candidate is."""
-        if best.rank[0] < BOTH_AGREE:
-            return False
-        planes = best.alignment.planes
-        away = {p: candidate.centres[p] - planes[p].centre for p in PLANES}
-        rays = {p: planes[p].centre - look.images[p].projection.source for p in PLANES}
-        gap, _ = epipolar_gap(rays["a"], rays["b"], away["a"], away["b"])
-        return 1e3 * abs(gap) > best.gap_mm + best.degraded_gap_mm + RIVAL_DRIFT_MM
 
     def _joined(self, looked: list[Finding], best: Finding | None, look: _Look) -> Finding | None:
         """What each plane shows best, though at two candidates, as one; None where the best finding is as good.
@@ -405,3 +395,23 @@ def _with_rivals(best: Finding, looked: list[Finding]) -> Finding:
     least = RIVAL_CORRELATION * best.rank[1]
     rivals = [f for f in looked if f is not best and f.rank[0] == BOTH_AGREE and f.rank[1] >= least]
     return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1]))) if rivals else best
+
+
+def _would_disagree(candidate: SearchCandidate, best: Finding, look: _Look) -> bool:
+    """Whether the planes agree on the best finding, and would make the state DEGRADED on one where a candidate is.
+
+    Where plane B is exposed later, what it should show moves with where plane A saw the loop; then only candidates of
+    the same place in plane A are judged here.
+    """
+    if best.rank[0] < BOTH_AGREE:
+        return False
+    planes = best.alignment.planes
+    away = {p: candidate.centres[p] - planes[p].centre for p in PLANES}
+    if (
+        look.times["b"] > look.times["a"]
+        and 1e3 * float(np.linalg.norm(planes["a"].across @ away["a"])) > RIVAL_DRIFT_MM
+    ):
+        return False
+    rays = {p: planes[p].centre - look.images[p].projection.source for p in PLANES}
+    gap, _ = epipolar_gap(rays["a"], rays["b"], away["a"], away["b"])
+    return 1e3 * abs(gap) > best.gap_mm + best.degraded_gap_mm + RIVAL_DRIFT_MM

@@ -39,7 +39,7 @@ POINTS = 120
 KNOTS_PER_TURN = 14
 ROUNDS = 3  # of snapping to the lines in the images
 SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
-BETWEEN_SIGMA_M = 0.0005  # of the motion between others, as the epipolar planes tell it: mostly the calibration's error
+BETWEEN_SIGMA_M = 0.0005  # of what others show of the motion between them: mostly the calibration's error
 
 OUTLINE_SIGMA_MM = 0.15
 BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
@@ -171,16 +171,18 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) 
     points = resample(curve(np.linspace(low, high, 8 * POINTS)), POINTS)
     centre = _circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
-    normal = np.cross(ray_a, ray_b) / np.linalg.norm(np.cross(ray_a, ray_b))
+    normal = np.cross(ray_a, ray_b)
+    normal /= np.linalg.norm(normal)
     lateral = np.cross(normal, ray_b)
     between = None if simultaneous else _between(normal, moved["b"], projections["b"].jacobian(centre))
-    return LoopModel(points, centre, bright, moved, between, (ray_a, lateral / np.linalg.norm(lateral)))
+    return LoopModel(points, centre, bright, moved, between, (ray_a, lateral))
 
 
 def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:
-    """What plane B's shift (2,) px tells of the motion since plane A's exposure: it lies along the epipolar normal."""
-    upward = jacobian @ normal  # pixels per metre
-    return Observation(normal[None], np.array([shift @ upward / (upward @ upward)]), np.array([[BETWEEN_SIGMA_M**2]]))
+    """What plane B's shift (2,) px tells of the motion since plane A's exposure: its part along the epipolar normal."""
+    px_per_m = jacobian @ normal  # (2,)
+    moved_m = shift @ px_per_m / (px_per_m @ px_per_m)
+    return Observation(normal[None], np.array([moved_m]), np.array([[BETWEEN_SIGMA_M**2]]))
 
 
 def _circle_centre(points: Array) -> Array:

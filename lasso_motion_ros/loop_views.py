@@ -184,7 +184,7 @@ class LoopViews:
                 covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
                 float(self._gains[i]) * self._images[i].contrast_unit(self._centres[i]),
                 float(self.correlation[i]),
-                float(self.correlation[i] / self.usual[i]),
+                float(self.likeness[i]),
                 float(visible[i]),
                 PIXEL_MM * float(residual_px[i]),
                 self._samples[i],

@@ -4,8 +4,8 @@ Every exposure of a plane measures the centre across its ray, at its own time. A
 stationary process joins them: it brackets plane A's exposure between two of plane B's, carries the depth over
 a missing plane, predicts the next pair and gives the covariance of all that. The process is a Matérn-5/2 in
 state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to temporal Gaussian
-process regression models", MLSP 2010), its directional covariance learned from the motion so far: breathing
-nearly follows a line, so depth follows from height.
+process regression models", MLSP 2010), its directional covariance learned from the motion so far, at first that of
+`breathing_prior`: breathing nearly follows a line, so depth follows from height.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] =
 SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
 SINCE_B[:, ORIGIN_B] = -np.eye(3)
 
-FIRST_SPREAD_M = 0.010  # standard deviation of the motion along the body before any has been seen
+FIRST_SPREAD_M = 0.010  # standard deviation of the motion before any has been seen, along the body if that is known
 SMALLEST_SPREAD_M = 0.0008  # and at least, however little has been seen
 SEEN_SPREAD_M = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
 SIDEWAYS_SHARE = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
@@ -60,7 +60,7 @@ class Estimate:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """A plane's view of the displacement, or what else tells of it.
+    """A plane's view of the displacement, or another linear measurement of it.
 
     Attributes:
         across: (N, 3) unit vectors; a plane's are the two across its ray.
@@ -251,7 +251,8 @@ class RespiratoryMotion:
         return ahead
 
     def _moved_on(self, interval_s: float) -> tuple[Array, Array]:
-        transition, breathing, heartbeat = _passage(round(interval_s * 1e9), TIME_SCALE_S, HEARTBEAT_SPREAD_M)
+        scales_s = TIME_SCALE_S, HEARTBEAT_TIME_SCALE_S
+        transition, breathing, heartbeat = _passage(round(interval_s * 1e9), scales_s, HEARTBEAT_SPREAD_M)
         covariance = transition @ self._covariance @ transition.T
         covariance[:9, :9] += _in_each_direction(breathing, self._spread)
         covariance[HEARTBEAT, HEARTBEAT] += heartbeat
@@ -285,15 +286,16 @@ class RespiratoryMotion:
 
 
 @lru_cache(maxsize=64)
-def _passage(interval_ns: int, scale_s: float, heartbeat_m: float) -> tuple[Array, Array, Array]:
-    """What a time does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
+def _passage(interval_ns: int, scales_s: tuple[float, float], heartbeat_m: float) -> tuple[Array, Array, Array]:
+    """What an interval does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
 
     The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (3, 3) m² of the
     heartbeat.
     Exposures come at few intervals, and the past is gone through again at the same ones.
     """
-    breathing, stationary = matern.transition(interval_ns * 1e-9, scale_s), matern.stationary(scale_s)
-    decay = math.exp(-interval_ns * 1e-9 / HEARTBEAT_TIME_SCALE_S)
+    interval_s, (scale_s, heartbeat_scale_s) = interval_ns * 1e-9, scales_s
+    breathing, stationary = matern.transition(interval_s, scale_s), matern.stationary(scale_s)
+    decay = math.exp(-interval_s / heartbeat_scale_s)
     transition = np.eye(SIZE)
     transition[:9, :9] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
     transition[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3

@@ -142,7 +142,7 @@ def join_peaks(
 def _correlation(cells: Image, kernel: Image) -> Image:
     """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
 
-    As OpenCV's `matchTemplate`, in two thirds of the time: in one piece, for one kernel.
+    What OpenCV's `matchTemplate` gives, in two thirds of its time: one transform of the whole instead of blocks.
     """
     (height, width), (rows, columns) = cells.shape, kernel.shape
     down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)

@@ -18,7 +18,7 @@ Image = npt.NDArray[np.float32]
 PIXEL_MM = 0.25
 CELL_PX = 2  # of a search cell: half a millimetre at the loop
 FINE_SIGMA_PX, FINE_KERNEL_PX = 0.8, (5, 5)
-# What changes slowly is worked out in cells, at a third of the time.
+# What changes slowly is worked out in cells, at a third of the time; the coarse scale is 3.7 working pixels in all.
 COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.88, (9, 9)
 NOISE_WINDOW_CELLS = (31, 31)
 NOISE_WINDOW_PX = CELL_PX * NOISE_WINDOW_CELLS[0]
@@ -126,11 +126,15 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     slow = cv2.GaussianBlur(in_cells(grey), COARSE_KERNEL_CELLS, COARSE_SIGMA_CELLS)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
-    power = in_cells(cv2.multiply(band, band, dst=coarse))
-    power = cv2.blur(power, NOISE_WINDOW_CELLS, borderType=cv2.BORDER_REFLECT)
+    power = _local_mean(in_cells(cv2.multiply(band, band, dst=coarse)))
     noise = cv2.resize(cv2.sqrt(cv2.max(power, floor)), size, dst=coarse, interpolation=cv2.INTER_LINEAR)
     np.divide(band, noise, out=band)
     return np.clip(band, -CLIP, CLIP, out=band), np.asarray(noise)
+
+
+def _local_mean(cells: Image) -> Image:
+    """Mean of the cells (h, w) about each, (h, w)."""
+    return np.asarray(cv2.blur(cells, NOISE_WINDOW_CELLS, borderType=cv2.BORDER_REFLECT))
 
 
 def in_cells(values: Image) -> Image:

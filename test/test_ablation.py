@@ -17,6 +17,7 @@ from lasso_motion_ros.suite.ablation import Outcome, changes, format_ablation, r
 from lasso_motion_ros.suite.ideas import IDEAS, PACKAGE
 from lasso_motion_ros.suite.run import Sequence, SequenceResult, render_sequence
 from lasso_motion_ros.suite.traps import TRAPS
+from lasso_motion_ros.working_image import working_image
 
 SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
 
@@ -55,6 +56,19 @@ def test_an_idea_is_switched_off_and_comes_back(name: str) -> None:
             # What replaces a constant is of its kind.
             assert callable(value) or not isinstance(before[key], float | tuple) or type(value) is type(before[key])
     assert {key: named(key) for key in idea.replaced} == before
+
+
+def test_without_the_local_contrast_the_working_image_is_another() -> None:
+    sequence = small()
+    frame = sequence.pairs[0].a
+    assert frame is not None
+    assert sequence.truth.loop is not None
+    centre = sequence.truth.loop.mean(axis=0)
+    images = []
+    for idea in (IDEAS["local"], IDEAS["speed"]):
+        with idea.switched_off():
+            images.append(working_image(frame, centre, bright=False, shift=np.zeros(2)).values)
+    assert np.abs(images[0] - images[1]).mean() > 0.05
 
 
 def test_every_idea_switched_off_still_tracks() -> None:

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.breathing_prior import ANTERIOR_SHARE, ANTERIOR_SIGMA, LATERAL_SIGMA, breathing_shape
+from lasso_motion_ros.breathing_prior import FRONTAL_SIGMA, LATERAL_SIGMA, breathing_shape
 from lasso_motion_ros.geometry import Projection, carm_projection
 
 # Of unit variance along the body (z), in a world of axes LPS: 1.3 mm to the front for every 4.9 mm to the feet.
 SUPINE = np.array(
     [
         [LATERAL_SIGMA**2, 0.0, 0.0],
-        [0.0, ANTERIOR_SIGMA**2 + (1.3 / 4.9) ** 2, 1.3 / 4.9],
+        [0.0, FRONTAL_SIGMA**2 + (1.3 / 4.9) ** 2, 1.3 / 4.9],
         [0.0, 1.3 / 4.9, 1.0],
     ]
 )
@@ -53,4 +53,20 @@ def test_the_most_likely_direction_is_a_quarter_to_the_front():
     shape = breathing_shape(views(), "supine")
     # Seen to go 10 mm to the feet, the heart is expected 2.65 mm further to the front, which is -y.
     expected = shape[:, 2] / shape[2, 2] * -10.0
-    np.testing.assert_allclose(expected, [0.0, -10.0 * ANTERIOR_SHARE, -10.0], atol=1e-12)
+    np.testing.assert_allclose(expected, [0.0, -10.0 * 1.3 / 4.9, -10.0], atol=1e-12)
+
+
+def turned_over(view):
+    """The view with its image upside down."""
+    flip = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, view.height - 1.0], [0.0, 0.0, 1.0]])
+    return Projection(flip @ view.matrix, view.width, view.height)
+
+
+def test_views_that_do_not_show_how_the_patient_lies_tell_nothing():
+    frontal = views()
+    np.testing.assert_array_equal(breathing_shape({**frontal, "b": turned_over(frontal["b"])}, "supine"), np.eye(3))
+    both = {plane: turned_over(view) for plane, view in frontal.items()}
+    # Upside down the feet are taken for the head.
+    np.testing.assert_allclose(breathing_shape(both, "supine"), breathing_shape(frontal, "prone"), atol=1e-12)
+    across = views(lao_deg=(-90.0, 90.0))
+    np.testing.assert_array_equal(breathing_shape(across, "supine"), np.eye(3))

@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
-from lasso_inputs import LOOP, lasso_pair, lasso_seed
+from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
 from lasso_motion_ros import finding
 from lasso_motion_ros.alignment import align
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import SearchConfig, TrackerConfig
+from lasso_motion_ros.frames import Frame, FramePair
 from lasso_motion_ros.loop_views import LoopViews
 from lasso_motion_ros.search import SearchCandidate
 from lasso_motion_ros.tracker import TrackerState
@@ -69,6 +70,23 @@ def test_a_rival_on_which_the_planes_would_disagree_is_not_looked_at(monkeypatch
     monkeypatch.setattr(finding, "join_peaks", lambda *_: places)
     assert tracker.track(lasso_pair(1, DOWN)).state is TrackerState.TRACKING
     assert len(aligned) == looks
+
+
+def test_with_plane_b_later_only_rivals_of_the_same_place_in_plane_a_are_judged_beforehand(monkeypatch, aligned):
+    def late_pair(index, place):
+        pixels = noisy(lasso_image(CURVE + place, VIEWS["b"]), [index, 3])
+        stamp_ns = index * PERIOD_NS
+        return FramePair(stamp_ns, lasso_pair(index, place).a, Frame(stamp_ns + PERIOD_NS // 2, pixels, VIEWS["b"]))
+
+    tracker = AppearanceTracker(TrackerConfig())
+    tracker.initialise(late_pair(0, np.zeros(3)), lasso_seed())
+    far = np.array([0.0, 0.0, 0.02])
+    rivals = (DOWN, DOWN + far), (DOWN - ASIDE, DOWN - ASIDE + far)
+    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN), *rivals))
+    assert tracker.track(late_pair(1, DOWN)).state.has_pose
+    assert [float(starts["a"][2]) for starts in aligned] == [
+        LOOP.centre[2] + place[2] for place in (DOWN, DOWN - ASIDE)
+    ]
 
 
 def test_where_nothing_is_nothing_is_fitted(monkeypatch, aligned):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("aiohttp", reason="needs the web extra")
 pytest.importorskip("selenium", reason="needs the dev extra")
 
-from browser import Page, open_page, require_browser
+from browser import PATIENCE_S, Page, open_page, require_browser
 from drawn_recording import SIDE, loop, projections, shift
 from method_inputs import draw_curve
 from node_harness import Graph
@@ -32,7 +33,7 @@ from msg_adapters.markers import ADD
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(240)]
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(600)]
 
 PERIOD_S = 0.125
 START_NS = 1_760_000_000_000_000_000
@@ -60,7 +61,8 @@ class Stream:
         self._pictures: dict[tuple[str, int], np.ndarray] = {}
         self.visible = True
         self.held_phase: int | None = None  # where the breath is held, once it comes there
-        self.last_ns, self.last_mm = 0, 0.0
+        self.resting_ns: int | None = None  # stamp of a pair since which it has rested there
+        self.last_ns = 0
 
     def start(self) -> None:
         self._stop.clear()
@@ -80,11 +82,11 @@ class Stream:
             elif self.held_phase is None or phase != self.held_phase:
                 phase = next(self._phases)
             self.last_ns = START_NS + next(self._pairs) * round(PERIOD_S * 1e9)
-            self.last_mm = z_of(phase)
             for plane in "ab":
                 header = header_fields(self.last_ns, f"detector_{plane}")
                 self._send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
                 self._send(topics.image_topic(plane), encode_image(self._picture(plane, phase), header))
+            self.resting_ns = self.last_ns if phase == self.held_phase else None
 
     def _picture(self, plane: str, phase: int) -> np.ndarray:
         if (plane, phase) not in self._pictures:
@@ -128,20 +130,32 @@ class Stage:
             means.append(film[y, x].mean())
         return curves[int(np.argmin(means))] if min(means) < np.median(film) - 20 else None
 
-    def hold_breath(self, phase: int) -> int:
-        """Let the ring rest at a phase while its images go on; the stamp from which on it rests, ns.
+    @contextmanager
+    def held_breath(self, phase: int) -> Iterator[int]:
+        """Let the ring rest at a phase while its images go on; gives a stamp from which on it rests, ns.
 
         A still picture is waited for, not a certain pair: a busy machine may show any pair late, or not at all.
         """
-        self.stream.held_phase = phase
-        self.page.wait_for(lambda: self.stream.last_mm == z_of(phase), "the held breath")
-        return self.stream.last_ns
+        self.stream.resting_ns, self.stream.held_phase = None, phase
+        try:
+            yield self.page.wait_for(
+                lambda: self.stream.held_phase == phase and self.stream.resting_ns, "a held breath"
+            )
+        finally:
+            self.stream.held_phase = None
 
-    def published_since(self, topic: str, stamp_ns: int) -> Any:
-        """The last message of a topic, once one is as late as a stamp."""
-        messages = self.graph.heard.messages[topic]
-        self.graph.heard.wait_for(lambda: bool(messages) and stamp_to_ns(messages[-1].header.stamp) >= stamp_ns)
-        return messages[-1]
+    def published_since(self, topic: str, stamp_ns: int, of_action: int | None = None) -> Any:
+        """The last message of a topic, once one is as late as a stamp (and, of markers, of an action)."""
+
+        def late_enough() -> list[Any]:
+            return [
+                message
+                for message in self.graph.heard.messages[topic]
+                if stamp_to_ns(message.header.stamp) >= stamp_ns and (of_action is None or message.action == of_action)
+            ]
+
+        self.graph.heard.wait_for(lambda: bool(late_enough()), PATIENCE_S)
+        return late_enough()[-1]
 
     def outline(self, plane: str) -> np.ndarray:
         """(N, 2) image pixels where the overlay's compensated outline is green on the page's film."""
@@ -190,7 +204,7 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
 
 
 def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage) -> None:
-    page, stream = stage.page, stage.stream
+    page = stage.page
     page.wait_for_state("WAITING FOR SEED")
     page.wait_for(lambda: page.driver.find_element("id", "hold").is_enabled(), "images of both planes")
     stage.click_along_the_loop()
@@ -199,21 +213,20 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     page.wait_for_state("TRACKING")
     places = []
     for phase in (UP, DOWN):
-        marker = stage.published_since("catheter", stage.hold_breath(phase))
-        assert marker.action == ADD
-        points = np.array([[point.x, point.y, point.z] for point in marker.points])
-        for plane in "ab":
-            expected = homogeneous(encode_camera_info(projections()[plane], {})["p"], points)
-            true = projections()[plane].project(apply(shift(z_of(phase)), loop()))
-            page.wait_for(
-                lambda p=plane, e=expected: near(page.loop_pixels(p, SIDE), e),
-                f"the loop of plane {plane} in its place",
-            )
-            drawn = page.loop_pixels(plane, SIDE)
-            assert distances(expected, drawn).max() < 2.0  # all of it is drawn, not a part
-            assert distances(drawn, true).mean() < 1.5  # and that is where the ring is
-        places.append((z_of(phase), page.loop_pixels("a", SIDE).mean(axis=0)))
-    stream.held_phase = None
+        with stage.held_breath(phase) as resting_ns:
+            marker = stage.published_since("catheter", resting_ns, ADD)
+            points = np.array([[point.x, point.y, point.z] for point in marker.points])
+            for plane in "ab":
+                expected = homogeneous(encode_camera_info(projections()[plane], {})["p"], points)
+                true = projections()[plane].project(apply(shift(z_of(phase)), loop()))
+                (drawn,) = page.wait_for(
+                    lambda p=plane, e=expected: near(page.loop_pixels(p, SIDE), e),
+                    f"the loop of plane {plane} in its place",
+                )
+                assert distances(expected, drawn).max() < 2.0  # all of it is drawn, not a part
+                assert distances(drawn, true).mean() < 1.5  # and that is where the ring is
+                if plane == "a":
+                    places.append((z_of(phase), drawn.mean(axis=0)))
     (first_mm, first), (second_mm, second) = places
     moved = second - first
     centre = np.array([[0.0, 0.0, 1e-3 * mm] for mm in (first_mm, second_mm)])
@@ -222,8 +235,9 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     assert page.complaints() == []
 
 
-def near(drawn: np.ndarray, expected: np.ndarray) -> bool:
-    return len(drawn) > 100 and float(distances(drawn, expected).max()) < 1.5
+def near(drawn: np.ndarray, expected: np.ndarray) -> list[np.ndarray]:
+    """What is drawn, if it lies along what is expected."""
+    return [drawn] if len(drawn) > 100 and float(distances(drawn, expected).max()) < 1.5 else []
 
 
 def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -> None:
@@ -233,7 +247,6 @@ def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -
     page.press("o")
     page.wait_for(lambda: page.driver.find_element("id", "drawing").get_attribute("value") == "outline", "its change")
     places = {phase: outline_in_place(stage, phase) for phase in (UP, DOWN)}
-    stage.stream.held_phase = None
     centre = np.array([[0.0, 0.0, 1e-3 * z_of(phase)] for phase in (UP, DOWN)])
     expected = np.diff(projections()["b"].project(centre), axis=0)[0]
     np.testing.assert_allclose(places[DOWN] - places[UP], expected, atol=3.0)
@@ -242,28 +255,28 @@ def test_the_overlay_is_drawn_where_the_motion_puts_it_and_moves(stage: Stage) -
 
 def outline_in_place(stage: Stage, phase: int) -> np.ndarray:
     """The middle of plane B's outline, (2,), at a held breath, once both planes show it where the motion puts it."""
-    motion = decode_pose(stage.published_since("motion", stage.hold_breath(phase)))
-    corners = apply(motion, CORNERS)
-    for plane in "ab":
-        matrix = encode_camera_info(projections()[plane], {})["p"]
-        hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
-        hull = np.concatenate([hull, hull[:1]])
-        stage.page.wait_for(
-            lambda p=plane, h=hull: outlined(stage.outline(p), h),
-            f"the outline of plane {plane} in its place",
-        )
-    drawn = stage.outline("b")
+    with stage.held_breath(phase) as resting_ns:
+        corners = apply(decode_pose(stage.published_since("motion", resting_ns)), CORNERS)
+        for plane in "ab":
+            matrix = encode_camera_info(projections()[plane], {})["p"]
+            hull = cv2.convexHull(homogeneous(matrix, corners).astype(np.float32))[:, 0]
+            hull = np.concatenate([hull, hull[:1]])
+            (drawn,) = stage.page.wait_for(
+                lambda p=plane, h=hull: outlined(stage.outline(p), h),
+                f"the outline of plane {plane} in its place",
+            )
     return np.asarray(drawn.min(axis=0) + drawn.max(axis=0)) / 2
 
 
-def outlined(drawn: np.ndarray, hull: np.ndarray) -> bool:
-    """Whether the outline, drawn three pixels wide, lies on a polygon and all along it, but for the ring."""
+def outlined(drawn: np.ndarray, hull: np.ndarray) -> list[np.ndarray]:
+    """The outline, drawn three pixels wide, if it lies on a polygon and all along it, but for the ring."""
     if len(drawn) < 200:
-        return False
+        return []
     steps = np.linspace(0.0, 1.0, 200)[:, None, None]
     sides = (hull[:-1] + steps * (hull[1:] - hull[:-1])).reshape(-1, 2)
     gaps = cKDTree(drawn).query(sides)[0]
-    return cKDTree(sides).query(drawn)[0].max() < 4.0 and np.quantile(gaps, 0.95) < 2.0 and gaps.max() < 12.0
+    lies_on_it = cKDTree(sides).query(drawn)[0].max() < 4.0
+    return [drawn] if lies_on_it and np.quantile(gaps, 0.95) < 2.0 and gaps.max() < 12.0 else []
 
 
 def test_brightness_and_contrast_of_what_is_looked_at(stage: Stage) -> None:

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 from unittest import mock
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -150,15 +149,8 @@ def _wire_only(mean: Image) -> tuple[Image, Image]:
     return even, even
 
 
-class _EvenNoise:
-    """OpenCV, but for the local mean square, which becomes the picture's own."""
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(cv2, name)
-
-    def sqrBoxFilter(self, values: Image, *_: object, **__: object) -> Image:  # noqa: N802 (OpenCV's name)
-        """The same mean square everywhere."""
-        return np.full(values.shape, np.mean(np.square(values)), dtype=np.float32)
+def _even(cells: Image) -> Image:
+    return np.full_like(cells, np.mean(cells))
 
 
 class _AnyDose(appearance.Appearance):
@@ -237,7 +229,7 @@ IDEAS: Mapping[str, Idea] = {
             {},
             {"appearance.Appearance.update": _nothing},
         ),
-        Idea("local", "contrast in units of the local noise", {}, {"working_image.cv2": _EvenNoise()}),
+        Idea("local", "contrast in units of the local noise", {}, {"working_image._local_mean": _even}),
         Idea("clip", "clipping of strong contrast", {}, {"working_image.CLIP": OFF}),
         # Alignment.
         Idea("robust", "robust weights", {}, {"loop_views.OUTLIER_SIGMAS": OFF}),
@@ -302,6 +294,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea(
             "envelope", "judging by the breathing so far", {}, {"judgement.BreathingEnvelope.departure": _no_departure}
         ),
+        Idea("foresight", "doubt of a place that nothing foretold", {}, {"foresight.LARGEST_SURPRISE": OFF}),
         Idea("speed", "the limit of speed", {"judgement.largest_speed_mm_s": OFF}),
         Idea("acceleration", "the limit of acceleration", {}, {"judgement.LARGEST_ACCELERATION_MM_S2": 1e9}),
         Idea("repeatable", "a narrow curve once breaths repeat", {"judgement.repeatable_mm": OFF}),
