@@ -141,6 +141,23 @@ def test_moved_to_another_vein_it_is_displaced(tracker, pairs):
     assert_no_pose(tracker.track(pair(WARM + 9)), DISPLACED)
 
 
+def test_a_small_sidestep_that_nothing_foretold_is_not_published_at_once(tracker):
+    # No larger than a breath's own width: in its place again soon, or there for good, and then it is followed.
+    sidestep = np.array([0.0029, 0.0009, 0.0])
+    assert_no_pose(first := tracker.track(pair(WARM, sidestep)), LOST)
+    assert "from where its motion so far leads" in first.reason
+    later = [tracker.track(pair(index, sidestep)) for index in (WARM + 1, WARM + 2)]
+    assert later[-1].state is TRACKING
+    assert centre_error_mm(later[-1], moved(WARM + 2) + sidestep) < 0.3
+
+
+def test_a_deeper_step_of_the_breath_is_followed_at_once(tracker):
+    deeper = np.array([0.0004, -0.0012, -0.0048])
+    result = tracker.track(pair(WARM, deeper))
+    assert result.state is TRACKING
+    assert centre_error_mm(result, moved(WARM) + deeper) < 0.3
+
+
 def test_a_displaced_lasso_can_be_made_the_reference(tracker):
     tracker.track(pair(WARM, ASIDE))
     assert tracker.track(pair(WARM + 1, ASIDE)).state is DISPLACED
