@@ -138,6 +138,8 @@ class AppearanceTracker:
         unforeseen = displacement - predicted.displacement
         surprise = surprise_of(unforeseen, predicted)
         if refusal := self._foresight.refusal(surprise, unforeseen):
+            if self._foresight.is_sure and 1e3 * np.linalg.norm(unforeseen) > self._config.judgement.displaced_mm:
+                return self._departed(pair, finding, displacement, refusal)
             return self._result(pair, TrackerState.LOST, refusal, None)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)

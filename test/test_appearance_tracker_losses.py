@@ -22,6 +22,7 @@ from breathing_lasso import (
 )
 from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
+from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import JudgementConfig
 from lasso_motion_ros.curves import distance_to_curve
 from lasso_motion_ros.evaluation.measures import centre_covariance
@@ -149,6 +150,20 @@ def test_a_small_sidestep_that_nothing_foretold_is_not_published_at_once(tracker
     later = [tracker.track(pair(index, sidestep)) for index in (WARM + 1, WARM + 2)]
     assert later[-1].state is TRACKING
     assert centre_error_mm(later[-1], moved(WARM + 2) + sidestep) < 0.3
+
+
+def test_moved_step_by_step_within_the_first_breath_it_is_displaced_from_the_second_step_on():
+    early = AppearanceTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 4):
+        assert early.track(pair(index)).state is TRACKING
+    step = np.array([0.003, 0.002, -0.006])
+    states = []
+    for index in range(4, 8):
+        result = early.track(pair(index, (index - 3) * step))
+        assert result.motion is None
+        states.append(result.state)
+    assert states[1:] == [DISPLACED] * 3
 
 
 def test_a_deeper_step_of_the_breath_is_followed_at_once(tracker):

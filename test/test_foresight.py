@@ -37,3 +37,13 @@ def test_a_motion_that_surprises_often_may_do_so_again():
     assert restless.refusal(1.01 * LARGEST_SHARE * 12.0, UNFORESEEN) != ""
     calmed = after(*[12.0] * 200, *[1.0] * 200)
     assert calmed.refusal(LARGEST_SURPRISE + 1.0, UNFORESEEN) != ""
+
+
+def test_what_goes_on_being_refused_is_sure():
+    foresight = after(*[2.0] * FEWEST_PAIRS)
+    foresight.refusal(1e3, UNFORESEEN)
+    assert not foresight.is_sure
+    foresight.refusal(1e3, UNFORESEEN)
+    assert foresight.is_sure
+    foresight.accept(2.0)
+    assert not foresight.is_sure
