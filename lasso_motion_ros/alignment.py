@@ -57,22 +57,25 @@ class Alignment:
     Attributes:
         likeness: per plane that took part, as its fit tells it.
         turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
-        turn_covariance: (3, 3) rad², prior included.
         stretch: natural logarithm of the ring's size relative to the reference.
         correlations: mean of the planes' correlations, look by look on the way.
         is_given_up: whether it was left before it was done, since no loop is there, or one that looks worse.
         views: the planes as last sampled; not looked at again.
-        covariance: (N, N) of the parameters, planes' shifts first.
+        covariance: (N, N) of the parameters, prior included: planes' shifts, m, then turn, rad, and stretch.
     """
 
     likeness: dict[Plane, float]
     turn: Array
-    turn_covariance: Array
     stretch: float
     correlations: tuple[float, ...]
     is_given_up: bool
     views: LoopViews
     covariance: Array
+
+    @property
+    def turn_covariance(self) -> Array:
+        """(3, 3) rad²."""
+        return self.covariance[-4:-1, -4:-1]
 
     @cached_property
     def planes(self) -> dict[Plane, PlaneFit]:
@@ -139,7 +142,6 @@ def align(
     return Alignment(
         likeness=dict(zip(planes, views.likeness.tolist(), strict=True)),
         turn=ring[:3],
-        turn_covariance=covariance[shared : shared + 3, shared : shared + 3],
         stretch=float(ring[3]),
         correlations=correlations,
         is_given_up=is_given_up,

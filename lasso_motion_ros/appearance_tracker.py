@@ -13,10 +13,11 @@ from lasso_motion_ros.breathing_prior import breathing_shape
 from lasso_motion_ros.breathing_rotation import BreathingRotation, Rotation
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.errors import TrackingError
-from lasso_motion_ros.finding import Finding, LoopFinder
-from lasso_motion_ros.foresight import Foresight, surprise_of
+from lasso_motion_ros.finding import Finding, observe
+from lasso_motion_ros.foresight import Foresight, Trial, surprise_of
 from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.judgement import BreathingEnvelope
+from lasso_motion_ros.loop_finder import LoopFinder
 from lasso_motion_ros.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.respiration import RespiratoryMotion
 from lasso_motion_ros.ring_lay import RingLay
@@ -37,7 +38,6 @@ LARGEST_SIGMA_MM = 4.0  # and no pose is published, though all is learnt from th
 FOUND_AGAIN_SHARE = 0.75
 GHOST_CONTRAST = 0.55  # of when it was last seen: what remains of a lasso that has gone, in a filter over time
 MET_LIKENESS = 0.8  # down to this a fit is weaker and less alike since it did not meet the loop quite where it lies
-GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the state DEGRADED
 RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more than was known before
 
 
@@ -112,7 +112,8 @@ class AppearanceTracker:
             return self._result(pair, TrackerState.LOST, "the lasso is not seen", None)
         if refusal := refusal_of(finding, pair, followed=followed):
             return self._result(pair, TrackerState.LOST, refusal, None)
-        finding, trial, departure = self._most_plausible(pair, finding, time_s)
+        trial = self._most_plausible(pair, finding, time_s)
+        finding, displacement, departure = trial.finding, trial.displacement, trial.departure
         contrast_left = self._contrast_left(finding)
         if contrast_left < GHOST_CONTRAST:
             text = f"only {100 * contrast_left:.0f} % of its contrast is left"
@@ -130,24 +131,21 @@ class AppearanceTracker:
         agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm
         if state is TrackerState.LOST and not (departure and agree):
             return self._result(pair, state, reason, None)
-        displacement, predicted = trial.at_a.displacement, self._respiration.predict(time_s)
         if not departure and not self._is_back(finding, displacement, time_s):
             departure = self._displaced
         if departure:
             return self._departed(pair, finding, displacement, departure)
-        unforeseen = displacement - predicted.displacement
-        surprise = surprise_of(unforeseen, predicted)
-        if refusal := self._foresight.refusal(surprise, unforeseen):
-            if self._foresight.is_sure and 1e3 * np.linalg.norm(unforeseen) > self._config.judgement.displaced_mm:
+        if refusal := self._foresight.refusal(trial):
+            if self._foresight.is_sure and 1e3 * np.linalg.norm(trial.unforeseen) > self._config.judgement.displaced_mm:
                 return self._departed(pair, finding, displacement, refusal)
             return self._result(pair, TrackerState.LOST, refusal, None)
         if not followed and (refusal := self._return_refusal(finding)):
             return self._result(pair, TrackerState.LOST, refusal, None)
         self._displaced, self._followed = "", True
-        self._foresight.accept(surprise)
+        self._foresight.accept(trial)
         if len(finding.seen) == 1:
-            return self._go_on_with_one(pair, finding, trial, state, reason)
-        return self._go_on(pair, finding, trial, state, reason)
+            return self._go_on_with_one(pair, trial, state, reason)
+        return self._go_on(pair, trial, state, reason)
 
     def _contrast_left(self, finding: Finding) -> float:
         """What was found, relative in contrast to what was seen last; from now on this is what was seen last.
@@ -182,24 +180,21 @@ class AppearanceTracker:
         loop = self._loop(finding.alignment, displacement)
         return self._result(pair, TrackerState.DISPLACED, reason, loop, finding.alignment)
 
-    def _go_on_with_one(
-        self, pair: FramePair, finding: Finding, trial: RespiratoryMotion, state: TrackerState, reason: str
-    ) -> TrackResult:
+    def _go_on_with_one(self, pair: FramePair, trial: Trial, state: TrackerState, reason: str) -> TrackResult:
         """Believe what one plane shows, as far as the depth is known; nothing is learned from it."""
-        self._respiration = trial  # it is not lost: where the depth is known again it goes on
-        displacement = trial.at_a.displacement
-        self._doubt = trial.doubt(displacement)
+        # It is not lost: where the depth is known again it goes on.
+        self._respiration, displacement, alignment = trial.respiration, trial.displacement, trial.finding.alignment
+        self._doubt = self._respiration.doubt(displacement)
         if (sigma_mm := self._sigma_mm) > LARGEST_ONE_PLANE_SIGMA_MM:
             text = f"one plane alone tells the depth to {sigma_mm:.1f} mm only"
             return self._result(pair, TrackerState.LOST, text, None)
         self._displacement = displacement
-        return self._result(pair, state, reason, self._loop(finding.alignment, displacement), finding.alignment)
+        return self._result(pair, state, reason, self._loop(alignment, displacement), alignment)
 
-    def _go_on(
-        self, pair: FramePair, finding: Finding, trial: RespiratoryMotion, state: TrackerState, reason: str
-    ) -> TrackResult:
+    def _go_on(self, pair: FramePair, trial: Trial, state: TrackerState, reason: str) -> TrackResult:
         """Believe what both planes show, and learn from it."""
-        self._respiration, displacement = trial, trial.at_a.displacement
+        finding, displacement = trial.finding, trial.displacement
+        self._respiration = trial.respiration
         self._displacement, sigma_mm = displacement, self._sigma_mm
         self._learn(finding, displacement, self._seconds(pair.stamp_ns), surely=state is TrackerState.TRACKING)
         if sigma_mm > LARGEST_SURE_SIGMA_MM:
@@ -231,34 +226,18 @@ class AppearanceTracker:
         """Standard deviation of the displacement, mm."""
         return 1e3 * float(np.sqrt(self._doubt * np.trace(self._respiration.at_a.covariance)))
 
-    def _most_plausible(
-        self, pair: FramePair, finding: Finding, time_s: float
-    ) -> tuple[Finding, RespiratoryMotion, str]:
-        """Of the finding and its rivals, which the images do not tell apart, the one that surprises least.
+    def _most_plausible(self, pair: FramePair, finding: Finding, time_s: float) -> Trial:
+        """Of the finding and its rivals, which the images do not tell apart, the one that motion and planes prefer."""
+        trials = [self._trial(pair, candidate, time_s) for candidate in (finding, *finding.rivals)]
+        return min(trials, key=lambda trial: trial.implausibility)
 
-        Returns:
-            It, the filter after it, and why it cannot be breathing (empty if it can).
-        """
-        predicted = self._respiration.predict(time_s)
-        judged: list[tuple[Finding, RespiratoryMotion, str]] = []
-        surprises: list[tuple[bool, float]] = []
-        for candidate in (finding, *finding.rivals):
-            trial = self._respiration.copy()
-            self._finder.observe(trial, pair, candidate)
-            displacement = trial.at_a.displacement
-            departure = self._envelope.departure(time_s, displacement, predicted.displacement)
-            judged.append((candidate, trial, departure))
-            if not finding.rivals:
-                break
-            unforeseen = displacement - predicted.displacement
-            surprises.append(
-                (
-                    departure != "",
-                    surprise_of(unforeseen, predicted)
-                    + (GAP_SIGMAS * candidate.gap_mm / candidate.degraded_gap_mm) ** 2,
-                )
-            )
-        return judged[surprises.index(min(surprises))] if surprises else judged[0]
+    def _trial(self, pair: FramePair, finding: Finding, time_s: float) -> Trial:
+        respiration, predicted = self._respiration.copy(), self._respiration.predict(time_s)
+        observe(respiration, finding, time_s, self._finder.exposures(pair), self._require_model())
+        displacement = respiration.at_a.displacement
+        departure = self._envelope.departure(time_s, displacement, predicted.displacement)
+        unforeseen = displacement - predicted.displacement
+        return Trial(finding, respiration, departure, unforeseen, surprise_of(unforeseen, predicted))
 
     def _share_of_usual(self, finding: Finding, planes: tuple[Plane, ...]) -> float:
         """Correlation in some of the planes, relative to what it usually is."""
@@ -314,7 +293,7 @@ class AppearanceTracker:
             self._turn, self._followed = 0.5 * self._lay.last, True
             for plane, correlation in self._displaced_place[2].items():
                 self._appearances[plane].expect(correlation)
-            self._rotation = BreathingRotation()
+            self._rotation, self._foresight = BreathingRotation(), Foresight()
             self._respiration.move(self._displacement)
             self._envelope = BreathingEnvelope(
                 self._config.judgement, self._displacement, self._seconds(self._last_stamp_ns)

@@ -1,48 +1,36 @@
-"""Finding the loop in a pair: search, alignment of the best candidates, and what each is worth."""
+"""What an alignment is worth: which planes show the loop, and whether they agree on where it is."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.alignment import Alignment, RingPrior, align, align_from_afar
-from lasso_motion_ros.appearance import HALF_WIDTH, Appearance
-from lasso_motion_ros.configuration import TrackerConfig
-from lasso_motion_ros.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.alignment import Alignment, RingPrior
+from lasso_motion_ros.configuration import JudgementConfig
+from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.judgement import epipolar_gap, is_clearly_seen, is_faintly_seen, is_seen
 from lasso_motion_ros.loop_model import LoopModel
 from lasso_motion_ros.loop_views import PlaneFit
 from lasso_motion_ros.respiration import Estimate, Observation, RespiratoryMotion
-from lasso_motion_ros.search import SearchCandidate, find_peaks, join_peaks
-from lasso_motion_ros.working_image import WorkingImage, working_image
+from lasso_motion_ros.working_image import WorkingImage
 
 Array = npt.NDArray[np.float64]
 
 # What an alignment's own covariance leaves out: the background that moves behind the loop, its interpolation.
 IMAGE_COVARIANCE_FACTOR = 1.2
 SYSTEMATIC_M = 3e-5
-# An unforeseen part of the motion between the two planes' exposures, per second.
-UNFORESEEN_SPEED_M_S = 0.03
 # What the heartbeat may add to the planes' disagreement when they are not exposed together, per second.
 HEARTBEAT_SPEED_M_S = 0.006
-EXPECTATION_M = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
 BOTH_AGREE = 4  # the worth of a finding on which both planes agree
-RIVAL_SCORE = 0.85  # of the best candidate's: one that comes so near is looked at, too
-RIVAL_DRIFT_MM = 0.5  # an alignment that finds the loop seldom ends further than this from where it starts
-RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
-AFAR_CANDIDATES = 1  # looked at once more, from afar, where not all planes show the loop: each costs a millisecond
-AFAR_TRIES = 4
 # A plane that shows little is believed where the motion so far and the other plane leave no more doubt than this.
 NEAR_M = 0.008
 FAINT_SPREAD_M = 0.003
 FAINT_SURPRISE = 9.0  # squared Mahalanobis distance, two degrees of freedom
 EDGE_ON_RATIO = 0.12  # of the projected loop's extents: seen within about seven degrees of edge-on
 EDGE_ON_M = 5e-4  # in both planes, the electrodes' spacing is mistaken along the line
-WORTH_JOINING = 0.9  # of what the planes show best apart: a finding on which they agree shows less
-EDGE_PX = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
-BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,13 +66,15 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class _Look:
+class Look:
     """One look at a pair: its images, and what is known beforehand.
 
     Attributes:
         images: of each plane in the pair.
         times: of their exposures, seconds since the start.
         respiration: the motion so far; not to be changed.
+        model: the loop at the reference.
+        judgement: when a fit is believed.
         prior: of the ring's own motion.
         turn: (3,) rotation vector of the ring to start from.
         stretch: logarithm of its size to start from.
@@ -93,6 +83,8 @@ class _Look:
     images: dict[Plane, WorkingImage]
     times: dict[Plane, float]
     respiration: RespiratoryMotion
+    model: LoopModel
+    judgement: JudgementConfig
     prior: RingPrior
     turn: Array
     stretch: float
@@ -101,317 +93,124 @@ class _Look:
         """Whether all planes in the pair show the loop, and agree on it."""
         return finding is not None and finding.rank[0] == 2 * len(self.times)
 
-
-class LoopFinder:
-    """Finds one loop, known by its model and appearance, in pair after pair; it keeps no state of its own.
-
-    Args:
-        config: of the tracker; may be replaced between pairs.
-        model: the loop at the reference.
-        appearances: per plane, what it looks like; the tracker goes on learning them.
-        start_ns: stamp of the reference pair, from which times are counted.
-    """
-
-    def __init__(
-        self, config: TrackerConfig, model: LoopModel, appearances: dict[Plane, Appearance], start_ns: int
-    ) -> None:
-        self.config = config
-        self._model = model
-        self._appearances = appearances
-        self._start_ns = start_ns
-
-    def seconds(self, stamp_ns: int) -> float:
-        """A stamp as seconds since the reference pair."""
-        return (stamp_ns - self._start_ns) * 1e-9
-
-    def exposures(self, pair: FramePair) -> dict[Plane, float]:
-        """Times of exposure since the start, seconds; B's never before A's (jitter)."""
-        time_s = self.seconds(pair.stamp_ns)
-        times: dict[Plane, float] = {}
-        if pair.a is not None:
-            times["a"] = time_s
-        if pair.b is not None:
-            times["b"] = max(time_s, self.seconds(pair.b.stamp_ns))
-        return times
-
-    def find(
-        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near_first: bool
-    ) -> Finding | None:
-        """The best-ranked finding among the candidates; one near the prediction first, then anywhere in the images.
-
-        Args:
-            pair: the images, one or two.
-            respiration: the motion so far, which is asked for a prediction and not changed.
-            turn: (3,) rotation vector of the ring to start from.
-            stretch: logarithm of its size to start from.
-            near_first: whether the prediction is worth a look about it.
-        """
-        times = self.exposures(pair)
-        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
-        looked: list[Finding] = []
-        tried: list[SearchCandidate] = []
-        best: Finding | None = None
-        for number, near in enumerate((True, False) if near_first else (False,)):
-            images, candidates = self._search(pair, times, respiration, near=near)
-            look = _Look(images, times, respiration, prior, turn, stretch)
-            looked += self._look_at([c for c in candidates if not any(map(c.is_like, tried))], look)
-            best = max(looked, key=lambda finding: finding.rank, default=None)
-            if (joined := self._joined(looked, best, look)) is not None:
-                looked.append(joined)
-                best = max(looked, key=lambda finding: finding.rank)
-            if number == 0 and not look.is_enough(best):
-                # A ring that has turned much lies near the prediction, or where it has not been followed, anywhere.
-                best = self._best_from_afar(candidates, look, best)
-            if look.is_enough(best):
-                break
-            if best is not None:
-                looked.append(best)
-            tried = [candidate for candidate in candidates if self._is_inside(candidate, images)]
-        return None if best is None else _with_rivals(best, looked)
-
-    def _is_inside(self, candidate: SearchCandidate, images: dict[Plane, WorkingImage]) -> bool:
-        """Whether all samples of the loop would come from the images, which may be parts of the whole."""
-        for plane, centre in candidate.centres.items():
-            pixels = images[plane].projection.project(centre + self._model.arms)
-            if pixels.min() < EDGE_PX or (pixels > np.array(images[plane].values.shape[::-1]) - 1 - EDGE_PX).any():
+    @cached_property
+    def is_edge_on(self) -> bool:
+        """Whether all planes in the pair see the loop edge-on."""
+        for image in self.images.values():
+            pixels = image.projection.project(self.model.points)
+            pixels -= pixels.mean(axis=0)
+            narrow, wide = np.linalg.eigvalsh(pixels.T @ pixels)
+            if narrow >= EDGE_ON_RATIO**2 * wide:
                 return False
         return True
 
-    def _search(
-        self, pair: FramePair, times: dict[Plane, float], respiration: RespiratoryMotion, *, near: bool
-    ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
-        """Images to look at, and the places where they may show the loop."""
-        model = self._model
-        frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
-        expected: dict[Plane, Array] = {}
-        foreseen = respiration.predict(self.seconds(pair.stamp_ns))
-        if "a" in times:
-            expected["a"] = model.centre + foreseen.displacement
-        if "b" in times:
-            expected["b"] = model.centre + respiration.expected_between(times["b"]).displacement
-        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
-        reach_mm = model.radius_mm + BAND_MARGIN_MM + self.config.search.near_mm + min(uncertainty_mm, 20.0)
-        images: dict[Plane, WorkingImage] = {}
-        peaks = {}
-        for plane in times:
-            images[plane] = working_image(
-                frames[plane],
-                expected[plane],
-                bright=model.bright,
-                shift=model.shifts[plane],
-                reach_mm=reach_mm if near else None,
-            )
-            peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
-        slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
-        covariance = foreseen.covariance + EXPECTATION_M**2 * np.eye(3)
-        count = self.config.search.candidates // (2 if near else 1)
-        return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
 
-    def _look_at(self, candidates: list[SearchCandidate], look: _Look) -> list[Finding]:
-        """What the search points to, until it is found and no rival comes near it."""
-        looked: list[Finding] = []
-        best: Finding | None = None
-        best_score = 0.0
-        for candidate in candidates:
-            if look.is_enough(best) and candidate.score < RIVAL_SCORE * best_score:
-                break
-            if best is not None and _would_disagree(candidate, best, look):
-                continue
-            ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
-            alignment = align(
-                look.images,
-                self._appearances,
-                self._model.arms,
-                candidate.centres,
-                look.prior,
-                look.turn,
-                look.stretch,
-                ahead,
-            )
-            if alignment.is_given_up and (ahead or self._shows_nothing(alignment)):
-                continue  # it can neither rival a finding on which both planes agree nor count as seen
-            finding = self._judge(alignment, look)
-            looked.append(finding)
-            if best is None or finding.rank > best.rank:
-                best, best_score = finding, candidate.score
-        return looked
-
-    def _shows_nothing(self, alignment: Alignment) -> bool:
-        """Whether no plane can be judged to show the loop: none by itself, nor one with the other's help."""
-        config, likeness = self.config.judgement, alignment.likeness.values()
-        return max(likeness) < config.smallest_likeness and min(likeness) < config.faint_likeness
-
-    def _joined(self, looked: list[Finding], best: Finding | None, look: _Look) -> Finding | None:
-        """What each plane shows best, though at two candidates, as one; None where the best finding is as good.
-
-        Until the breathing is known the loop may go further between the planes' exposures than the search expects
-        when it joins their peaks.
-        """
-        if best is None or len(look.times) < 2:
-            return None
-        fits = {p: max((f.alignment.planes[p] for f in looked), key=lambda fit: fit.correlation) for p in PLANES}
-        if all(fits[plane] is best.alignment.planes[plane] for plane in PLANES):
-            return None
-        if not all(is_seen(fit, self.config.judgement) for fit in fits.values()):
-            return None
-        together = sum(fit.correlation for fit in fits.values())
-        if look.is_enough(best) and best.rank[1] >= WORTH_JOINING * together:
-            return None
-        centres = {plane: fit.centre for plane, fit in fits.items()}
-        alignment = align(
-            look.images, self._appearances, self._model.arms, centres, look.prior, look.turn, look.stretch
-        )
-        return self._judge(alignment, look)
-
-    def _best_from_afar(self, candidates: list[SearchCandidate], look: _Look, best: Finding | None) -> Finding | None:
-        """A better finding, if there is one, where the loop lies otherwise and elsewhere than an alignment mends.
-
-        A ring that has turned much looks otherwise, and its peak in the search is off.
-        """
-        starts = [candidate.centres for candidate in candidates[:AFAR_CANDIDATES]]
-        for _ in range(AFAR_TRIES):
-            if not starts or look.is_enough(best):
-                break
-            alignment = align_from_afar(
-                look.images, self._appearances, self._model.arms, starts.pop(0), look.prior, look.turn, look.stretch
-            )
-            if alignment is None:
-                continue
-            finding = self._judge(alignment, look)
-            if best is not None and finding.rank <= best.rank:
-                continue
-            best = finding
-            if len(look.times) > len(finding.seen) == 1:
-                # The other plane's candidate may have been a wrong one: look where this plane foretells it.
-                (clear,) = finding.seen
-                other, foretold = self._foretold(clear, alignment, look)
-                there = self._model.centre + foretold.displacement
-                starts.insert(0, {clear: alignment.planes[clear].centre, other: there})
-        return best
-
-    def _judge(self, alignment: Alignment, look: _Look) -> Finding:
-        images, times = look.images, look.times
-        config = self.config.judgement
-        seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
-        edge_on = all(self._is_edge_on(image) for image in images.values())
-        faint: Plane | None = None
-        if len(seen) < 2 and self._is_near_and_faint(alignment, look):
-            # Where the motion so far puts it, less has to be seen of it than elsewhere.
-            weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
-            seen, faint = PLANES, weaker
-        if len(seen) < 2:
-            # What only one plane shows must be clear there.
-            clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
-            faint = self._faint_plane(alignment, clear, look)
-            return Finding(alignment, clear if faint is None else PLANES, faint, edge_on)
-        a, b = alignment.planes["a"], alignment.planes["b"]
-        model = self._model
-        trial = look.respiration.copy()
-        trial.observe(times["a"], a=self.observation(a))
-        between = trial.expected_between(times["b"])
-        rays = {p: alignment.planes[p].centre - images[p].projection.source for p in PLANES}
-        gap, across = epipolar_gap(rays["a"], rays["b"], model.centre + between.displacement, b.centre)
-        heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
-        slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across + heartbeat**2))
-        return Finding(
-            alignment,
-            seen,
-            faint,
-            edge_on,
-            1e3 * abs(gap),
-            max(config.degraded_gap_mm, 2.5 * slack_mm),
-            max(config.lost_gap_mm, 4.0 * slack_mm),
-        )
-
-    def _is_near_and_faint(self, alignment: Alignment, look: _Look) -> bool:
-        """Whether both planes show something like the loop near where each is expected to."""
-        if len(look.times) < 2:
-            return False
-        model, config = self._model, self.config.judgement
-        if not all(
-            is_faintly_seen(fit, config) and fit.visible >= config.smallest_visible for fit in alignment.planes.values()
-        ):
-            return False
-        expected = {
-            "a": look.respiration.predict(look.times["a"]).displacement,
-            "b": look.respiration.expected_between(look.times["b"]).displacement,
-        }
-        return all(
-            float(np.linalg.norm(fit.across @ (fit.centre - model.centre - expected[plane]))) < NEAR_M
-            for plane, fit in alignment.planes.items()
-        )
-
-    def _faint_plane(self, alignment: Alignment, clear: tuple[Plane, ...], look: _Look) -> Plane | None:
-        """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
-        if len(clear) != 1 or len(look.times) < 2:
-            return None
-        faint, expected = self._foretold(clear[0], alignment, look)
-        fit = alignment.planes[faint]
-        if not is_faintly_seen(fit, self.config.judgement):
-            return None
-        residual = fit.across @ (fit.centre - self._model.centre - expected.displacement)
-        spread = fit.across @ expected.covariance @ fit.across.T + self.observation(fit).covariance
-        surprise = float(residual @ np.linalg.solve(spread, residual))
-        foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
-        return faint if foreseen and surprise <= FAINT_SURPRISE else None
-
-    def _foretold(self, clear: Plane, alignment: Alignment, look: _Look) -> tuple[Plane, Estimate]:
-        """The other plane, and what it measures according to what a plane shows clearly and to the motion so far."""
-        trial, observation = look.respiration.copy(), self.observation(alignment.planes[clear])
-        if clear == "a":
-            trial.observe(look.times["a"], a=observation)
-            return "b", trial.expected_between(look.times["b"])
-        trial.mark_a(look.times["a"])
-        trial.observe(look.times["b"], b=observation)
-        return "a", trial.at_a
-
-    def _is_edge_on(self, image: WorkingImage) -> bool:
-        model = self._model
-        pixels = image.projection.project(model.points)
-        pixels -= pixels.mean(axis=0)
-        narrow, wide = np.linalg.eigvalsh(pixels.T @ pixels)
-        return bool(narrow < EDGE_ON_RATIO**2 * wide)
-
-    def observation(self, fit: PlaneFit, *, edge_on: bool = False) -> Observation:
-        """A plane's fit as a measurement of the displacement, with what the fit's own covariance leaves out."""
-        model = self._model
-        systematic = EDGE_ON_M if edge_on else SYSTEMATIC_M
-        covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + systematic**2 * np.eye(2)
-        return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
-
-    def observe(self, respiration: RespiratoryMotion, pair: FramePair, finding: Finding) -> None:
-        """Tell the filter of the motion what a finding has measured, each plane at its own time."""
-        time_s = self.seconds(pair.stamp_ns)
-        times, planes = self.exposures(pair), finding.alignment.planes
-        if "a" in finding.seen:
-            respiration.observe(time_s, a=self.observation(planes["a"], edge_on=finding.edge_on))
-        respiration.mark_a(time_s)
-        if "b" in finding.seen:
-            respiration.observe(times["b"], b=self.observation(planes["b"], edge_on=finding.edge_on))
+def judged(alignment: Alignment, look: Look) -> Finding:
+    """What an alignment is worth, by what each plane shows, and whether the planes agree."""
+    times, config = look.times, look.judgement
+    seen = tuple(p for p, fit in alignment.planes.items() if is_seen(fit, config))
+    faint: Plane | None = None
+    if len(seen) < 2 and _is_near_and_faint(alignment, look):
+        # Where the motion so far puts it, less has to be seen of it than elsewhere.
+        weaker: Plane = min(PLANES, key=lambda p: alignment.planes[p].correlation)
+        seen, faint = PLANES, weaker
+    if len(seen) < 2:
+        # What only one plane shows must be clear there.
+        clear = tuple(p for p in seen if is_clearly_seen(alignment.planes[p], config))
+        faint = _faint_plane(alignment, clear, look)
+        return Finding(alignment, clear if faint is None else PLANES, faint, look.is_edge_on)
+    a, b = alignment.planes["a"], alignment.planes["b"]
+    trial = look.respiration.copy()
+    trial.observe(times["a"], a=_observation(a, look.model))
+    between = trial.expected_between(times["b"])
+    rays = {p: alignment.planes[p].centre - look.images[p].projection.source for p in PLANES}
+    gap, across = epipolar_gap(rays["a"], rays["b"], look.model.centre + between.displacement, b.centre)
+    heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
+    slack_mm = 1e3 * float(np.sqrt(across @ between.covariance @ across + heartbeat**2))
+    return Finding(
+        alignment,
+        seen,
+        faint,
+        look.is_edge_on,
+        1e3 * abs(gap),
+        max(config.degraded_gap_mm, 2.5 * slack_mm),
+        max(config.lost_gap_mm, 4.0 * slack_mm),
+    )
 
 
-def _with_rivals(best: Finding, looked: list[Finding]) -> Finding:
-    """The best finding with those on which both planes agree as well, and which correlate nearly as well."""
-    least = RIVAL_CORRELATION * best.rank[1]
-    rivals = [f for f in looked if f is not best and f.rank[0] == BOTH_AGREE and f.rank[1] >= least]
-    return replace(best, rivals=tuple(sorted(rivals, key=lambda f: -f.rank[1]))) if rivals else best
-
-
-def _would_disagree(candidate: SearchCandidate, best: Finding, look: _Look) -> bool:
-    """Whether the planes agree on the best finding, and would make the state DEGRADED on one where a candidate is.
-
-    Where plane B is exposed later, what it should show moves with where plane A saw the loop; then only candidates of
-    the same place in plane A are judged here.
-    """
-    if best.rank[0] < BOTH_AGREE:
+def _is_near_and_faint(alignment: Alignment, look: Look) -> bool:
+    """Whether both planes show something like the loop near where each is expected to."""
+    if len(look.times) < 2:
         return False
-    planes = best.alignment.planes
-    away = {p: candidate.centres[p] - planes[p].centre for p in PLANES}
-    if (
-        look.times["b"] > look.times["a"]
-        and 1e3 * float(np.linalg.norm(planes["a"].across @ away["a"])) > RIVAL_DRIFT_MM
+    config = look.judgement
+    if not all(
+        is_faintly_seen(fit, config) and fit.visible >= config.smallest_visible for fit in alignment.planes.values()
     ):
         return False
-    rays = {p: planes[p].centre - look.images[p].projection.source for p in PLANES}
-    gap, _ = epipolar_gap(rays["a"], rays["b"], away["a"], away["b"])
-    return 1e3 * abs(gap) > best.gap_mm + best.degraded_gap_mm + RIVAL_DRIFT_MM
+    expected = {
+        "a": look.respiration.predict(look.times["a"]).displacement,
+        "b": look.respiration.expected_between(look.times["b"]).displacement,
+    }
+    return all(
+        float(np.linalg.norm(fit.across @ (fit.centre - look.model.centre - expected[plane]))) < NEAR_M
+        for plane, fit in alignment.planes.items()
+    )
+
+
+def _faint_plane(alignment: Alignment, clear: tuple[Plane, ...], look: Look) -> Plane | None:
+    """The plane that shows the loop too weakly by itself, but just where the other says; None if there is none."""
+    if len(clear) != 1 or len(look.times) < 2:
+        return None
+    faint, expected = foretold(clear[0], alignment, look)
+    fit = alignment.planes[faint]
+    if not is_faintly_seen(fit, look.judgement):
+        return None
+    residual = fit.across @ (fit.centre - look.model.centre - expected.displacement)
+    spread = fit.across @ expected.covariance @ fit.across.T + _observation(fit, look.model).covariance
+    surprise = float(residual @ np.linalg.solve(spread, residual))
+    foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
+    return faint if foreseen and surprise <= FAINT_SURPRISE else None
+
+
+def foretold(clear: Plane, alignment: Alignment, look: Look) -> tuple[Plane, Estimate]:
+    """The other plane, and what it measures according to what a plane shows clearly and to the motion so far."""
+    trial, observation = look.respiration.copy(), _observation(alignment.planes[clear], look.model)
+    if clear == "a":
+        trial.observe(look.times["a"], a=observation)
+        return "b", trial.expected_between(look.times["b"])
+    trial.mark_a(look.times["a"])
+    trial.observe(look.times["b"], b=observation)
+    return "a", trial.at_a
+
+
+def _observation(fit: PlaneFit, model: LoopModel, *, edge_on: bool = False) -> Observation:
+    """A plane's fit as a measurement of the displacement, with what the fit's own covariance leaves out."""
+    systematic = EDGE_ON_M if edge_on else SYSTEMATIC_M
+    covariance = IMAGE_COVARIANCE_FACTOR * fit.covariance + systematic**2 * np.eye(2)
+    return Observation(fit.across, fit.across @ (fit.centre - model.centre), covariance)
+
+
+def shows_nothing(alignment: Alignment, config: JudgementConfig) -> bool:
+    """Whether no plane can be judged to show the loop: none by itself, nor one with the other's help."""
+    likeness = alignment.likeness.values()
+    return max(likeness) < config.smallest_likeness and min(likeness) < config.faint_likeness
+
+
+def observe(
+    respiration: RespiratoryMotion, finding: Finding, time_s: float, times: dict[Plane, float], model: LoopModel
+) -> None:
+    """Tell the filter of the motion what a finding has measured, each plane at its own time.
+
+    Args:
+        respiration: the filter, which is changed.
+        finding: of one or two planes.
+        time_s: of the pair: plane A's exposure, or what would have been it, seconds.
+        times: of the exposures, seconds.
+        model: the loop at the reference.
+    """
+    planes = finding.alignment.planes
+    if "a" in finding.seen:
+        respiration.observe(time_s, a=_observation(planes["a"], model, edge_on=finding.edge_on))
+    respiration.mark_a(time_s)
+    if "b" in finding.seen:
+        respiration.observe(times["b"], b=_observation(planes["b"], model, edge_on=finding.edge_on))

@@ -1,16 +1,22 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.foresight import FEWEST_PAIRS, LARGEST_SHARE, LARGEST_SURPRISE, Foresight, surprise_of
+from lasso_motion_ros.finding import Finding
+from lasso_motion_ros.foresight import FEWEST_PAIRS, LARGEST_SHARE, LARGEST_SURPRISE, Foresight, Trial, surprise_of
 from lasso_motion_ros.respiration import Estimate
 
 UNFORESEEN = np.array([0.003, 0.0, 0.004])
 
 
+def trial(surprise, departure="", gap_mm=0.0):
+    finding = Finding(None, ("a", "b"), gap_mm=gap_mm, degraded_gap_mm=0.8)
+    return Trial(finding, None, departure, UNFORESEEN, surprise)
+
+
 def after(*surprises):
     foresight = Foresight()
     for surprise in surprises:
-        foresight.accept(surprise)
+        foresight.accept(trial(surprise))
     return foresight
 
 
@@ -21,29 +27,37 @@ def test_the_surprise_is_in_units_of_the_predicted_covariance():
 
 def test_what_nothing_foretold_is_refused_with_how_far_it_is():
     foresight = after(*[2.0] * FEWEST_PAIRS)
-    assert foresight.refusal(LARGEST_SURPRISE, UNFORESEEN) == ""
-    assert foresight.refusal(LARGEST_SURPRISE + 1.0, UNFORESEEN) == (
+    assert foresight.refusal(trial(LARGEST_SURPRISE)) == ""
+    assert foresight.refusal(trial(LARGEST_SURPRISE + 1.0)) == (
         "5.0 mm from where its motion so far leads: being moved?"
     )
 
 
 def test_before_a_few_pairs_nothing_is_refused():
-    assert after(*[2.0] * (FEWEST_PAIRS - 1)).refusal(1e6, UNFORESEEN) == ""
+    assert after(*[2.0] * (FEWEST_PAIRS - 1)).refusal(trial(1e6)) == ""
 
 
 def test_a_motion_that_surprises_often_may_do_so_again():
     restless = after(*[12.0] * 200)
-    assert restless.refusal(0.99 * LARGEST_SHARE * 12.0, UNFORESEEN) == ""
-    assert restless.refusal(1.01 * LARGEST_SHARE * 12.0, UNFORESEEN) != ""
+    assert restless.refusal(trial(0.99 * LARGEST_SHARE * 12.0)) == ""
+    assert restless.refusal(trial(1.01 * LARGEST_SHARE * 12.0)) != ""
     calmed = after(*[12.0] * 200, *[1.0] * 200)
-    assert calmed.refusal(LARGEST_SURPRISE + 1.0, UNFORESEEN) != ""
+    assert calmed.refusal(trial(LARGEST_SURPRISE + 1.0)) != ""
 
 
 def test_what_goes_on_being_refused_is_sure():
     foresight = after(*[2.0] * FEWEST_PAIRS)
-    foresight.refusal(1e3, UNFORESEEN)
+    foresight.refusal(trial(1e3))
     assert not foresight.is_sure
-    foresight.refusal(1e3, UNFORESEEN)
+    foresight.refusal(trial(1e3))
     assert foresight.is_sure
-    foresight.accept(2.0)
+    foresight.accept(trial(2.0))
     assert not foresight.is_sure
+
+
+def test_breathing_that_surprises_less_on_planes_that_agree_is_preferred():
+    best = trial(2.0)
+    for worse in (trial(2.5), trial(2.0, gap_mm=0.4), trial(0.1, departure="jumped")):
+        assert best.implausibility < worse.implausibility
+    # A disagreement at the limit weighs as two and a half standard deviations.
+    assert trial(2.0, gap_mm=0.8).implausibility == pytest.approx((False, 2.0 + 2.5**2))

@@ -7,7 +7,7 @@ import pytest
 from breathing_lasso import WARM, centre_error_mm, moved, warm_up
 from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, noisy
 
-from lasso_motion_ros import finding
+from lasso_motion_ros import loop_finder
 from lasso_motion_ros.frames import Frame, FramePair
 from lasso_motion_ros.transforms import rotation_from_vector
 
@@ -34,5 +34,5 @@ def test_a_ring_that_has_turned_much_is_found(turn_deg):
 
 
 def test_without_a_second_look_it_is_not(monkeypatch):
-    monkeypatch.setattr(finding, "AFAR_CANDIDATES", 0)
+    monkeypatch.setattr(loop_finder, "AFAR_CANDIDATES", 0)
     assert copy.deepcopy(warm_up()[0]).track(turned_pair(WARM, (-5.0, 5.0, 2.0))).motion is None

@@ -29,7 +29,7 @@ class Views:
         return self._fits
 
 
-ALIGNMENT = Alignment({"a": 1.0, "b": 1.0}, np.zeros(3), np.eye(3), 0.0, (0.9,), False, Views(FIT, FIT), np.eye(8))
+ALIGNMENT = Alignment({"a": 1.0, "b": 1.0}, np.zeros(3), 0.0, (0.9,), False, Views(FIT, FIT), np.eye(8))
 GOOD = Finding(ALIGNMENT, ("a", "b"), None, False, 0.1, 0.8, 1.6)
 BY_A = dataclasses.replace(GOOD, seen=("a",))
 

@@ -45,10 +45,10 @@ LIVE_SIDES = range(128, 4097)
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
-    ("lasso_motion_ros.finding.working_image", "working image"),
-    ("lasso_motion_ros.finding.find_peaks", "search"),
-    ("lasso_motion_ros.finding.join_peaks", "search"),
-    ("lasso_motion_ros.finding.align", "alignment"),
+    ("lasso_motion_ros.loop_finder.working_image", "working image"),
+    ("lasso_motion_ros.loop_finder.find_peaks", "search"),
+    ("lasso_motion_ros.loop_finder.join_peaks", "search"),
+    ("lasso_motion_ros.loop_finder.align", "alignment"),
     ("lasso_motion_ros.respiration.RespiratoryMotion.predict", "filter"),
     ("lasso_motion_ros.respiration.RespiratoryMotion.expected_between", "filter"),
     ("lasso_motion_ros.respiration.RespiratoryMotion.observe", "filter"),

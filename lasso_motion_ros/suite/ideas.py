@@ -19,9 +19,10 @@ from lasso_motion_ros import appearance
 from lasso_motion_ros.alignment import Alignment
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.finding import Finding, LoopFinder
+from lasso_motion_ros.finding import Finding
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.loop_finder import LoopFinder
 from lasso_motion_ros.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.respiration import FIRST_SPREAD_M, Estimate, RespiratoryMotion
 from lasso_motion_ros.tracker import TrackResult
@@ -113,7 +114,7 @@ def _started_together(time_a_s: float, time_b_s: float, *, shape: Array, between
 
 
 _TOGETHER: Mapping[str, Any] = {
-    "finding.LoopFinder.exposures": _exposed_together,
+    "loop_finder.LoopFinder.exposures": _exposed_together,
     "appearance_tracker.RespiratoryMotion": _started_together,
 }
 
@@ -204,13 +205,13 @@ IDEAS: Mapping[str, Idea] = {
     for idea in (
         # The search.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
-        Idea("rivals", "a look at rivals of the first that is found", {}, {"finding.RIVAL_SCORE": OFF}),
-        Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"finding.RIVAL_CORRELATION": 1.0}),
-        Idea("joined", "joining what each plane shows best", {}, {"finding.LoopFinder._joined": _nothing}),
-        Idea("near", "looking near the prediction first", {}, {"finding.LoopFinder.find": _everywhere}),
-        Idea("anywhere", "looking everywhere where that fails", {}, {"finding.LoopFinder._search": _near_only}),
-        Idea("afar", "a second look, from afar", {}, {"finding.AFAR_CANDIDATES": 0}),
-        Idea("prediction", "the prediction: the last place instead", {}, {"finding.LoopFinder.find": _unpredicted}),
+        Idea("rivals", "a look at rivals of the first that is found", {}, {"loop_finder.RIVAL_SCORE": OFF}),
+        Idea("judged_rivals", "asking the motion which of two alike it is", {}, {"loop_finder.RIVAL_CORRELATION": 1.0}),
+        Idea("joined", "joining what each plane shows best", {}, {"loop_finder.LoopFinder._joined": _nothing}),
+        Idea("near", "looking near the prediction first", {}, {"loop_finder.LoopFinder.find": _everywhere}),
+        Idea("anywhere", "looking everywhere where that fails", {}, {"loop_finder.LoopFinder._search": _near_only}),
+        Idea("afar", "a second look, from afar", {}, {"loop_finder.AFAR_CANDIDATES": 0}),
+        Idea("prediction", "the prediction: the last place instead", {}, {"loop_finder.LoopFinder.find": _unpredicted}),
         Idea("joint", "one search in both planes: each its own best", {}, {"search.RAY_TOLERANCE_M": OFF}),
         Idea("ceiling", "the ceiling by which neither plane drowns the other", {}, {"search.SCORE_CEILING": OFF}),
         Idea("disagreeing", "candidates of planes that disagree", {}, {"search.LARGEST_DISAGREEMENT_M": 1e-9}),

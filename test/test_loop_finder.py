@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
-from lasso_motion_ros import finding
+from lasso_motion_ros import loop_finder
 from lasso_motion_ros.alignment import align
 from lasso_motion_ros.appearance_tracker import AppearanceTracker
 from lasso_motion_ros.configuration import SearchConfig, TrackerConfig
@@ -30,7 +30,7 @@ def test_planes_that_the_search_has_joined_wrongly_are_joined_anew(monkeypatch, 
     tracker = AppearanceTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
     wrong = [(DOWN, DOWN + FAR), (DOWN - FAR, DOWN)][:: -1 if swapped else 1]
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates(*wrong))
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: candidates(*wrong))
     result = tracker.track(lasso_pair(1, DOWN))
     assert result.state is TrackerState.TRACKING
     assert np.linalg.norm(apply(result.motion, LOOP.centre) - LOOP.centre - DOWN) < 2e-4
@@ -45,7 +45,7 @@ def aligned(monkeypatch):
         starts.append(centres)
         return align(images, appearances, arms, centres, *others)
 
-    monkeypatch.setattr(finding, "align", spied)
+    monkeypatch.setattr(loop_finder, "align", spied)
     return starts
 
 
@@ -53,8 +53,8 @@ def test_neither_what_no_candidate_shows_is_joined_nor_what_was_tried_is_tried_a
     tracker = AppearanceTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
     nowhere = [(DOWN - ASIDE, DOWN + side * ASIDE) for side in (-1.0, -0.7, 0.7, 1.0)]
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN + FAR), *nowhere))
-    monkeypatch.setattr(finding, "AFAR_CANDIDATES", 0)
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: candidates((DOWN, DOWN + FAR), *nowhere))
+    monkeypatch.setattr(loop_finder, "AFAR_CANDIDATES", 0)
     result = tracker.track(lasso_pair(1, DOWN))
     assert result.state is TrackerState.LOST
     assert "plane B" in result.reason
@@ -67,7 +67,7 @@ def test_a_rival_on_which_the_planes_would_disagree_is_not_looked_at(monkeypatch
     tracker = AppearanceTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
     places = candidates((DOWN, DOWN), (rival, rival + np.array([0.0, 0.0, apart])))
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: places)
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: places)
     assert tracker.track(lasso_pair(1, DOWN)).state is TrackerState.TRACKING
     assert len(aligned) == looks
 
@@ -82,7 +82,7 @@ def test_with_plane_b_later_only_rivals_of_the_same_place_in_plane_a_are_judged_
     tracker.initialise(late_pair(0, np.zeros(3)), lasso_seed())
     far = np.array([0.0, 0.0, 0.02])
     rivals = (DOWN, DOWN + far), (DOWN - ASIDE, DOWN - ASIDE + far)
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN), *rivals))
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: candidates((DOWN, DOWN), *rivals))
     assert tracker.track(late_pair(1, DOWN)).state.has_pose
     assert [float(starts["a"][2]) for starts in aligned] == [
         LOOP.centre[2] + place[2] for place in (DOWN, DOWN - ASIDE)
@@ -96,7 +96,7 @@ def test_where_nothing_is_nothing_is_fitted(monkeypatch, aligned):
     tracker = AppearanceTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
     monkeypatch.setattr(LoopViews, "fits", fits)
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((DOWN, DOWN), (FAR, FAR)))
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: candidates((DOWN, DOWN), (FAR, FAR)))
     assert tracker.track(lasso_pair(1, None)).state is TrackerState.LOST
     assert len(aligned) == 2
 
@@ -107,5 +107,5 @@ def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
     for index in range(1, 5):
         assert tracker.track(lasso_pair(index, np.zeros(3))).state is TrackerState.TRACKING
-    monkeypatch.setattr(finding, "join_peaks", lambda *_: candidates((FAR, FAR)))
+    monkeypatch.setattr(loop_finder, "join_peaks", lambda *_: candidates((FAR, FAR)))
     assert tracker.track(lasso_pair(5, FAR)).state is TrackerState.DISPLACED
