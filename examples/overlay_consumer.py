@@ -12,14 +12,14 @@ from msg_adapters.poses import decode_pose
 
 
 class OverlayConsumer(rclpy.node.Node):
-    registration, state, last, at = np.eye(4), "", (None, np.eye(4)), None  # volume to world; newest T; its reference
+    registration, state, poses, at = np.eye(4), "", (), None  # volume to world; last (stamp, T)s; the reference's stamp
 
     def on_reference(self, reference: Header) -> None:
-        if self.last[0] == reference.stamp:  # ~/set_reference: from now on the volume is valid where it lay there
-            self.registration, self.last = self.last[1] @ self.registration, (reference.stamp, np.eye(4))
-        elif self.at not in (None, reference.stamp):  # new clicks: nobody knows how the old reference lies to the new
+        old, self.at = self.at, reference.stamp  # a newer pose may have overtaken it; T = 1 at its stamp is its own
+        if moved := [T for stamp, T in self.poses if stamp == self.at != old and not np.array_equal(T, np.eye(4))]:
+            self.registration = moved[0] @ self.registration  # ~/set_reference: valid where the volume lay there
+        elif old not in (None, self.at):  # new clicks: nobody knows how the old reference lies to the new
             self.get_logger().warning("new reference: register the volume at it again")
-        self.at = reference.stamp
 
     def on_state(self, state: String) -> None:
         self.state = state.data
@@ -27,13 +27,13 @@ class OverlayConsumer(rclpy.node.Node):
             self.get_logger().warning(f"{self.state}: the volume is drawn uncompensated, and the picture says so")
 
     def on_motion(self, message: PoseStamped) -> None:
-        self.last = (message.header.stamp, decode_pose(message))
-        self.get_logger().info(f"{self.state}: volume at {1e3 * (self.last[1] @ self.registration)[:3, 3].round(5)} mm")
+        self.poses = (*self.poses[-99:], (message.header.stamp, T := decode_pose(message)))
+        self.get_logger().info(f"{self.state}: volume at {1e3 * (T @ self.registration)[:3, 3].round(5)} mm")
 
 
 rclpy.init()
 consumer, latched = OverlayConsumer("consumer"), QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
-consumer.create_subscription(Header, "reference", consumer.on_reference, latched)  # first: heard before its motion
+consumer.create_subscription(Header, "reference", consumer.on_reference, latched)  # first: seldom after its motion
 consumer.create_subscription(String, "state", consumer.on_state, latched)
 consumer.create_subscription(PoseStamped, "motion", consumer.on_motion, 10)
 with suppress(KeyboardInterrupt, rclpy.executors.ExternalShutdownException):
