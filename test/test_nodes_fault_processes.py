@@ -184,6 +184,7 @@ def test_a_frozen_pair_is_clicked(tmp_path: Path) -> None:
         assert "no pair with calibrated images" in freeze(graph, True).message
         assert "call ~/freeze" in initialize(graph).message
         stream.pairs(3)
+        stream.await_count("tracker", "pairs answered", stream.number)  # the newest is the last sent
         graph.heard.wait_for(lambda: len(graph.heard.messages["plane_b/tracking"]) > 0)
         assert freeze(graph, True).success
         for _ in range(2):  # further than the buffer reaches: the frozen pair is held nonetheless
