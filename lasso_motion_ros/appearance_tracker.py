@@ -125,7 +125,6 @@ class AppearanceTracker:
             self._config.judgement,
             alone_s=time_s - self._both_seen_s,
             turned_deg=self._lay.turned_deg(finding.alignment.turn),
-            shares={plane: self._share_of_usual(finding, (plane,)) for plane in finding.seen},
         )
         # Where the planes agree, no C-arm has moved unsaid: what lies otherwise, and elsewhere, is a moved lasso.
         agree = len(finding.seen) == 2 and finding.gap_mm <= finding.degraded_gap_mm

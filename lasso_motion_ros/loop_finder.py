@@ -12,7 +12,7 @@ from lasso_motion_ros.appearance import HALF_WIDTH, Appearance
 from lasso_motion_ros.configuration import TrackerConfig
 from lasso_motion_ros.finding import BOTH_AGREE, Finding, Look, foretold, judged, shows_nothing
 from lasso_motion_ros.frames import PLANES, FramePair, Plane
-from lasso_motion_ros.judgement import epipolar_gap, is_seen
+from lasso_motion_ros.judgement import epipolar_gap
 from lasso_motion_ros.loop_model import LoopModel
 from lasso_motion_ros.respiration import RespiratoryMotion
 from lasso_motion_ros.search import SearchCandidate, find_peaks, join_peaks
@@ -28,7 +28,6 @@ RIVAL_DRIFT_MM = 0.5  # an alignment that finds the loop seldom ends further tha
 RIVAL_CORRELATION = 0.9  # of the best finding's: then the images alone do not tell the two apart
 AFAR_CANDIDATES = 1  # looked at once more, from afar, where not all planes show the loop: each costs a millisecond
 AFAR_TRIES = 4
-WORTH_JOINING = 0.9  # of what the planes show best apart: a finding on which they agree shows less
 EDGE_PX = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
 BAND_MARGIN_MM = 8.0  # the working image's filters reach this far
 
@@ -87,9 +86,6 @@ class LoopFinder:
             look = Look(images, times, respiration, self._model, self.config.judgement, prior, turn, stretch)
             looked += self._look_at([c for c in candidates if not any(map(c.is_like, tried))], look)
             best = max(looked, key=lambda finding: finding.rank, default=None)
-            if (joined := self._joined(looked, best, look)) is not None:
-                looked.append(joined)
-                best = max(looked, key=lambda finding: finding.rank)
             if number == 0 and not look.is_enough(best):
                 # A ring that has turned much lies near the prediction, or where it has not been followed, anywhere.
                 best = self._best_from_afar(candidates, look, best)
@@ -166,28 +162,6 @@ class LoopFinder:
             if best is None or finding.rank > best.rank:
                 best, best_score = finding, candidate.score
         return looked
-
-    def _joined(self, looked: list[Finding], best: Finding | None, look: Look) -> Finding | None:
-        """What each plane shows best, though at two candidates, as one; None where the best finding is as good.
-
-        Until the breathing is known the loop may go further between the planes' exposures than the search expects
-        when it joins their peaks.
-        """
-        if best is None or len(look.times) < 2:
-            return None
-        fits = {p: max((f.alignment.planes[p] for f in looked), key=lambda fit: fit.correlation) for p in PLANES}
-        if all(fits[plane] is best.alignment.planes[plane] for plane in PLANES):
-            return None
-        if not all(is_seen(fit, self.config.judgement) for fit in fits.values()):
-            return None
-        together = sum(fit.correlation for fit in fits.values())
-        if look.is_enough(best) and best.rank[1] >= WORTH_JOINING * together:
-            return None
-        centres = {plane: fit.centre for plane, fit in fits.items()}
-        alignment = align(
-            look.images, self._appearances, self._model.arms, centres, look.prior, look.turn, look.stretch
-        )
-        return judged(alignment, look)
 
     def _best_from_afar(self, candidates: list[SearchCandidate], look: Look, best: Finding | None) -> Finding | None:
         """A better finding, if there is one, where the loop lies otherwise and elsewhere than an alignment mends.

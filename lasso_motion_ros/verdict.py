@@ -8,7 +8,6 @@ from lasso_motion_ros.frames import FramePair, Plane
 from lasso_motion_ros.tracker import TrackerState
 
 FAINT_AGAIN_GAP_MM = 0.6  # after a loss a plane may show the lasso faintly where both agree as well as this
-CHANGED_SHARE = 0.7  # of the usual correlation; with less the plane looks from elsewhere
 
 
 def refusal_of(finding: Finding, pair: FramePair, *, followed: bool) -> str:
@@ -40,7 +39,6 @@ def state_of(
     *,
     alone_s: float,
     turned_deg: float,
-    shares: dict[Plane, float],
 ) -> tuple[TrackerState, str]:
     """TRACKING; or DEGRADED or LOST and why.
 
@@ -50,7 +48,6 @@ def state_of(
         config: limits.
         alone_s: since both planes showed it last, seconds.
         turned_deg: angle between the ring and how it belongs, degrees.
-        shares: per plane that shows it, correlation relative to what it usually is.
     """
     if len(finding.seen) == 1:
         other = _other_plane(finding)
@@ -62,12 +59,9 @@ def state_of(
         lost = turned_deg > config.lost_turn_deg
         reason = f"the lasso is turned by {turned_deg:.0f} degrees: moved C-arm without a new calibration?"
         return (TrackerState.LOST if lost else TrackerState.DEGRADED), reason
-    for plane, share in shares.items():
-        if share < CHANGED_SHARE:
-            text = f"plane {plane.upper()} shows the lasso otherwise than before"
-            return TrackerState.DEGRADED, text + ": moved C-arm without a new calibration?"
     if finding.faint is not None:
-        return TrackerState.DEGRADED, f"plane {finding.faint.upper()} shows the lasso only faintly"
+        text = f"plane {finding.faint.upper()} shows the lasso only faintly"
+        return TrackerState.DEGRADED, f"{text}: noise, or moved C-arm without a new calibration?"
     if finding.edge_on:
         return TrackerState.DEGRADED, "the lasso is seen edge-on in both planes"
     visible = min(finding.alignment.planes[plane].visible for plane in finding.seen)

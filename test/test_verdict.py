@@ -34,10 +34,8 @@ GOOD = Finding(ALIGNMENT, ("a", "b"), None, False, 0.1, 0.8, 1.6)
 BY_A = dataclasses.replace(GOOD, seen=("a",))
 
 
-def state(finding=GOOD, pair=BOTH, *, alone_s=0.0, turned_deg=0.0, shares=None):
-    return state_of(
-        finding, pair, CONFIG, alone_s=alone_s, turned_deg=turned_deg, shares=shares or {"a": 1.0, "b": 1.0}
-    )
+def state(finding=GOOD, pair=BOTH, *, alone_s=0.0, turned_deg=0.0):
+    return state_of(finding, pair, CONFIG, alone_s=alone_s, turned_deg=turned_deg)
 
 
 @pytest.mark.parametrize(
@@ -81,8 +79,6 @@ def test_a_plane_that_was_not_exposed_is_borne_while_the_lasso_is_followed():
         ({}, {"turned_deg": 6.0}, TrackerState.TRACKING, ""),
         ({}, {"turned_deg": 6.1}, TrackerState.DEGRADED, "turned by 6 degrees"),
         ({}, {"turned_deg": 8.1}, TrackerState.LOST, "turned by 8 degrees"),
-        ({}, {"shares": {"a": 1.0, "b": 0.7}}, TrackerState.TRACKING, ""),
-        ({}, {"shares": {"a": 1.0, "b": 0.69}}, TrackerState.DEGRADED, "plane B shows the lasso otherwise"),
         ({"faint": "a"}, {}, TrackerState.DEGRADED, "plane A shows the lasso only faintly"),
         ({"edge_on": True}, {}, TrackerState.DEGRADED, "edge-on in both planes"),
         ({"gap_mm": 0.8}, {}, TrackerState.TRACKING, ""),
