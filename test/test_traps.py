@@ -99,6 +99,11 @@ def test_the_difficulties() -> None:
         assert max(edge_on_deg(one, plane) for plane in range(2)) < 6.0
     for number, one in enumerate(scenarios("alike")):
         assert edge_on_deg(one, number % 2) < 6.0
+    for one in scenarios("slip"):
+        (move,) = one.events
+        assert move.first / one.rate_hz > 2.0 * one.breathing.period_s
+        assert 4.99 < np.linalg.norm(move.shift_mm) < 8.01
+        assert np.dot(move.shift_mm, one.breathing.direction) == pytest.approx(0.0, abs=1e-6)
     for one in scenarios("jump"):
         assert np.linalg.norm(one.events[0].shift_mm) >= 18.0
         assert one.events[0].end < one.breathing.period_s * one.rate_hz

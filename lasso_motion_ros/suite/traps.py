@@ -222,6 +222,14 @@ def _alike(scenario: Scenario, number: int) -> Scenario:
     )
 
 
+def _slip(scenario: Scenario, number: int) -> Scenario:
+    """After two breaths and more the ring slips by less than a breath, across its way."""
+    along, direction = _unit(scenario.breathing.direction), _direction(scenario)
+    across = _unit(direction - (direction @ along) * along)
+    move = Event("move", 24, shift_mm=_vector((8.0, 7.0, 6.0, 5.0)[number % 4] * across))
+    return altered(scenario, pairs=34, rate_hz=3.75, breathing={"period_s": 3.0}, events=(move,))
+
+
 # A new one comes last: where each stands decides which lassos and bodies it has.
 TRAPS: Mapping[str, Trap] = {
     trap.name: trap
@@ -245,6 +253,7 @@ TRAPS: Mapping[str, Trap] = {
         Trap("alternating", "1 to 2 pairs/s, B half a frame late, 20 to 30 mm", _alternating),
         Trap("alike", "edge-on in one plane among lines, 14 quanta", _alike, 2),
         Trap("moved_unseen", "moved while hidden, along the breath's way or far", _moved_unseen),
+        Trap("slip", "slipped by 8 to 5 mm across the breath's way after several breaths", _slip, 4),
     )
 }
 
