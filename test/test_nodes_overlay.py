@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,10 +16,14 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 pytest.importorskip("trimesh", reason="needs the overlay extra")
 
+import rclpy
 from drawn_recording import SIDE, projections, shift, stamp
 from node_harness import Graph
 from rcl_interfaces.srv import ListParameters
 
+from lasso_motion_ros.frames import Frame
+from lasso_motion_ros.nodes.overlay_node import OverlayNode
+from lasso_motion_ros.nodes.processes import free_domain
 from lasso_motion_ros.rendering.overlay import draw_overlay
 from lasso_motion_ros.rendering.surface import TriangleMesh, read_surface, write_stl
 from lasso_motion_ros.transforms import apply
@@ -116,7 +121,10 @@ def test_an_image_is_drawn_with_its_own_motion(graph: Graph, tmp_path: Path) -> 
         bench.picture("a", pair)
     np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 6.0))
     np.testing.assert_array_equal(bench.picture("b", 1, 20_000_000), bench.expected("b", 6.0))
-    marker = graph.heard.messages["overlay/surface"][-1]
+    # The picture may be there before the surface, which is on a topic of its own.
+    markers = graph.heard.messages["overlay/surface"]
+    graph.heard.wait_for(lambda: stamp_to_ns(markers[-1].header.stamp) == stamp(1))
+    marker = markers[-1]
     assert (marker.action, len(marker.points)) == (ADD, 12)
     np.testing.assert_allclose(decode_pose(marker.pose), shift(6.0), atol=1e-12)
     assert max(point.z for point in marker.points) == pytest.approx(0.034)
@@ -165,6 +173,43 @@ def test_before_a_tracker_is_heard_it_is_static(graph: Graph, tmp_path: Path) ->
     bench = Bench(graph, tmp_path)
     bench.image("b", 0)
     np.testing.assert_array_equal(bench.picture("b", 0), bench.expected("b", None))
+
+
+def test_slower_than_the_images_it_draws_both_planes_of_one_pair(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else one who shows both planes' pictures would never have both of one pair."""
+    surface = tmp_path / "triangle.stl"
+    write_stl(surface, TriangleMesh(np.eye(3), np.array([[0, 1, 2]], np.int32)), "m")
+    rclpy.init(args=["--ros-args", "-p", f"volume_file:={surface}", "-p", "units:=m"], domain_id=free_domain())
+    drawn: list[tuple[str, int]] = []
+    enough = threading.Event()
+    try:
+        node = OverlayNode()
+        node._history.answered = lambda plane, stamp_ns: True  # their motion is always there
+
+        def bring(pair: int) -> None:
+            for plane in "ab":
+                node._take(plane, [Frame(stamp(pair), IMAGE, projections()[plane])])
+
+        def draw(plane: str, frame: Frame, choice: Any) -> None:
+            """While each is drawn, the next pair's images come."""
+            drawn.append((plane, frame.stamp_ns))
+            bring(len(drawn))
+            if len(drawn) == 8:
+                node._stopping = True
+                enough.set()
+
+        monkeypatch.setattr(node, "_draw", draw)
+        bring(0)
+        node.start()
+        assert enough.wait(30.0)
+        node.close()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
+    of_a, of_b = ({stamp_ns for plane, stamp_ns in drawn if plane == wanted} for wanted in "ab")
+    assert len(of_a & of_b) == 4
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere all threads of a process are equally nice")

@@ -167,31 +167,43 @@ class OverlayNode(Node):  # type: ignore[misc]
         os.nice(self._config.niceness)  # on Linux of this thread alone: what comes in is still taken at once
         while True:
             with self._changed:
-                ready = self._next_ready()
-                while ready is None:
+                while not (ready := self._take_ready()):
                     if self._stopping:
                         return
                     deadlines = [waiting.deadline for waiting in self._waiting.values()]
                     self._changed.wait(max(0.0, min(deadlines) - time.monotonic()) if deadlines else None)
-                    ready = self._next_ready()
-                plane, waiting = ready
-                choice = self._history.choose(plane, waiting.frame.stamp_ns)
-            try:
-                if choice.motion is None and self._surface_shown:
-                    self._publish_surface(waiting.frame.stamp_ns, None)
-                self._draw(plane, waiting.frame, choice)
-            except Exception as error:
-                self.complaints.error(error)
+            for plane, frame in ready:
+                try:
+                    self._draw_newest(plane, frame)
+                except Exception as error:
+                    self.complaints.error(error)
 
-    def _next_ready(self) -> tuple[Plane, _Waiting] | None:
+    def _take_ready(self) -> list[tuple[Plane, Frame]]:
+        """All that can be drawn now, the longest waiting first; nothing once the node ends.
+
+        Both planes at once: where drawing is slower than the images, one taken after the other would be of two pairs,
+        each time, and whoever shows both planes would never have both of one.
+        """
+        if self._stopping:
+            return []
         now = time.monotonic()
-        for plane, waiting in sorted(self._waiting.items(), key=lambda one: one[1].deadline):
+        ready = [
+            (plane, waiting.frame)
+            for plane, waiting in sorted(self._waiting.items(), key=lambda one: one[1].deadline)
+            if waiting.deadline <= now or self._history.answered(plane, waiting.frame.stamp_ns)
+        ]
+        for plane, _ in ready:
+            del self._waiting[plane]
+        return ready
+
+    def _draw_newest(self, plane: Plane, frame: Frame) -> None:
+        with self._changed:
             if self._stopping:
-                return None
-            if waiting.deadline <= now or self._history.answered(plane, waiting.frame.stamp_ns):
-                del self._waiting[plane]
-                return plane, waiting
-        return None
+                return
+            choice = self._history.choose(plane, frame.stamp_ns)
+        if choice.motion is None and self._surface_shown:
+            self._publish_surface(frame.stamp_ns, None)
+        self._draw(plane, frame, choice)
 
     def _draw(self, plane: Plane, frame: Frame, choice: Choice) -> None:
         publisher = self._pictures[plane]
