@@ -20,6 +20,7 @@ let everConnected = false;
 let view = "overlay";
 let drawn = [];
 let sentAt = null;
+let heldShown = false; // whether the picture on the screen is the held one, which comes after the word that it is held
 let stopArmed = null;
 
 const trace = new Trace(get("trace"));
@@ -50,7 +51,10 @@ function takeStatus(now) {
   status = now;
   if (now.mode === "live") {
     if (now.held && !before?.held) begin();
-    if (!now.held && before?.held) end();
+    if (!now.held && before?.held) {
+      heldShown = false;
+      end();
+    }
     if (before && !before.overlay && now.overlay) wish();
   } else if (before?.index !== now.index || before?.version !== now.version) {
     load(now);
@@ -71,6 +75,7 @@ function takePicture(header, bitmaps) {
     planes[name].missing = !bitmaps[name];
     planes[name].drawn = Boolean(header.planes[name]?.drawn);
   }
+  heldShown = header.held;
   const now = performance.now();
   drawn.push(now);
   drawn = drawn.filter((at) => now - at < 3000);
@@ -81,7 +86,7 @@ function takePicture(header, bitmaps) {
 
 function refresh() {
   const live = status?.mode !== "annotate";
-  const clicking = Boolean(status && connected && (live ? status.held : true));
+  const clicking = Boolean(status && connected && (live ? status.held && heldShown : true));
   const words = headline();
   document.documentElement.style.setProperty("--state", words.colour);
   get("state").textContent = words.state;
