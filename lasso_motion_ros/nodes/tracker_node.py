@@ -261,7 +261,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         frames: dict[Plane, Frame | UncalibratedFrame] = {
             plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None
         }
-        self._outlets.show(View(frames, loop, statistics.state, statistics.reason, clicks, dict(self._frame_ids)))
+        ids, held = dict(self._frame_ids), pair is board.pair
+        self._outlets.show(View(frames, loop, statistics.state, statistics.reason, clicks, ids, held))
 
     def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
         """Have the newest images drawn as they are: whoever sets the system up sees that they come."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -36,6 +37,7 @@ class View:
         reason: why, in a few words.
         clicks: per plane (N, 2) pixels; empty where none are collected.
         frame_ids: per plane, of the images.
+        held: the pair is frozen: no other is shown after it.
     """
 
     frames: dict[Plane, Frame | UncalibratedFrame]
@@ -44,6 +46,7 @@ class View:
     reason: str
     clicks: dict[Plane, npt.NDArray[np.float64]]
     frame_ids: dict[Plane, str]
+    held: bool = False
 
 
 class TrackerOutlets:
@@ -65,6 +68,8 @@ class TrackerOutlets:
     ) -> None:
         self._messages = messages
         self._on_change = on_change
+        self._showing = threading.Lock()
+        self._held = False
         self.state = ""
         self._publishers: dict[str, Publisher] = {}
         for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES)):
@@ -103,7 +108,13 @@ class TrackerOutlets:
         return any(self._publishers[tracking_topic(plane).name].get_subscription_count() > 0 for plane in PLANES)
 
     def show(self, view: View) -> None:
-        """Have pictures drawn and published; never blocks."""
+        """Have pictures drawn and published; does not wait for the drawing.
+
+        Once this has returned for a pair that is held, no picture of another is published: whoever has a pair frozen
+        takes the next picture for that of the frozen one.
+        """
+        with self._showing:
+            self._held = view.held
         self._pictures.put([view])
 
     def close(self) -> None:
@@ -118,4 +129,8 @@ class TrackerOutlets:
                 continue
             picture = draw_tracking(frame, view.loop, view.state, view.reason, clicks=view.clicks.get(plane))
             fields = encode_image(picture, header_fields(frame.stamp_ns, view.frame_ids.get(plane, "")))
-            publisher.publish(self._messages.make(IMAGE_TYPE, fields))
+            message = self._messages.make(IMAGE_TYPE, fields)
+            with self._showing:
+                if self._held and not view.held:
+                    return
+                publisher.publish(message)
