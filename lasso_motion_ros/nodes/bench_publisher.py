@@ -1,6 +1,6 @@
 """A child of the live benchmark: publishes a biplane stream at a steady rate and notes when.
 
-`python -m lasso_motion_ros.nodes.bench_publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json`
+`python -m lasso_motion_ros.nodes.bench_publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json [MOST_AHEAD]`
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rclpy.node import Node
@@ -21,15 +22,17 @@ from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
 from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
-from msg_adapters.messages import NANOSECONDS, RosMessages, header_fields, ns_to_stamp
+from msg_adapters.messages import NANOSECONDS, RosMessages, header_fields, ns_to_stamp, stamp_to_ns
 from msg_adapters.seeds import encode_polygon
-from msg_adapters.topics import MOTION, Topic, camera_info_topic, image_topic, seed_topic
+from msg_adapters.topics import CATHETER, MOTION, Topic, camera_info_topic, image_topic, seed_topic
 
 START_NS = 1_760_000_000 * NANOSECONDS
 BREATH_S = 2.0
 STAMP_OFFSET = 4
 """Where the stamp begins in a serialised message that begins with a header: behind CDR's own four bytes."""
 TICK_S = 0.02
+UNANSWERED_S = 2.0
+"""So long a pair may hold up those after it: where the loop is lost, no answer tells of it."""
 
 
 class BenchPublisher(Node):  # type: ignore[misc]
@@ -43,9 +46,12 @@ class BenchPublisher(Node):  # type: ignore[misc]
         side: of the images, pixels.
         image_subscribers: to wait for on each image topic.
         notes: file for the steady clock (ns) at which each pair's later image was published, by its stamp.
+        most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector knows no mercy.
     """
 
-    def __init__(self, rate: float, pairs: int, side: int, image_subscribers: int, notes: Path) -> None:
+    def __init__(
+        self, rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
+    ) -> None:
         super().__init__("bench_publisher", enable_rosout=False)
         self.complaints = ThrottledLog(self.get_logger())
         self._period_ns = round(NANOSECONDS / rate)
@@ -71,6 +77,11 @@ class BenchPublisher(Node):  # type: ignore[misc]
         self._answered = threading.Event()
         motion = type(self._messages.make(MOTION.type_name, {}))
         self.create_subscription(motion, MOTION.name, lambda _: self._answered.set(), qos(depth=10))
+        self._most_ahead, self._answered_ns = most_ahead, START_NS
+        self._on = threading.Event()
+        if most_ahead > 0:
+            catheter = type(self._messages.make(CATHETER.type_name, {}))
+            self.create_subscription(catheter, CATHETER.name, self._on_answer, qos(depth=10))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._publish_all, name="stream", daemon=True)
 
@@ -104,10 +115,26 @@ class BenchPublisher(Node):  # type: ignore[misc]
         began = time.monotonic()
         for number in range(1, self._pairs + 1):
             left = began + number * self._period_ns / NANOSECONDS - time.monotonic()
-            if self._closing.wait(max(0.0, left)):
+            if self._closing.wait(max(0.0, left)) or not self._may_publish(number):
                 return
             published[START_NS + number * self._period_ns] = self._publish_pair(number)
         self._notes.write_text(json.dumps({str(stamp): at for stamp, at in published.items()}), encoding="utf-8")
+
+    def _on_answer(self, message: Any) -> None:
+        self._answered_ns = stamp_to_ns(message.header.stamp)
+        self._on.set()
+
+    def _may_publish(self, number: int) -> bool:
+        """Wait until the pairs before it are answered as far as they must be; False where it ends meanwhile."""
+        given_up_s = time.monotonic() + UNANSWERED_S
+        while self._most_ahead > 0 and time.monotonic() < given_up_s:
+            self._on.clear()
+            if START_NS + (number - self._most_ahead) * self._period_ns <= self._answered_ns:
+                break
+            self._on.wait(TICK_S)
+            if self._closing.is_set():
+                return False
+        return True
 
     def _publish_pair(self, number: int) -> int:
         """Publish a pair; returns the steady clock, ns, just before its later image went out."""
@@ -129,9 +156,10 @@ class BenchPublisher(Node):  # type: ignore[misc]
 def main() -> int:
     """Run until stopped; returns the exit status."""
     rate, pairs, side, subscribers, notes = sys.argv[1:6]
+    most_ahead = int(sys.argv[6]) if len(sys.argv) > 6 else 0
 
     def make() -> RunnableNode:
-        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes))
+        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes), most_ahead)
 
     return run_node(make, [])
 

@@ -28,6 +28,8 @@ LARGEST_GROWTH_MB = 5.0
 START_WAIT_S = 60.0
 SILENCE_S = 20.0
 TICK_S = 0.25
+MOST_AHEAD = 8
+"""Pairs on their way to the tracker: fewer than it has room for, so that none is left out where the machine is slow."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
                     raise KeyboardInterrupt
                 if processes.ended() or time.monotonic() > came_up_by_s:
                     raise LassoMotionError(f"the tracker has not come up: {processes.log('tracker', 3)}")
-            words = [str(rate), str(pairs), str(side), "1", str(sent)]
+            words = [str(rate), str(pairs), str(side), "1", str(sent), str(MOST_AHEAD)]
             processes.start("publisher", "lasso_motion_ros.nodes.bench_publisher", words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S
             while not (sent.is_file() and answers.answered == last and time.monotonic() > changed_s + 1.0):
