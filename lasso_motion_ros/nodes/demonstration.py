@@ -23,7 +23,7 @@ from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain, h
 from msg_adapters.recording_writer import RecordingWriter
 from msg_adapters.topics import DIAGNOSTICS, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
 
-START_WAIT_S = 30.0
+START_WAIT_S = 60.0
 ANSWER_WAIT_S = 20.0
 PICTURE_WAIT_S = 3.0
 MOTION_WAIT_S = 0.3

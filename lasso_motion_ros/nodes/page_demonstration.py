@@ -12,7 +12,7 @@ from pathlib import Path
 from lasso_motion_ros.errors import LassoMotionError
 from lasso_motion_ros.nodes.processes import LOOPBACK, Processes, free_domain, held_signals
 
-START_WAIT_S = 30.0
+START_WAIT_S = 60.0
 LOOK_PERIOD_S = 0.1
 LOGS = "logs"
 READY = "the page is at "

@@ -22,7 +22,8 @@ PORTS_PER_DOMAIN = 250
 FIRST_PARTICIPANT_PORTS = (10, 11)
 
 LOOPBACK = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-STOP_WAIT_S = 5.0
+STOP_WAIT_S = 20.0
+"""A node says goodbye before it ends, which takes its time on a busy machine; killed, it would count as failed."""
 
 
 def free_domain() -> int:
