@@ -58,7 +58,7 @@ def test_a_recording_is_played_tracked_overlaid_and_judged(tmp_path: Path) -> No
     bag = write_input(tmp_path / "ring.mcap", MOTIONS_MM)
     out = tmp_path / "out"
     done = subprocess.run(
-        command("--bag", bag, "--out", out), capture_output=True, encoding="utf-8", timeout=110, check=False
+        command("--bag", bag, "--out", out), capture_output=True, encoding="utf-8", timeout=280, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
     assert "5 pairs played, 5 answered, 5 with a pose" in done.stdout

@@ -41,7 +41,7 @@ def test_cyclone_dds_feeds_the_tracker_and_hears_its_motion(tmp_path: Path) -> N
         }
         command = [sys.executable, str(script), str(PAIRS), str(SIDE)]
         done = subprocess.run(
-            command, env=environment, capture_output=True, text=True, check=False, timeout=90, cwd=tmp_path
+            command, env=environment, capture_output=True, text=True, check=False, timeout=240, cwd=tmp_path
         )
         assert done.returncode == 0, done.stderr
     heard = {

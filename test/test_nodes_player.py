@@ -176,6 +176,6 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
         env={**os.environ, **LOOPBACK, "ROS_DOMAIN_ID": "98"},
         capture_output=True,
         encoding="utf-8",
-        timeout=60,
+        timeout=120,
         check=False,
     )

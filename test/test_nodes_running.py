@@ -22,7 +22,7 @@ from lasso_motion_ros.nodes.running import NO_ROS, ThrottledLog, guarded
 )
 def test_without_ros_one_line_says_what_to_install(call: str, prefix: str) -> None:
     code = f"import sys; sys.modules['rclpy'] = None; {call}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=120, check=False)
     assert done.returncode == 2
     assert done.stderr == f"{prefix}{NO_ROS}\n"
 

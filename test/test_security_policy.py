@@ -98,7 +98,7 @@ def assert_exact(graph: Graph, node: str, on_demand: frozenset[str] | set[str] =
         return all(allowed[kind] - on_demand <= live[kind] for kind in KINDS)
 
     try:
-        graph.wait_until(settled, 15.0)
+        graph.wait_until(settled)
     except AssertionError:
         live = live_rights(graph, node)
         missing = {kind: sorted(allowed[kind] - on_demand - live[kind]) for kind in KINDS}

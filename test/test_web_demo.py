@@ -55,5 +55,5 @@ def test_it_tracks_round_after_round_until_it_is_stopped(tmp_path: Path, truth: 
             asyncio.run(states(url, ["TRACKING", "WAITING_FOR_SEED", "TRACKING"]))
         finally:
             demo.send_signal(signal.SIGINT)
-        assert demo.wait(30) == 0
+        assert demo.wait(60) == 0
         assert not any(is_running(child) for child in children)
