@@ -150,13 +150,15 @@ class Peer:
         return happens(lambda: all(w.get_matched_subscriptions() for w in self._writers.values()), PATIENCE_S)
 
     def clicks(self, number: int) -> None:
-        """On the next pair, which is this one."""
+        """On this pair, by its stamp: clicks and images travel on topics of their own, and either may come first."""
+        seconds, nanoseconds = divmod(number * PERIOD_NS, 10**9)
+        clicked = Header(Time(START_S + seconds, nanoseconds), "")
         for plane in PLANES:
             points = [
                 Point32(float(x), float(y), 0.0)
                 for x, y in ring_seed(self._side, breath_mm(1e-9 * number * PERIOD_NS)).points(plane)
             ]
-            self._writers[plane, "seed"].write(PolygonStamped(Header(Time(0, 0), ""), Polygon(points)))
+            self._writers[plane, "seed"].write(PolygonStamped(clicked, Polygon(points)))
 
     def first_pair(self) -> int:
         """Click on a pair until one is answered; returns its number."""
