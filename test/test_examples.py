@@ -73,7 +73,8 @@ def sequence(tmp_path: Path) -> Path:
 @pytest.fixture
 def graph(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Any:
     monkeypatch.setenv("PYTHONPATH", str(EXAMPLES.parent))
-    planes = [make(plane) for plane in "ab" for make in (image_topic, camera_info_topic)]
+    # Whoever knows of the last knows of all: who listens to the images listens to their calibrations.
+    planes = [make(plane) for make in (camera_info_topic, image_topic) for plane in "ab"]
     with Graph([*planes, *(topic for topic in OUTPUTS if topic is not STATE), STATE], tmp_path) as started:
         yield started
 
