@@ -15,7 +15,7 @@ from msg_adapters.messages import RosMessages
 from msg_adapters.recording_reader import RecordingReader
 from msg_adapters.topics import Topic
 
-PATIENCE_S = 30.0
+PATIENCE_S = 60.0
 
 # Fast DDS reads its profile once a process: before the first test makes a participant.
 use_image_profile()
@@ -58,6 +58,7 @@ class Graph:
         self.heard = Heard()
         self.processes = Processes({"ROS_DOMAIN_ID": str(self.domain), **LOOPBACK}, logs)
         self.listener = Listener(topics, self.heard, domain=self.domain)
+        self._clients: dict[str, Any] = {}
 
     def __enter__(self) -> Graph:
         self.listener.__enter__()
@@ -76,9 +77,19 @@ class Graph:
             message_class, topic.recorded_name, qos(depth=32, reliable=reliable, latched=latched)
         )
 
+    def client(self, service_type: type, name: str) -> Any:
+        """The client of a service, made once, and best before the node is started.
+
+        A node answers into the void where it has not heard of the client within 100 ms of its request: a client that
+        is made for each call is not heard of in time, now and then, on a busy machine.
+        """
+        if name not in self._clients:
+            self._clients[name] = self.listener.node.create_client(service_type, name)
+        return self._clients[name]
+
     def call(self, service_type: type, name: str, request: Any) -> Any:
         """Call a service, once it is there, and wait for its answer."""
-        client = self.listener.node.create_client(service_type, name)
+        client = self.client(service_type, name)
         self.wait_until(client.service_is_ready)
         answered = threading.Event()
         future = client.call_async(request)

@@ -6,8 +6,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from lifecycle_msgs.srv import ChangeState, GetState
 from node_harness import Graph
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.frames import PLANES, Plane
 from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
@@ -24,6 +25,14 @@ PERIOD_NS = 100_000_000
 SIDE = 256
 RIGHT_MM, WRONG_MM = 0.5, 2.0
 HEARD = (topics.DIAGNOSTICS, *(topic for topic in topics.OUTPUTS if topic is not topics.STATE), topics.STATE)
+SERVICES = {
+    "reset": Trigger,
+    "set_reference": Trigger,
+    "initialize": Trigger,
+    "freeze": SetBool,
+    "change_state": ChangeState,
+    "get_state": GetState,
+}
 Spoil = Callable[[dict[str, Any]], dict[str, Any] | None]
 """Fields of a message in, other fields out; None: it is not sent."""
 
@@ -53,10 +62,20 @@ class RingStream:
         """Wait until the tracker listens to everything."""
         self.graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in self.outlets.values()))
 
+    def listeners(self) -> dict[str, set[tuple[int, ...]]]:
+        """By topic, who is known to listen: a tracker that was killed for up to 20 s longer."""
+        known = self.graph.listener.node.get_subscriptions_info_by_topic
+        return {name: {tuple(one.endpoint_gid) for one in known(f"/{name}")} for name in self.outlets}
+
     def send(self, topic: topics.Topic, fields: Mapping[str, Any]) -> None:
         self.outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
 
-    def frame(
+    def frame(self, plane: Plane, number: int, **keywords: Any) -> None:
+        """Send one plane's calibration and image; keywords as in `drawn`."""
+        for topic, fields in self.drawn(plane, number, **keywords):
+            self.send(topic, fields)
+
+    def drawn(
         self,
         plane: Plane,
         number: int,
@@ -67,27 +86,31 @@ class RingStream:
         shown_ns: int | None = None,
         projection: Any = None,
         said: Any = None,
-    ) -> None:
-        """One plane's calibration and image: drawn by `projection`, as at `shown_ns`, said to be `said`."""
+    ) -> list[tuple[topics.Topic, dict[str, Any]]]:
+        """One plane's calibration and image, to be sent: drawn by `projection`, as at `shown_ns`, said to be `said`."""
         projection = ring_projection(plane, self._side) if projection is None else projection
         said = projection if said is None else said
         shown = stamp(number) if shown_ns is None else shown_ns
         header = header_fields(stamp(number) if stamp_ns is None else stamp_ns, f"detector_{plane}")
         pixels = ring_image(plane, self._side, displacement_mm(shown), self._generator, projection)
-        info, image = spoil_info(encode_camera_info(said, header)), spoil_image(encode_image(pixels, header))
-        if info is not None:
-            self.send(topics.camera_info_topic(plane), info)
-        if image is not None:
-            self.send(topics.image_topic(plane), image)
+        both = (
+            (topics.camera_info_topic(plane), spoil_info(encode_camera_info(said, header))),
+            (topics.image_topic(plane), spoil_image(encode_image(pixels, header))),
+        )
+        return [(topic, fields) for topic, fields in both if fields is not None]
 
     def pairs(self, count: int, **spoils: Any) -> list[int]:
-        """So many pairs more; keywords as in `frame`, `a_…` or `b_…` for one plane only. Returns their stamps."""
+        """So many pairs more; keywords as in `drawn`, `a_…` or `b_…` for one plane only. Returns their stamps."""
         stamps = []
         for _ in range(count):
+            messages = []
             for plane in PLANES:
                 keywords = {name: value for name, value in spoils.items() if not name.startswith(("a_", "b_"))}
                 keywords |= {name[2:]: value for name, value in spoils.items() if name.startswith(f"{plane}_")}
-                self.frame(plane, self.number, **keywords)
+                messages += self.drawn(plane, self.number, **keywords)
+            # Both are drawn before either is sent: what belongs together comes together, on a busy machine too.
+            for topic, fields in messages:
+                self.send(topic, fields)
             stamps.append(stamp(self.number))
             self.number += 1
         return stamps
@@ -104,6 +127,8 @@ class RingStream:
         """A pair that is clicked, and two more, tracked."""
         first, *_, last = self.pairs(1) + self.pairs(2)
         self.clicks(first)
+        # A topic of its own, which the first pose may overtake: it is judged by the reference that it is on.
+        self.graph.heard.wait_for(lambda: self.references()[-1:] == [first])
         self.expect([first, last])
 
     def expect(self, stamps: list[int]) -> None:
@@ -131,8 +156,22 @@ class RingStream:
         wrong = {at: error for at, error in self.errors_mm().items() if error > WRONG_MM}
         assert not wrong, wrong
 
+    def references(self) -> list[int]:
+        """Stamps of the references heard."""
+        return [stamp_to_ns(message.stamp) for message in self.graph.heard.messages["reference"]]
+
     def states(self) -> list[str]:
         return [message.data for message in self.graph.heard.messages["state"]]
+
+    def states_since(self, stamp_ns: int) -> list[str]:
+        """States published after a pair's pose, whichever of them was heard first."""
+        order = self.graph.heard.order
+        (*_, posed) = (
+            place
+            for place, (name, message) in enumerate(order)
+            if name == topics.MOTION.name and stamp_to_ns(message.header.stamp) == stamp_ns
+        )
+        return [message.data for name, message in order[posed + 1 :] if name == topics.STATE.name]
 
     def await_state(self, *states: str) -> None:
         """Wait until the tracker said one of these last: a topic of its own, which others may overtake."""
@@ -166,6 +205,8 @@ def diagnosed(graph: Graph, part: str) -> dict[str, str]:
 
 def start_tracker(graph: Graph, *parameters: str, name: str = "tracker") -> None:
     """Start a tracker and wait until it says a state."""
+    for service, service_type in SERVICES.items():
+        graph.client(service_type, f"/lasso_tracker/{service}")
     words = [word for parameter in parameters for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     before = len(graph.heard.messages["state"])

@@ -52,6 +52,7 @@ class Bench:
         write_stl(self._surface, TriangleMesh(corners, faces), "mm")
         given = (f"volume_file:={self._surface}", "units:=mm", "registration:='0 0 0.004 0 0 0 1'", *parameters)
         words = [word for parameter in given for word in ("-p", parameter)]
+        graph.client(ListParameters, "/lasso_overlay/list_parameters")
         node = graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
         self.process = node.pid
         inputs = [

@@ -55,6 +55,9 @@ def offline(recording: Path) -> list[np.ndarray]:
 def start(graph: Graph, *parameters: str) -> None:
     words = [word for parameter in parameters for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
+    graph.client(ChangeState, "/lasso_tracker/change_state")
+    for service in ("reset", "set_reference"):
+        graph.client(Trigger, f"/lasso_tracker/{service}")
     graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", arguments)
     graph.heard.wait_for(lambda: bool(states(graph)))
 
@@ -90,7 +93,8 @@ def test_every_pair_is_answered_as_offline(tmp_path: Path, recording: Path, offl
     with Graph(HEARD, tmp_path) as graph:
         start(graph)
         play(graph, recording)
-        graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
+        kinds = ("motion_raw", "motion", "motion_with_covariance")
+        graph.heard.wait_for(lambda: all(len(poses(graph, topic)) == len(MOTIONS_MM) for topic in kinds))
         live = poses(graph)
         assert sorted(live) == STAMPS
         for at, expected in zip(STAMPS, offline, strict=True):
