@@ -59,7 +59,7 @@ def test_no_pose_is_an_error() -> None:
 @pytest.mark.ros
 def test_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "live.json"
-    words = ["--live", "--overlay", "--rate", "10", "--pairs", "10", "--side", "256", "--json", str(path)]
+    words = ["--live", "--overlay", "--rate", "5", "--pairs", "10", "--side", "256", "--json", str(path)]
     assert main(["bench", *words]) == 0
     alone, beside = json.loads(path.read_text())
     for figures in (alone, beside):
