@@ -38,6 +38,9 @@ from msg_adapters.poses import decode_pose
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(600)]
 
 PERIOD_S = 0.125
+# While it rests. The stamps go on as before, but whatever draws and shows the pictures may catch up with the stream:
+# the page shows the film alone as long as the overlay is behind it.
+RESTING_PERIOD_S = 0.5
 START_NS = 1_760_000_000_000_000_000
 BREATH_MM = 7.0
 UP, DOWN = 6, 18  # phases of the breath
@@ -78,7 +81,7 @@ class Stream:
 
     def _run(self) -> None:
         phase = -1
-        while not self._stop.wait(PERIOD_S):
+        while not self._stop.wait(PERIOD_S if self.resting_ns is None else RESTING_PERIOD_S):
             if not self.visible:
                 phase = -1
             elif self.held_phase is None or phase != self.held_phase:
