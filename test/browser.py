@@ -61,7 +61,11 @@ class Page:
         deadline = time.monotonic() + patience_s
         while not (found := what()):
             if time.monotonic() > deadline:
-                seen = {name: self.text(name) for name in ("state", "reason", "detail", "alarm", "message")}
+                seen: dict[str, Any] = {
+                    name: self.text(name) for name in ("state", "reason", "detail", "alarm", "message")
+                }
+                seen["planes"] = [one.text for one in self.driver.find_elements("css selector", ".plane .caption")]
+                seen["drawing"] = self.driver.find_element("id", "drawing").get_attribute("value")
                 raise AssertionError(f"not seen within {patience_s:g} s: {why}; the page says {seen}")
             time.sleep(0.05)
         return found
