@@ -44,7 +44,7 @@ RESTING_PERIOD_S = 0.5
 START_NS = 1_760_000_000_000_000_000
 BREATH_MM = 7.0
 UP, DOWN = 6, 18  # phases of the breath
-LEGEND_FROM = 0.8 * SIDE
+LEGEND = np.array([0.3, 0.8]) * SIDE  # it lies left of here and below
 CORNERS = 0.028 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
 
@@ -169,7 +169,8 @@ class Stage:
         rows, columns = np.nonzero(film[..., 1] - np.maximum(film[..., 0], film[..., 2]) > 40)
         middle = np.array(film.shape[1::-1]) / 2
         points = (np.column_stack([columns, rows]) + 0.5 - middle) / factor + (SIDE - 1) / 2
-        return points[points[:, 1] < LEGEND_FROM]
+        # All else counts: how far down the outline comes depends on the phase that was clicked.
+        return points[(points[:, 0] > LEGEND[0]) | (points[:, 1] < LEGEND[1])]
 
 
 def homogeneous(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
