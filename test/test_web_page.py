@@ -43,7 +43,7 @@ PERIOD_S = 0.125
 RESTING_PERIOD_S = 0.5
 START_NS = 1_760_000_000_000_000_000
 BREATH_MM = 7.0
-UP, DOWN = 6, 18  # phases of the breath
+MIDDLE, UP, DOWN = 12, 6, 18  # phases of the breath
 LEGEND = np.array([0.3, 0.8]) * SIDE  # it lies left of here and below
 CORNERS = 0.028 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
@@ -116,9 +116,14 @@ class Stage:
         self.graph, self.page, self.stream = graph, page, stream
 
     def click_along_the_loop(self) -> None:
-        """Hold a pair and click the ring as it lies in the pictures; the held pair's phase is not known, so look."""
-        self.page.press("s")
-        self.page.wait_for(lambda: "Picture held" in self.page.text("alarm"), "a held picture")
+        """Hold a pair and click the ring as it lies in the pictures.
+
+        The pair is one of a phase that is given: it is the reference, and where the overlay's outline comes to lie,
+        beside its static one or on it, depends on that.
+        """
+        with self.held_breath(MIDDLE):
+            self.page.press("s")
+            self.page.wait_for(lambda: "Picture held" in self.page.text("alarm"), "a held picture")
         self.page.wait_for(lambda: self.ring("a") is not None, "the held picture's ring")
         for plane in "ab":
             for point in self.ring(plane)[::20]:
