@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,30 +11,19 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
+from node_harness import PATIENCE_S, Graph
+
 from lasso_motion_ros.frames import PLANES, UncalibratedFrame
 from lasso_motion_ros.nodes import tracker_outlets
 from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
 from lasso_motion_ros.tracker import TrackerState
 from msg_adapters.messages import RosMessages, stamp_to_ns
+from msg_adapters.topics import tracking_topic
+
+pytestmark = pytest.mark.ros
 
 PICTURE = np.zeros((4, 4, 3), np.uint8)
 LIVE, HELD = 1, 2
-
-
-class Publisher:
-    """Somebody always looks."""
-
-    def __init__(self, published: list[int]) -> None:
-        self._published = published
-
-    def get_subscription_count(self) -> int:
-        return 1
-
-    def publish(self, message: Any) -> None:
-        self._published.append(stamp_to_ns(message.header.stamp))
-
-    def wait_for_all_acked(self, timeout: Any) -> bool:
-        return True
 
 
 def view(stamp_ns: int, held: bool) -> View:
@@ -42,25 +31,33 @@ def view(stamp_ns: int, held: bool) -> View:
     return View(frames, None, TrackerState.TRACKING, "", {}, {}, held)
 
 
-def test_no_picture_of_another_pair_is_published_once_one_is_held(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_picture_of_another_pair_is_published_once_one_is_held(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     """Not even one that was being drawn: it would be taken for the frozen pair's."""
-    drawing, go_on, last = threading.Event(), threading.Event(), threading.Event()
+    drawing, go_on = threading.Event(), threading.Event()
 
     def draw(frame: UncalibratedFrame, *_: Any, **__: Any) -> np.ndarray:
         if frame.stamp_ns == LIVE:
             drawing.set()
-            assert go_on.wait(30.0)
+            assert go_on.wait(PATIENCE_S)
         return PICTURE
 
     monkeypatch.setattr(tracker_outlets, "draw_tracking", draw)
-    published: list[int] = []
-    node = SimpleNamespace(create_publisher=lambda *_: Publisher(published))
-    outlets = TrackerOutlets(node, RosMessages(), lambda error: None, lambda: None)
-    outlets.show(view(LIVE, held=False))
-    assert drawing.wait(30.0)
-    outlets.show(view(HELD, held=True))
-    go_on.set()
-    while len(published) < len(PLANES):
-        assert not last.wait(0.01)
-    outlets.close()
-    assert published == [HELD, HELD]
+    pictures = [tracking_topic(plane) for plane in PLANES]
+    with Graph(pictures, tmp_path) as graph:
+        heard = graph.heard.messages
+        outlets = TrackerOutlets(graph.listener.node, RosMessages(), lambda error: None, lambda: None)
+        graph.wait_until(
+            lambda: all(outlets._publishers[topic.name].get_subscription_count() > 0 for topic in pictures)
+        )
+        outlets.show(view(LIVE, held=False))
+        assert drawing.wait(PATIENCE_S)
+        outlets.show(view(HELD, held=True))
+        go_on.set()
+        graph.heard.wait_for(
+            lambda: all(HELD in [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] for topic in pictures)
+        )
+        outlets.close()
+        for topic in pictures:
+            assert [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] == [HELD]

@@ -31,6 +31,7 @@ BREATH_S = 2.0
 STAMP_OFFSET = 4
 """Where the stamp begins in a serialised message that begins with a header: behind CDR's own four bytes."""
 TICK_S = 0.02
+ANSWER_TICK_S = 0.002
 UNANSWERED_S = 2.0
 """So long a pair may hold up those after it: where the loop is lost, no answer tells of it."""
 
@@ -78,7 +79,6 @@ class BenchPublisher(Node):  # type: ignore[misc]
         motion = type(self._messages.make(MOTION.type_name, {}))
         self.create_subscription(motion, MOTION.name, lambda _: self._answered.set(), qos(depth=10))
         self._most_ahead, self._answered_ns = most_ahead, START_NS
-        self._on = threading.Event()
         if most_ahead > 0:
             catheter = type(self._messages.make(CATHETER.type_name, {}))
             self.create_subscription(catheter, CATHETER.name, self._on_answer, qos(depth=10))
@@ -122,17 +122,13 @@ class BenchPublisher(Node):  # type: ignore[misc]
 
     def _on_answer(self, message: Any) -> None:
         self._answered_ns = stamp_to_ns(message.header.stamp)
-        self._on.set()
 
     def _may_publish(self, number: int) -> bool:
         """Wait until the pairs before it are answered as far as they must be; False where it ends meanwhile."""
+        needed_ns = START_NS + (number - self._most_ahead) * self._period_ns
         given_up_s = time.monotonic() + UNANSWERED_S
-        while self._most_ahead > 0 and time.monotonic() < given_up_s:
-            self._on.clear()
-            if START_NS + (number - self._most_ahead) * self._period_ns <= self._answered_ns:
-                break
-            self._on.wait(TICK_S)
-            if self._closing.is_set():
+        while self._most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
+            if self._closing.wait(ANSWER_TICK_S):
                 return False
         return True
 
