@@ -29,10 +29,10 @@ test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions 
 	$(UBUNTU_VENV)/bin/python -m pytest -m "not ros and not packaging" $(ARGS)
 
 soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
-	$(VENV)/bin/python -m lasso_motion_ros.nodes.soak $(ARGS)
+	$(VENV)/bin/python -m lasso_motion_ros.bench.soak $(ARGS)
 
 fuzz: $(DEV) ## 100,000 spoilt messages, files and recordings: clear errors only, no hang, no memory blow-up (ten minutes)
-	$(VENV)/bin/python test/fuzz.py $(ARGS)
+	PYTHONPATH=test $(VENV)/bin/python test/support/fuzz.py $(ARGS)
 
 lint: $(DEV) ## formatting, style and types
 	$(VENV)/bin/ruff format --check .
@@ -48,7 +48,7 @@ screenshots: $(DEV) ## the pictures in docs/, for the README; needs Chromium
 	$(VENV)/bin/python docs/screenshot_web.py
 
 config: $(RUN) ## write config/*.yaml and docs/parameters.md from the parameter table
-	$(VENV)/bin/python -m lasso_motion_ros.parameter_files
+	$(VENV)/bin/python -m lasso_motion_ros.config.parameter_files
 
 lock: $(DEV) ## resolve the locked requirements anew
 	$(VENV)/bin/python requirements/lock.py

@@ -17,7 +17,7 @@ from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
 
 from lasso_motion_ros.cli.demo import write_demo_surface
-from lasso_motion_ros.share import bundled_recording
+from lasso_motion_ros.core.share import bundled_recording
 
 PACKAGE = "lasso_motion_ros"
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import GeometryError, MessageError
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.core.errors import GeometryError, MessageError
+from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.images import MAX_SIDE_PX
 from msg_adapters.messages import stamp_to_ns
 

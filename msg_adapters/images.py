@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.core.errors import MessageError
 
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 

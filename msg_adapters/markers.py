@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.transforms import apply
+from lasso_motion_ros.geometry.transforms import apply
 from msg_adapters.poses import decode_pose, encode_pose
 
 Array = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 from rosbags.typesys.store import Typestore
 
-from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.core.errors import MessageError
 
 _Convert = Callable[[Any], Any]
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.transforms import quaternion_from_rotation, rotation_from_quaternion
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.transforms import quaternion_from_rotation, rotation_from_quaternion
 
 Array = npt.NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import ConfigurationError, MessageError
-from lasso_motion_ros.plain_yaml import read_plain_yaml
+from lasso_motion_ros.core.errors import ConfigurationError, MessageError
+from lasso_motion_ros.core.plain_yaml import read_plain_yaml
 from msg_adapters.images import MAX_SIDE_PX
 from msg_adapters.messages import NANOSECONDS, header_fields
 

@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
-from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.core.errors import LassoMotionError
 
 # Whatever follows is not the command's to read.
 _ENDS = ("--", "--ros-args")

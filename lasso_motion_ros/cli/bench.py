@@ -18,21 +18,21 @@ from unittest import mock
 
 import numpy as np
 
-from lasso_motion_ros.cli.bench_codecs import Codec, available_codec
-from lasso_motion_ros.cli.json_output import write_json
+from lasso_motion_ros.bench.codecs import Codec, available_codec
+from lasso_motion_ros.bench.overlay import format_overlay, measure_overlay
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.cli.progress import busy, progress
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import busy, progress
+from lasso_motion_ros.core.share import bundled_recording, share_file
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.overlay_bench import format_overlay, measure_overlay
-from lasso_motion_ros.parameters import load_configuration
-from lasso_motion_ros.share import bundled_recording, share_file
 from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import MessageFactory
-from msg_adapters.recording_reader import RawMessage, RecordingReader
+from msg_adapters.recordings.reader import RawMessage, RecordingReader
 from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic
 
 HELP = """Measure the tracker stage by stage on one thread, from the undecoded messages of a recording to the serialised
@@ -45,19 +45,19 @@ LIVE_SIDES = range(128, 4097)
 
 # Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
 INNER_STAGES = (
-    ("lasso_motion_ros.loop_finder.working_image", "working image"),
-    ("lasso_motion_ros.loop_finder.find_peaks", "search"),
-    ("lasso_motion_ros.loop_finder.join_peaks", "search"),
-    ("lasso_motion_ros.loop_finder.align", "alignment"),
-    ("lasso_motion_ros.respiration.RespiratoryMotion.predict", "filter"),
-    ("lasso_motion_ros.respiration.RespiratoryMotion.expected_between", "filter"),
-    ("lasso_motion_ros.respiration.RespiratoryMotion.observe", "filter"),
-    ("lasso_motion_ros.respiration.RespiratoryMotion.mark_a", "filter"),
-    ("lasso_motion_ros.respiration.RespiratoryMotion.learn", "filter"),
-    ("lasso_motion_ros.judgement.BreathingEnvelope.departure", "judgement"),
-    ("lasso_motion_ros.judgement.BreathingEnvelope.accept", "judgement"),
-    ("lasso_motion_ros.brost2009.distance_map", "features"),
-    ("lasso_motion_ros.brost2009.register", "registration"),
+    ("lasso_motion_ros.ring.loop_finder.working_image", "working image"),
+    ("lasso_motion_ros.ring.loop_finder.find_peaks", "search"),
+    ("lasso_motion_ros.ring.loop_finder.join_peaks", "search"),
+    ("lasso_motion_ros.ring.loop_finder.align", "alignment"),
+    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.predict", "filter"),
+    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.expected_between", "filter"),
+    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.observe", "filter"),
+    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.mark_a", "filter"),
+    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.learn", "filter"),
+    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.departure", "judgement"),
+    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.accept", "judgement"),
+    ("lasso_motion_ros.brost2009.tracker.distance_map", "features"),
+    ("lasso_motion_ros.brost2009.tracker.register", "registration"),
 )
 MESSAGES = "messages"  # making the answers, but for their bytes
 
@@ -192,8 +192,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_growth(args: argparse.Namespace, config: ProductConfig, messages: Sequence[RawMessage]) -> int:
     """What grows with the sizes, and what must not grow with time."""
-    from lasso_motion_ros.cli.bench_memory import format_memory, measure_memory
-    from lasso_motion_ros.cli.bench_scaling import format_scaling, measure_scaling
+    from lasso_motion_ros.bench.memory import format_memory, measure_memory
+    from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
 
     figures: dict[str, Any] = {}
     with one_thread():
@@ -213,7 +213,7 @@ def _run_growth(args: argparse.Namespace, config: ProductConfig, messages: Seque
 def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     """Each rate in a graph of its own, since a tracker's counts and caches outlive a stream."""
     require_ros()
-    from lasso_motion_ros.nodes.live_bench import format_disturbance, format_live, measure_live
+    from lasso_motion_ros.bench.live import format_disturbance, format_live, measure_live
 
     runs = []
     for rate in args.rate:
@@ -253,7 +253,7 @@ def one_thread() -> Iterator[None]:
     import cv2
     from threadpoolctl import threadpool_limits
 
-    from lasso_motion_ros.memory import keep_freed_memory
+    from lasso_motion_ros.core.memory import keep_freed_memory
 
     keep_freed_memory()
     before = cv2.getNumThreads()

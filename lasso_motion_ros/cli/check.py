@@ -10,17 +10,17 @@ from pathlib import Path
 from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import positive
-from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.finding import Finding
 from msg_adapters.checks.graph import Endpoint, TopicFacts
-from msg_adapters.recording_reader import RecordingReader
+from msg_adapters.recordings.reader import RecordingReader
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
 service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
@@ -71,8 +71,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:
     require_ros()
-    from lasso_motion_ros.nodes.examiner import examine
-    from lasso_motion_ros.nodes.processes import held_signals
+    from lasso_motion_ros.tools.examiner import examine
+    from lasso_motion_ros.tools.processes import held_signals
 
     namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
     with held_signals() as interrupted:

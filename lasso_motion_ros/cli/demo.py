@@ -9,26 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.cli.progress import busy
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import busy
+from lasso_motion_ros.core.share import bundled_recording, share_file
 from lasso_motion_ros.evaluation.measures import Truth
-from lasso_motion_ros.evaluation.report import Summary, report
-from lasso_motion_ros.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.evaluation.summary import Summary, report
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.parameters import load_configuration
-from lasso_motion_ros.rendering.atrium import atrium_at_ostium, left_atrium_surface
-from lasso_motion_ros.rendering.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
-from lasso_motion_ros.rendering.surface import TriangleMesh, write_stl
-from lasso_motion_ros.rendering.windowing import RgbImage
-from lasso_motion_ros.share import bundled_recording, share_file
+from lasso_motion_ros.overlay.atrium import atrium_at_ostium, left_atrium_surface
+from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
+from lasso_motion_ros.overlay.windowing import RgbImage
+from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from msg_adapters.evaluation_input import read_estimates, read_truth
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
+from msg_adapters.recordings.evaluation_input import read_estimates, read_truth
+from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
 from msg_adapters.topics import overlay_topic, seed_topic
 
 HELP = """Play a recording in real time to the tracker and the overlay, each a process of its own, over DDS on this
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demonstration; returns the exit status, 0 when every pair was answered and no limit is exceeded."""
     require_ros()
-    from lasso_motion_ros.nodes.demonstration import DemonstrationInput, run_graph
+    from lasso_motion_ros.tools.demonstration import DemonstrationInput, run_graph
 
     recording: Path = args.bag or bundled_recording()
     configuration: Path = args.config or share_file("config/tracker.yaml")
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) -> int:
-    from lasso_motion_ros.nodes.page_demonstration import PageInput, run_page
+    from lasso_motion_ros.tools.page_demonstration import PageInput, run_page
 
     topics = RecordingReader(recording).topics
     check_tracking_topics(recording, topics)

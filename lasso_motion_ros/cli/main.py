@@ -12,8 +12,8 @@ from types import ModuleType
 from typing import cast
 
 from lasso_motion_ros.cli.arguments import CommandParser
-from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.share import version
+from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.share import version
 
 EXIT_DONE = 0
 EXIT_BAD_INPUT = 2  # argparse's own too

@@ -11,13 +11,13 @@ from dataclasses import asdict
 from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
-from lasso_motion_ros.cli.progress import counting
-from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.nodes.processes import LOOPBACK
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import counting
 from lasso_motion_ros.nodes.running import require_ros
-from msg_adapters.recording_reader import RecordingReader
+from lasso_motion_ros.tools.processes import LOOPBACK
+from msg_adapters.recordings.reader import RecordingReader
 
 HELP = """Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker
 has put out is left out, so that one can be run on it. Only this machine sees it, unless
@@ -50,7 +50,7 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     for name, value in LOOPBACK.items():
         os.environ.setdefault(name, value)
-    from lasso_motion_ros.nodes.player import PlayOptions, play
+    from lasso_motion_ros.tools.player import PlayOptions, play
 
     reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
 

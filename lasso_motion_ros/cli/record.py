@@ -9,14 +9,14 @@ import threading
 from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.cli.play import not_negative
-from lasso_motion_ros.cli.progress import busy, counting
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.running import require_ros
-from msg_adapters.recording_repair import repair_recording
-from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.recordings.repair import repair_recording
+from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.topics import (
     DIAGNOSTICS,
     GROUND_TRUTH,
@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
     if args.repair is not None:
         return _repair(args.repair, args.quiet)
     require_ros()
-    from lasso_motion_ros.nodes.recorder import record
+    from lasso_motion_ros.tools.recorder import record
 
     interrupted = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

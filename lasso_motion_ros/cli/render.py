@@ -13,25 +13,25 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.progress import busy, progress
-from lasso_motion_ros.configuration import OverlayConfig, ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.frames import FramePair
-from lasso_motion_ros.parameters import configuration_from_values, configuration_values, load_configuration
-from lasso_motion_ros.rendering.offline import VIEWS, DrawnPair, OfflineOverlay, View, video_picture
-from lasso_motion_ros.rendering.overlay import OverlayPainter
-from lasso_motion_ros.rendering.overlay_object import read_overlay_object
-from lasso_motion_ros.rendering.png import write_png
-from lasso_motion_ros.rendering.style import overlay_style
-from lasso_motion_ros.rendering.video import VideoWriter
-from lasso_motion_ros.share import share_file
+from lasso_motion_ros.config.configuration import OverlayConfig, ProductConfig
+from lasso_motion_ros.config.parameters import configuration_from_values, configuration_values, load_configuration
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import busy, progress
+from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.overlay.overlay_object import read_overlay_object
+from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.style import overlay_style
+from lasso_motion_ros.reports.offline_overlay import VIEWS, DrawnPair, OfflineOverlay, View, video_picture
+from lasso_motion_ros.reports.png import write_png
+from lasso_motion_ros.reports.video import VideoWriter
+from lasso_motion_ros.stream.outputs import Problem, problem_lines
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from lasso_motion_ros.stream.reports import Problem, problem_lines
-from msg_adapters.evaluation_input import read_estimates
-from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
-from msg_adapters.recording_writer import check_free
+from msg_adapters.recordings.evaluation_input import read_estimates
+from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+from msg_adapters.recordings.writer import check_free
 
 HELP = """Draw the overlay over a recording, offline, with the motion of a tracker's result: what the overlay node draws
 live. OUT.mp4 becomes a video of both planes, any other name a directory of PNG frames, one a plane and pair."""

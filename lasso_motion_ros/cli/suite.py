@@ -7,21 +7,21 @@ import json
 from dataclasses import asdict
 from pathlib import Path
 
+from lasso_motion_ros.bench.suite.cache import SequenceCache
+from lasso_motion_ros.bench.suite.run import SequenceResult, run_sequence
+from lasso_motion_ros.bench.suite.sequences import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
+from lasso_motion_ros.bench.suite.summary import Measures, format_report, format_sweep, measures, suite_report
+from lasso_motion_ros.bench.suite.sweeps import SWEEPS, Sweep, capture_range, sweep_scenarios
+from lasso_motion_ros.bench.suite.trap_summary import format_traps, trap_measures
+from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.measures import PairScore
-from lasso_motion_ros.parameters import load_configuration
 from lasso_motion_ros.phantom import Scenario
-from lasso_motion_ros.share import share_file
-from lasso_motion_ros.suite.cache import SequenceCache
-from lasso_motion_ros.suite.report import Measures, format_report, format_sweep, measures, suite_report
-from lasso_motion_ros.suite.run import SequenceResult, run_sequence
-from lasso_motion_ros.suite.sequences import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
-from lasso_motion_ros.suite.sweeps import SWEEPS, Sweep, capture_range, sweep_scenarios
-from lasso_motion_ros.suite.trap_report import format_traps, trap_measures
-from lasso_motion_ros.suite.traps import TRAPS, Trap, trap_scenarios
 
 SWEEP_SEQUENCES = 4
 
@@ -178,8 +178,8 @@ def _sweep(args: argparse.Namespace) -> int:
         }
         _write(args.json, json.dumps(values, indent=1))
     if args.report is not None:
-        from lasso_motion_ros.rendering.plots import save_figure
-        from lasso_motion_ros.rendering.suite_plots import sweeps_figure
+        from lasso_motion_ros.bench.suite.plots import sweeps_figure
+        from lasso_motion_ros.reports.plots import save_figure
 
         _make(args.report)
         tables = [_sweep_text(SWEEPS[name], of_sweep) for name, of_sweep in found.items()]
@@ -234,9 +234,9 @@ def _traps(args: argparse.Namespace) -> int:
 
 def _ablation(args: argparse.Namespace, scenarios: tuple[Scenario, ...]) -> int:
     """Suite and traps with every idea switched off in turn; on one thread, since the table has times."""
+    from lasso_motion_ros.bench.suite.ablation import format_ablation, run_ablation
+    from lasso_motion_ros.bench.suite.ideas import IDEAS
     from lasso_motion_ros.cli.bench import one_thread
-    from lasso_motion_ros.suite.ablation import format_ablation, run_ablation
-    from lasso_motion_ros.suite.ideas import IDEAS
 
     unknown = [name for name in args.ablation if name not in IDEAS]
     if unknown:
@@ -293,8 +293,8 @@ def _make(directory: Path) -> None:
 
 
 def _write_report(directory: Path, results: dict[str, list[SequenceResult]]) -> None:
-    from lasso_motion_ros.rendering.plots import save_figure
-    from lasso_motion_ros.rendering.suite_plots import suite_figure
+    from lasso_motion_ros.bench.suite.plots import suite_figure
+    from lasso_motion_ros.reports.plots import save_figure
 
     _make(directory)
     for name, of_config in results.items():

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.errors import ScenarioError
-from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.core.errors import ScenarioError
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator, available_scenarios, load_scenario
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
@@ -18,7 +18,7 @@ from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_line_strip, encode_points
 from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped
-from msg_adapters.recording_writer import RecordingWriter, check_free
+from msg_adapters.recordings.writer import RecordingWriter, check_free
 from msg_adapters.seeds import encode_polygon
 
 HELP = "Render a biplane sequence of the phantom, with seeds and exact truth, into an MCAP recording."

@@ -11,22 +11,22 @@ from pathlib import Path
 from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
-from lasso_motion_ros.cli.json_output import write_json
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.progress import progress
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import RecordingError
-from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.parameters import load_configuration
-from lasso_motion_ros.share import share_file
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.intake import recorded_intake
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem, problem_lines
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem, problem_lines
-from lasso_motion_ros.tracker import Tracker
+from lasso_motion_ros.tracking.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
-from msg_adapters.recording_reader import RecordingReader, check_tracking_topics
-from msg_adapters.recording_writer import RecordingWriter
+from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP, read_calibration_file, read_seeds_file
 from msg_adapters.topics import camera_info_topic, seed_topic
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.nodes.processes import LOOPBACK
+from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.tools.processes import LOOPBACK
 
 HELP = """A page in the browser: both planes live with overlay and tracked loop, state, motion and latency; clicking
 along the loop in both planes starts the tracker. With --annotate, the same tool draws the loop's centrelines into a

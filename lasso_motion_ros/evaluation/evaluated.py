@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.configuration import ProductConfig
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import Value, parameter_table
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth
-from lasso_motion_ros.evaluation.report import MEAN_ROW
-from lasso_motion_ros.parameters import Value, parameter_table
+from lasso_motion_ros.evaluation.summary import MEAN_ROW
 
 Array = npt.NDArray[np.float64]
 

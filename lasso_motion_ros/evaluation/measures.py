@@ -13,10 +13,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.curves import distance_to_curve, resample
-from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.geometry import Projection
-from lasso_motion_ros.transforms import apply, inverse
+from lasso_motion_ros.geometry.curves import distance_to_curve, resample
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.transforms import apply, inverse
 
 Array = npt.NDArray[np.float64]
 

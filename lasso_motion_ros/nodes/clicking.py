@@ -8,8 +8,8 @@ import threading
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import SeedError
-from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.core.errors import SeedError
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from msg_adapters.seeds import MAXIMUM_CLICKS, MINIMUM_CLICKS
 
 NOT_FROZEN = "a click was left out: the picture was not frozen (call ~/freeze first)"

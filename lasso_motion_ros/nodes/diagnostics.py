@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
-from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.watch import StreamWatch
-from lasso_motion_ros.stream.reports import PipelineStatistics
-from lasso_motion_ros.tracker import TrackerState
+from lasso_motion_ros.stream.outputs import PipelineStatistics
+from lasso_motion_ros.tracking.tracker import TrackerState
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"

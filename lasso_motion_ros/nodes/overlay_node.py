@@ -17,22 +17,22 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
-from lasso_motion_ros.configuration import OverlayConfig
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.frames import PLANES, Frame, Plane
+from lasso_motion_ros.config.configuration import OverlayConfig
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
-from lasso_motion_ros.rendering.overlay import OverlayPainter
-from lasso_motion_ros.rendering.overlay_object import read_overlay_object
-from lasso_motion_ros.rendering.style import overlay_style
-from lasso_motion_ros.stream.motion_history import Choice, MotionHistory
-from msg_adapters.calibrated_frames import CalibratedFrames
+from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
+from lasso_motion_ros.overlay.overlay_object import read_overlay_object
+from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.style import overlay_style
 from msg_adapters.images import encode_image
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose
+from msg_adapters.sync.calibrated_frames import CalibratedFrames
 from msg_adapters.topics import (
     CATHETER,
     IMAGE_TYPE,

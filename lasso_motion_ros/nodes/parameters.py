@@ -10,8 +10,13 @@ from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescri
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.errors import ConfigurationError, LassoMotionError
-from lasso_motion_ros.parameters import ParameterSpec, configuration_from_values, configuration_values, parameter_table
+from lasso_motion_ros.config.parameters import (
+    ParameterSpec,
+    configuration_from_values,
+    configuration_values,
+    parameter_table,
+)
+from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError
 
 Config = TypeVar("Config")
 

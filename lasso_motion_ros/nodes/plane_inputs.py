@@ -9,7 +9,7 @@ from typing import Any
 from rclpy.node import Node
 from sensor_msgs.msg import CameraInfo, Image
 
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from msg_adapters.topics import camera_info_topic, image_topic

@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, Protocol, TypeVar
 
-from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.core.errors import LassoMotionError
 
 NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
 LOG_PERIOD_S = 5.0
@@ -128,7 +128,7 @@ def bound_threads() -> None:
         os.environ.setdefault(name, "1")
     import cv2
 
-    from lasso_motion_ros.memory import keep_freed_memory
+    from lasso_motion_ros.core.memory import keep_freed_memory
 
     cv2.setNumThreads(1)
     keep_freed_memory()

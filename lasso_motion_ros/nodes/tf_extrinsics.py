@@ -8,8 +8,8 @@ import numpy as np
 import numpy.typing as npt
 from rclpy.node import Node
 
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.transforms import rotation_from_quaternion
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.transforms import rotation_from_quaternion
 from msg_adapters.calibrations import Extrinsics
 
 

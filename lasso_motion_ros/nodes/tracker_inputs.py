@@ -12,8 +12,8 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
 from lasso_motion_ros.nodes.watch import Offer

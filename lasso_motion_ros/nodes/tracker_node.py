@@ -13,23 +13,23 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
-from lasso_motion_ros.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
+from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded, kind_of
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
-from lasso_motion_ros.nodes.tracker_outlets import TrackerOutlets, View
+from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
-from lasso_motion_ros.tracker import TrackerState
+from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import decode_image
 from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file

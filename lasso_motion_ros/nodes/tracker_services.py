@@ -10,7 +10,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from lasso_motion_ros.errors import LassoMotionError
+from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline

@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.messages import NANOSECONDS
 from msg_adapters.topics import camera_info_topic, image_topic
 

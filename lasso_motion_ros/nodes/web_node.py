@@ -19,14 +19,14 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from lasso_motion_ros.configuration import WebConfig
-from lasso_motion_ros.errors import TrackingError
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.config.configuration import WebConfig
+from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.parameters import declare_configuration
 from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
-from lasso_motion_ros.tracker import TrackerState
+from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live import LiveView
 from lasso_motion_ros.web.server import WebServer

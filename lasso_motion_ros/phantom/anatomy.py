@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.phantom.bodies import Body, cylinder, ellipsoid
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
-from lasso_motion_ros.transforms import rotation_from_vector
 
 Array = npt.NDArray[np.float64]
 

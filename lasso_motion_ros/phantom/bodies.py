@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry import Projection
-from lasso_motion_ros.transforms import apply
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.transforms import apply
 
 Array = npt.NDArray[np.float64]
 

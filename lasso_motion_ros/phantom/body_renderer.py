@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.phantom.anatomy import LUNG, SOFT, Additive, Thorax
 from lasso_motion_ros.phantom.bodies import Body, Rays, pixel_rays, union_length
 from lasso_motion_ros.phantom.tubes import Segments, optical_depth
-from lasso_motion_ros.transforms import apply
 
 Array = npt.NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.phantom.settings import LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
-from lasso_motion_ros.transforms import apply
 
 Array = npt.NDArray[np.float64]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.phantom.catheters import (
     SEPTUM,
     body_segments,
@@ -16,7 +17,6 @@ from lasso_motion_ros.phantom.catheters import (
 )
 from lasso_motion_ros.phantom.settings import DistractorSettings, LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
-from lasso_motion_ros.transforms import apply
 
 Array = npt.NDArray[np.float64]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.geometry import Projection, carm_projection
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.settings import Event, Scenario
-from lasso_motion_ros.transforms import rigid
 
 Array = npt.NDArray[np.float64]
 

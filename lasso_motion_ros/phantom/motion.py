@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.body_renderer import BodyState
 from lasso_motion_ros.phantom.settings import BreathingSettings, HeartSettings
-from lasso_motion_ros.transforms import rigid
 
 Array = npt.NDArray[np.float64]
 

@@ -11,10 +11,10 @@ import math
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
 
-from lasso_motion_ros.errors import ConfigurationError, ScenarioError
+from lasso_motion_ros.core.errors import ConfigurationError, ScenarioError
+from lasso_motion_ros.core.plain_yaml import read_plain_yaml
+from lasso_motion_ros.core.share import share_directory
 from lasso_motion_ros.phantom.settings import Event, Scenario
-from lasso_motion_ros.plain_yaml import read_plain_yaml
-from lasso_motion_ros.share import share_directory
 
 Group = TypeVar("Group")
 

@@ -9,8 +9,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.transforms import apply, inverse, rigid
 from lasso_motion_ros.phantom.anatomy import Thorax, build_thorax
 from lasso_motion_ros.phantom.body_renderer import BodyRenderer, BodyState, heart_surface_points
 from lasso_motion_ros.phantom.catheters import (
@@ -31,7 +32,6 @@ from lasso_motion_ros.phantom.motion import Breathing, Heartbeat, Motion
 from lasso_motion_ros.phantom.seeds import clicks_along_loop
 from lasso_motion_ros.phantom.settings import Event, Scenario
 from lasso_motion_ros.phantom.tubes import Segments, joined, optical_depth
-from lasso_motion_ros.transforms import apply, inverse, rigid
 
 Array = npt.NDArray[np.float64]
 

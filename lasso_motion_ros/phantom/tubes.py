@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.geometry.projection import Projection
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
-from lasso_motion_ros.errors import ScenarioError, VolumeError
-from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.core.errors import ScenarioError, VolumeError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.volumes import read_volume_image
 from lasso_motion_ros.phantom.anatomy import SOFT
 from lasso_motion_ros.phantom.bodies import Rays, pixel_rays
 from lasso_motion_ros.phantom.body_renderer import BodyState
-from lasso_motion_ros.volumes import read_volume_image
 
 Array = npt.NDArray[np.float64]
 Sampler = Callable[[Array], npt.NDArray[np.float32]]

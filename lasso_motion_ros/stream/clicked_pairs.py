@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 
 # Stamps written as decimal seconds come back a fraction of a microsecond off.
 _SAME_STAMP_NS = 1_000_000

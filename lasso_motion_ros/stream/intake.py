@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from lasso_motion_ros.frames import PLANES
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.topics import R_PEAK, camera_info_topic, compressed_image_topic, image_topic, seed_topic

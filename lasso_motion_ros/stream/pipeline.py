@@ -14,19 +14,19 @@ from typing import Any
 import cv2
 import numpy as np
 
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.errors import LassoMotionError, TrackingError
-from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.heartbeat_separation import HeartbeatSeparation
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
-from lasso_motion_ros.stream.reports import Output, PipelineStatistics, Problem
+from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem
 from lasso_motion_ros.stream.result_messages import ResultMessages
-from lasso_motion_ros.tracker import Tracker, TrackerState, TrackResult
+from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.calibrations import Extrinsics
-from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.messages import MessageFactory, stamp_to_ns
-from msg_adapters.pairing import Pair
 from msg_adapters.seeds import decode_seed
+from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.pairing import Pair
 from msg_adapters.topics import Topic, camera_info_topic, image_topic, seed_topic
 
 _MAX_PROBLEMS = 64
@@ -54,7 +54,7 @@ class TrackingPipeline:
         extrinsics: Extrinsics | None = None,
     ) -> None:
         if tracker is None:
-            from lasso_motion_ros.tracker_factory import create_tracker
+            from lasso_motion_ros.stream.tracker_factory import create_tracker
 
             tracker = create_tracker(config)
         self._config = config

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.frames import FramePair
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.intake import recorded_intake
+from lasso_motion_ros.stream.outputs import Problem
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.reports import Problem
 from msg_adapters.messages import RecordedMessages
-from msg_adapters.recording_reader import RecordingReader
+from msg_adapters.recordings.reader import RecordingReader
 
 
 def recorded_pairs(

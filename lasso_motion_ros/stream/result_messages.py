@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from lasso_motion_ros.heartbeat_separation import PublishedMotion
-from lasso_motion_ros.stream.reports import Output
-from lasso_motion_ros.tracker import TrackerState, TrackResult
+from lasso_motion_ros.stream.heartbeat_separation import PublishedMotion
+from lasso_motion_ros.stream.outputs import Output
+from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import MessageFactory, header_fields
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped

@@ -6,11 +6,11 @@ import gc
 
 import numpy as np
 
-from lasso_motion_ros.configuration import ProductConfig
-from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.phantom.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.stream.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
+from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.reports import Output
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import MessageFactory, header_fields

@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import MessageError, RecordingError
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.core.errors import MessageError, RecordingError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
-from msg_adapters.pairing import PairSynchroniser
-from msg_adapters.recording_copy import RecordingCopier
-from msg_adapters.recording_reader import RawMessage, RecordingReader, check_tracking_topics
-from msg_adapters.recording_writer import RecordingWriter, check_free
+from msg_adapters.recordings.copy import RecordingCopier
+from msg_adapters.recordings.reader import RawMessage, RecordingReader, check_tracking_topics
+from msg_adapters.recordings.writer import RecordingWriter, check_free
 from msg_adapters.seeds import decode_polygon, encode_polygon
+from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.topics import compressed_image_topic, image_topic, true_centreline_topic
 
 Array = npt.NDArray[np.float64]

@@ -14,18 +14,18 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.configuration import SyncConfig
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.frames import PLANES, Frame, FramePair, Plane
-from lasso_motion_ros.rendering.tracking_view import STATE_COLOURS
-from lasso_motion_ros.tracker import TrackerState
-from lasso_motion_ros.transforms import apply
+from lasso_motion_ros.config.configuration import SyncConfig
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.overlay.tracking_view import STATE_COLOURS
+from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
-from msg_adapters.frame_pairs import FramePairs
 from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.pairing import Pair
 from msg_adapters.poses import decode_pose
+from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.pairing import Pair
 
 Array = npt.NDArray[np.float64]
 

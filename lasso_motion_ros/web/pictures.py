@@ -8,9 +8,9 @@ from collections import OrderedDict
 import cv2
 import numpy as np
 
-from lasso_motion_ros.errors import LassoMotionError
-from lasso_motion_ros.frames import PLANES
-from lasso_motion_ros.rendering.windowing import window_image, window_limits
+from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.overlay.windowing import window_image, window_limits
 from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
 from lasso_motion_ros.web.source import Picture, PlanePicture, View
 

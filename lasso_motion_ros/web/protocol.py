@@ -12,8 +12,8 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.frames import PLANES, Plane
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.web.source import VIEWS, View
 
 Array = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from lasso_motion_ros.errors import LassoMotionError, MessageError
+from lasso_motion_ros.core.errors import LassoMotionError, MessageError
 from lasso_motion_ros.web.pictures import PictureEncoder
 from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, Look, Request, Shown, Window, encode, parse
 from lasso_motion_ros.web.source import Source, View

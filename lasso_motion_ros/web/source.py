@@ -9,7 +9,7 @@ from typing import Any, Literal, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.frames import Plane
+from lasso_motion_ros.geometry.frames import Plane
 
 Array = npt.NDArray[np.float64]
 View = Literal["film", "overlay"]

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import MessageError
-from lasso_motion_ros.frames import Plane
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.calibrations import decode_camera_info
 from msg_adapters.checks.finding import Finding
 from msg_adapters.messages import stamp_to_ns

@@ -7,8 +7,8 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.geometry import Projection
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.checks.calibration import CalibrationSamples, check_calibration, check_planes
 from msg_adapters.checks.finding import SEVERITIES, Finding
 from msg_adapters.checks.graph import TopicFacts, check_graph

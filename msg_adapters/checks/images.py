@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from lasso_motion_ros.errors import MessageError
+from lasso_motion_ros.core.errors import MessageError
 from msg_adapters.checks.finding import Finding, Severity
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 

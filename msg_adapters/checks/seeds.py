@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.errors import GeometryError, MessageError
-from lasso_motion_ros.frames import PLANES, Plane
-from lasso_motion_ros.geometry import Projection, triangulate
+from lasso_motion_ros.core.errors import GeometryError, MessageError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection, triangulate
 from msg_adapters.checks.finding import Finding, Severity
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.pairing import Pair
 from msg_adapters.seeds import decode_seed
+from msg_adapters.sync.pairing import Pair
 from msg_adapters.topics import seed_topic
 
 Array = npt.NDArray[np.float64]

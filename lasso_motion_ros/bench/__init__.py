@@ -1,0 +1,1 @@
+"""How fast, how large, how well: stages, memory, live latency, and the suite of simulated sequences."""

@@ -1,0 +1,164 @@
+"""A child of the live benchmark: publishes a biplane stream at a steady rate and notes when.
+
+`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json [MOST_AHEAD]`
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
+from lasso_motion_ros.stream.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
+from msg_adapters.calibrations import encode_camera_info
+from msg_adapters.images import encode_image
+from msg_adapters.messages import NANOSECONDS, RosMessages, header_fields, ns_to_stamp, stamp_to_ns
+from msg_adapters.seeds import encode_polygon
+from msg_adapters.topics import CATHETER, MOTION, Topic, camera_info_topic, image_topic, seed_topic
+
+START_NS = 1_760_000_000 * NANOSECONDS
+BREATH_S = 2.0
+STAMP_OFFSET = 4
+"""Where the stamp begins in a serialised message that begins with a header: behind CDR's own four bytes."""
+TICK_S = 0.02
+ANSWER_TICK_S = 0.002
+UNANSWERED_S = 2.0
+"""So long a pair may hold up those after it: where the loop is lost, no answer tells of it."""
+
+
+class BenchPublisher(Node):  # type: ignore[misc]
+    """Publishes one seeded pair, waits for the tracker's answer to it, then the stream.
+
+    The images of one breath are drawn before and sent over and over with new stamps: drawing is not what is measured.
+
+    Args:
+        rate: pairs a second.
+        pairs: of the stream.
+        side: of the images, pixels.
+        image_subscribers: to wait for on each image topic.
+        notes: file for the steady clock (ns) at which each pair's later image was published, by its stamp.
+        most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector knows no mercy.
+    """
+
+    def __init__(
+        self, rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
+    ) -> None:
+        super().__init__("bench_publisher", enable_rosout=False)
+        self.complaints = ThrottledLog(self.get_logger())
+        self._period_ns = round(NANOSECONDS / rate)
+        self._pairs, self._notes, self._image_subscribers = pairs, notes, image_subscribers
+        self._messages = RosMessages()
+        generator = np.random.default_rng(0)
+        steps = max(1, round(BREATH_S * rate))
+        self._images: dict[Plane, list[bytearray]] = {plane: [] for plane in PLANES}
+        self._infos: dict[Plane, bytearray] = {}
+        for plane in PLANES:
+            for step in range(min(steps, pairs + 1)):
+                displacement = breath_mm(step / rate, BREATH_S)
+                pixels = ring_image(plane, side, displacement, generator)
+                self._images[plane].append(self._serialised(image_topic(plane), encode_image(pixels, header_fields(0))))
+            info = encode_camera_info(ring_projection(plane, side), header_fields(0))
+            self._infos[plane] = self._serialised(camera_info_topic(plane), info)
+        self._side = side
+        inputs = [make(plane) for plane in PLANES for make in (image_topic, camera_info_topic, seed_topic)]
+        self._outlets = {
+            topic.name: self.create_publisher(type(self._messages.make(topic.type_name, {})), topic.name, qos(depth=10))
+            for topic in inputs
+        }
+        self._answered = threading.Event()
+        motion = type(self._messages.make(MOTION.type_name, {}))
+        self.create_subscription(motion, MOTION.name, lambda _: self._answered.set(), qos(depth=10))
+        self._most_ahead, self._answered_ns = most_ahead, START_NS
+        if most_ahead > 0:
+            catheter = type(self._messages.make(CATHETER.type_name, {}))
+            self.create_subscription(catheter, CATHETER.name, self._on_answer, qos(depth=10))
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._publish_all, name="stream", daemon=True)
+
+    def start(self) -> None:
+        """Begin to wait for subscribers."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the stream."""
+        self._closing.set()
+        self._thread.join()
+
+    def _serialised(self, topic: Topic, fields: dict[str, object]) -> bytearray:
+        return bytearray(serialize_message(self._messages.make(topic.type_name, fields)))
+
+    def _publish_all(self) -> None:
+        wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._outlets}
+        while any(self._outlets[name].get_subscription_count() < count for name, count in wanted.items()):
+            if self._closing.wait(TICK_S):
+                return
+        self._publish_pair(0)
+        seed = ring_seed(self._side)
+        for plane in PLANES:
+            topic = seed_topic(plane)
+            fields = encode_polygon(seed.points(plane), header_fields(START_NS))
+            self._outlets[topic.name].publish(self._messages.make(topic.type_name, fields))
+        while not self._answered.is_set():
+            if self._closing.wait(TICK_S):
+                return
+        published: dict[int, int] = {}
+        began = time.monotonic()
+        for number in range(1, self._pairs + 1):
+            left = began + number * self._period_ns / NANOSECONDS - time.monotonic()
+            if self._closing.wait(max(0.0, left)) or not self._may_publish(number):
+                return
+            published[START_NS + number * self._period_ns] = self._publish_pair(number)
+        self._notes.write_text(json.dumps({str(stamp): at for stamp, at in published.items()}), encoding="utf-8")
+
+    def _on_answer(self, message: Any) -> None:
+        self._answered_ns = stamp_to_ns(message.header.stamp)
+
+    def _may_publish(self, number: int) -> bool:
+        """Wait until the pairs before it are answered as far as they must be; False where it ends meanwhile."""
+        needed_ns = START_NS + (number - self._most_ahead) * self._period_ns
+        given_up_s = time.monotonic() + UNANSWERED_S
+        while self._most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
+            if self._closing.wait(ANSWER_TICK_S):
+                return False
+        return True
+
+    def _publish_pair(self, number: int) -> int:
+        """Publish a pair; returns the steady clock, ns, just before its later image went out."""
+        stamp = ns_to_stamp(START_NS + number * self._period_ns)
+        head = np.array([stamp["sec"], stamp["nanosec"]], "<u4").tobytes()
+        began = 0
+        for plane in PLANES:
+            info = self._infos[plane]
+            image = self._images[plane][number % len(self._images[plane])]
+            for data in (info, image):
+                data[STAMP_OFFSET : STAMP_OFFSET + len(head)] = head
+            self._outlets[camera_info_topic(plane).name].publish(bytes(info))
+            whole = bytes(image)
+            began = time.monotonic_ns()
+            self._outlets[image_topic(plane).name].publish(whole)
+        return began
+
+
+def main() -> int:
+    """Run until stopped; returns the exit status."""
+    rate, pairs, side, subscribers, notes = sys.argv[1:6]
+    most_ahead = int(sys.argv[6]) if len(sys.argv) > 6 else 0
+
+    def make() -> RunnableNode:
+        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes), most_ahead)
+
+    return run_node(make, [])
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,180 @@
+"""Endurance: thousands of pairs through a real tracker, whose memory, threads and open files are watched.
+
+`python -m lasso_motion_ros.bench.soak [PAIRS]`, or `make soak`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.tools.listener import Listener
+from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
+from msg_adapters.topics import CATHETER, MOTION, STATE, Topic
+
+PAIRS = 20_000
+WARM_PAIRS = 1000
+"""Until so many are answered, buffers and caches may fill."""
+RATE = 40.0
+SIDE = 256
+LARGEST_GROWTH_MB = 5.0
+START_WAIT_S = 60.0
+SILENCE_S = 20.0
+TICK_S = 0.25
+MOST_AHEAD = 8
+"""Pairs on their way to the tracker: fewer than it has room for, so that none is left out where the machine is slow."""
+
+
+@dataclass(frozen=True)
+class Resources:
+    """What a process holds.
+
+    Attributes:
+        memory_mb: private memory (RssAnon), megabytes.
+        threads: how many.
+        files: open handles.
+    """
+
+    memory_mb: float
+    threads: int
+    files: int
+
+
+@dataclass(frozen=True)
+class SoakFigures:
+    """What came of it.
+
+    Attributes:
+        answered: pairs answered.
+        poses: of these, with a pose.
+        warm: what the tracker held once it was warm.
+        end: what it held at the end, still running.
+    """
+
+    answered: int
+    poses: int
+    warm: Resources
+    end: Resources
+
+    @property
+    def growth_mb(self) -> float:
+        """Memory that came on since it was warm."""
+        return self.end.memory_mb - self.warm.memory_mb
+
+    @property
+    def leaks(self) -> list[str]:
+        """What grew that must not, in words."""
+        found = []
+        if self.growth_mb > LARGEST_GROWTH_MB:
+            found.append(f"memory grew by {self.growth_mb:.1f} MB")
+        for what in ("threads", "files"):
+            before, after = getattr(self.warm, what), getattr(self.end, what)
+            if after > before:
+                found.append(f"{what} grew from {before} to {after}")
+        return found
+
+
+def resources(process_id: int) -> Resources:
+    """What a process holds now (Linux)."""
+    status = Path(f"/proc/{process_id}/status").read_text(encoding="utf-8")
+    fields = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
+    return Resources(
+        memory_mb=int(fields["RssAnon"].split()[0]) / 1024.0,
+        threads=int(fields["Threads"]),
+        files=len(os.listdir(f"/proc/{process_id}/fd")),  # noqa: PTH208 - only the count
+    )
+
+
+class _Answers:
+    def __init__(self) -> None:
+        self.answered = self.poses = 0
+        self.up = False
+
+    def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
+        self.answered += topic is CATHETER
+        self.poses += topic is MOTION
+        self.up = self.up or topic is STATE
+
+
+def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, side: int = SIDE) -> SoakFigures:
+    """Run so many pairs through the tracker.
+
+    Args:
+        pairs: published.
+        warm_pairs: answered until growth counts.
+        rate: pairs a second.
+        side: of the images, pixels.
+
+    Raises:
+        LassoMotionError: a process failed, or the answers ceased.
+        KeyboardInterrupt: interrupted.
+    """
+    for name, value in LOOPBACK.items():
+        os.environ.setdefault(name, value)
+    domain = free_domain()
+    answers = _Answers()
+    warm: Resources | None = None
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_soak_") as directory:
+        sent = Path(directory) / "sent.json"
+        with (
+            Listener((CATHETER, MOTION, STATE), answers, domain=domain, raw=True),
+            held_signals() as interrupted,
+            Processes({"ROS_DOMAIN_ID": str(domain)}, Path(directory)) as processes,
+        ):
+            parameters = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml"))]
+            tracker = processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", parameters)
+            # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
+            came_up_by_s = time.monotonic() + START_WAIT_S
+            while not answers.up:
+                if interrupted.wait(TICK_S):
+                    raise KeyboardInterrupt
+                if processes.ended() or time.monotonic() > came_up_by_s:
+                    raise LassoMotionError(f"the tracker has not come up: {processes.log('tracker', 3)}")
+            words = [str(rate), str(pairs), str(side), "1", str(sent), str(MOST_AHEAD)]
+            processes.start("publisher", "lasso_motion_ros.bench.publisher", words)
+            last, changed_s = 0, time.monotonic() + START_WAIT_S
+            while not (sent.is_file() and answers.answered == last and time.monotonic() > changed_s + 1.0):
+                if interrupted.wait(TICK_S):
+                    raise KeyboardInterrupt
+                for name, status in processes.ended().items():
+                    raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 3)}")
+                if answers.answered != last:
+                    last, changed_s = answers.answered, time.monotonic()
+                elif time.monotonic() > changed_s + SILENCE_S:
+                    raise LassoMotionError(f"no answer any more after {last} pairs: {processes.log('tracker', 3)}")
+                if warm is None and answers.answered >= warm_pairs:
+                    warm = resources(tracker.pid)
+            end = resources(tracker.pid)
+            processes.stop()
+    if warm is None:
+        raise LassoMotionError(f"only {answers.answered} of {pairs} pairs were answered")
+    return SoakFigures(answers.answered, answers.poses, warm, end)
+
+
+def main() -> int:
+    """Run it and print what came of it; returns the exit status."""
+    pairs = int(sys.argv[1]) if len(sys.argv) > 1 else PAIRS
+    try:
+        figures = soak(pairs)
+    except LassoMotionError as error:
+        sys.stderr.write(f"soak: {error}\n")
+        return 2
+    sys.stdout.write(
+        f"{figures.answered} of {pairs + 1} pairs answered, {figures.poses} with a pose; after the first {WARM_PAIRS}: "
+        f"memory {figures.growth_mb:+.1f} MB (at most {LARGEST_GROWTH_MB:g}), "
+        f"threads {figures.warm.threads} to {figures.end.threads}, files {figures.warm.files} to {figures.end.files}\n"
+    )
+    for leak in figures.leaks:
+        sys.stderr.write(f"soak: {leak}\n")
+    return 1 if figures.leaks else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""The parameter table, its validation, and the files made from it."""

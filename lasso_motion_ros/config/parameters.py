@@ -1,0 +1,179 @@
+"""What makes a tree of dataclasses a table of ROS parameters: declaring, listing, checking, reading from YAML."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.core.plain_yaml import read_plain_yaml
+
+Value = bool | int | float | str
+Config = TypeVar("Config")
+
+
+def parameter(
+    default: Value,
+    description: str,
+    *,
+    unit: str = "",
+    minimum: float | None = None,
+    maximum: float | None = None,
+    choices: tuple[str, ...] = (),
+    read_only: bool = True,
+) -> Any:
+    """A dataclass field that is a ROS parameter; the metadata is what declaration and documentation show."""
+    return field(
+        default=default,
+        metadata={
+            "description": description,
+            "unit": unit,
+            "minimum": minimum,
+            "maximum": maximum,
+            "choices": choices,
+            "read_only": read_only,
+        },
+    )
+
+
+def tuning(default: Value, description: str, **limits: Any) -> Any:
+    """A `parameter` that can be changed while the node runs."""
+    return parameter(default, description, read_only=False, **limits)
+
+
+@dataclass(frozen=True)
+class ParameterSpec:
+    """One row of the parameter table.
+
+    Attributes:
+        name: full dotted name, as in ROS.
+        default: default value; its type is the parameter's type.
+        description: what it does.
+        unit: unit of a number, or empty.
+        minimum: smallest value allowed, or None.
+        maximum: largest value allowed, or None.
+        choices: the strings allowed, or empty.
+        read_only: whether it is fixed once the node is up.
+    """
+
+    name: str
+    default: Value
+    description: str
+    unit: str
+    minimum: float | None
+    maximum: float | None
+    choices: tuple[str, ...]
+    read_only: bool
+
+    def checked(self, value: Any) -> Value:
+        """The value in the parameter's type.
+
+        Raises:
+            ConfigurationError: wrong type, out of range, or not one of the choices.
+        """
+        kind = type(self.default)
+        if kind is float and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        if type(value) is not kind:
+            raise ConfigurationError(f"{self.name} must be a {kind.__name__}, found {value!r}")
+        if isinstance(value, float) and math.isnan(value):
+            raise ConfigurationError(f"{self.name} must be a number, found nan")
+        if isinstance(value, int | float):
+            for limit, words, broken in (
+                (self.minimum, "at least", self.minimum is not None and value < self.minimum),
+                (self.maximum, "at most", self.maximum is not None and value > self.maximum),
+            ):
+                if broken:
+                    allowed = f"{words} {limit} {self.unit}".rstrip()
+                    raise ConfigurationError(f"{self.name} must be {allowed}, found {value}")
+        if self.choices and value not in self.choices:
+            raise ConfigurationError(f"{self.name} must be one of {', '.join(self.choices)}, found {value!r}")
+        return value
+
+
+def parameter_table(config_type: type, prefix: str = "") -> Iterator[ParameterSpec]:
+    """The parameters of a configuration dataclass, nested groups joined by dots, in the order declared."""
+    defaults = config_type()
+    for entry in dataclasses.fields(config_type):
+        value = getattr(defaults, entry.name)
+        if dataclasses.is_dataclass(value):
+            yield from parameter_table(type(value), f"{prefix}{entry.name}.")
+        else:
+            yield ParameterSpec(name=prefix + entry.name, default=value, **entry.metadata)
+
+
+def configuration_from_values(config_type: type[Config], values: Mapping[str, Any]) -> Config:
+    """A configuration from dotted parameter names; what is not named keeps its default.
+
+    Raises:
+        ConfigurationError: an unknown name, a wrong type, or a value out of range.
+    """
+    known = {spec.name: spec for spec in parameter_table(config_type)}
+    for name in values:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {near[0]}?" if near else ""
+            raise ConfigurationError(f"unknown parameter {name!r}{hint}")
+    return _build(config_type, {name: known[name].checked(value) for name, value in values.items()}, "")
+
+
+def load_configuration(path: str | Path, config_type: type[Config], node_name: str = "lasso_tracker") -> Config:
+    """Read a ROS 2 parameter YAML file.
+
+    Sections `/**` and the node's own name (with or without a leading `/`, `/**/`) apply, in the order written.
+
+    Raises:
+        ConfigurationError: unreadable file, not parameter YAML, or a value that is not allowed.
+    """
+    document = read_plain_yaml(path)
+    if not isinstance(document, dict):
+        raise ConfigurationError(f"{path}: expected ROS parameter YAML (node name: ros__parameters: …)")
+    values: dict[str, Any] = {}
+    for section, body in document.items():
+        if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
+            raise ConfigurationError(f"{path}: section {section!r} has no ros__parameters")
+        if str(section) in {"/**", node_name, f"/{node_name}", f"/**/{node_name}"}:
+            values.update(_flatten(body["ros__parameters"]))
+    try:
+        return configuration_from_values(config_type, values)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from error
+
+
+def configuration_values(config: Any, prefix: str = "") -> dict[str, Value]:
+    """All parameters of a configuration as dotted names and values; inverse of `configuration_from_values`."""
+    values: dict[str, Value] = {}
+    for entry in dataclasses.fields(config):
+        value = getattr(config, entry.name)
+        if dataclasses.is_dataclass(value):
+            values.update(configuration_values(value, f"{prefix}{entry.name}."))
+        else:
+            values[prefix + entry.name] = value
+    return values
+
+
+def _flatten(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for name, value in tree.items():
+        if isinstance(value, dict):
+            flat.update(_flatten(value, f"{prefix}{name}."))
+        else:
+            flat[f"{prefix}{name}"] = value
+    return flat
+
+
+def _build(config_type: type[Config], values: Mapping[str, Value], prefix: str) -> Config:
+    defaults: Any = config_type()
+    arguments: dict[str, Any] = {}
+    for entry in dataclasses.fields(defaults):
+        default = getattr(defaults, entry.name)
+        if dataclasses.is_dataclass(default):
+            arguments[entry.name] = _build(type(default), values, f"{prefix}{entry.name}.")
+        elif prefix + entry.name in values:
+            arguments[entry.name] = values[prefix + entry.name]
+    return config_type(**arguments)

@@ -1,0 +1,1 @@
+"""Projection, rigid transforms, curves, ellipses, and the biplane frames that carry them."""

@@ -1,0 +1,136 @@
+"""What the tracker node publishes: its answers in their order, its state, its pictures, its diagnostics."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.worker import Worker
+from lasso_motion_ros.overlay.tracking_view import draw_tracking
+from lasso_motion_ros.stream.outputs import Output
+from lasso_motion_ros.tracking.tracker import TrackerState
+from msg_adapters.images import encode_image
+from msg_adapters.messages import MessageFactory, header_fields
+from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, OUTPUTS, STATE, Topic, tracking_topic
+
+GOODBYE_WAIT_S = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the pictures show.
+
+    Attributes:
+        frames: the planes' images, of one pair, or the newest while there is no calibration.
+        loop: (N, 3) the catheter's curve, world metres, or None.
+        state: the state.
+        reason: why, in a few words.
+        clicks: per plane (N, 2) pixels; empty where none are collected.
+        frame_ids: per plane, of the images.
+        held: the pair is frozen: no other is shown after it.
+    """
+
+    frames: dict[Plane, Frame | UncalibratedFrame]
+    loop: npt.NDArray[np.float64] | None
+    state: TrackerState
+    reason: str
+    clicks: dict[Plane, npt.NDArray[np.float64]]
+    frame_ids: dict[Plane, str]
+    held: bool = False
+
+
+class TrackerOutlets:
+    """Ordinary publishers that live as long as the node, so that INACTIVE is seen too; pictures in their own thread.
+
+    Args:
+        node: the node.
+        messages: makes the messages.
+        on_error: takes what drawing raised.
+        on_change: called when another state than the last was published.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        messages: MessageFactory,
+        on_error: Callable[[Exception], None],
+        on_change: Callable[[], None],
+    ) -> None:
+        self._messages = messages
+        self._on_change = on_change
+        self._showing = threading.Lock()
+        self._held = False
+        self.state = ""
+        self._publishers: dict[str, Publisher] = {}
+        for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES)):
+            message_class = type(messages.make(topic.type_name, {}))
+            self._publishers[topic.name] = node.create_publisher(
+                message_class, topic.name, qos(depth=topic.depth, latched=topic.latched)
+            )
+        # One view may wait: who looks on wants the newest, and the tracker must not wait for the drawing.
+        self._pictures: Worker[View] = Worker(
+            self._draw, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="pictures"
+        )
+
+    def publish(self, outputs: Iterable[Output]) -> None:
+        """Publish answers, in their order."""
+        changed = False
+        for output in outputs:
+            if output.topic is STATE:
+                changed = changed or output.message.data != self.state
+                self.state = output.message.data
+            self._publishers[output.topic.name].publish(output.message)
+        if changed:
+            self._on_change()
+
+    def say_state(self, state: TrackerState) -> None:
+        """Publish a state, unless it is the last one published."""
+        if state.value != self.state:
+            self.publish([Output(STATE, self._messages.make(STATE.type_name, {"data": state.value}), 0)])
+
+    def say(self, topic: Topic, fields: dict[str, Any]) -> None:
+        """Publish a message of any of the topics."""
+        self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
+
+    @property
+    def watched(self) -> bool:
+        """Whether somebody looks at a picture."""
+        return any(self._publishers[tracking_topic(plane).name].get_subscription_count() > 0 for plane in PLANES)
+
+    def show(self, view: View) -> None:
+        """Have pictures drawn and published; does not wait for the drawing.
+
+        Once this has returned for a pair that is held, no picture of another is published: whoever has a pair frozen
+        takes the next picture for that of the frozen one.
+        """
+        with self._showing:
+            self._held = view.held
+        self._pictures.put([view])
+
+    def close(self) -> None:
+        """Stop drawing, and wait until those who listen have the last state."""
+        self._pictures.stop()
+        self._publishers[STATE.name].wait_for_all_acked(Duration(seconds=GOODBYE_WAIT_S))
+
+    def _draw(self, view: View) -> None:
+        for plane in PLANES:
+            publisher, frame = self._publishers[tracking_topic(plane).name], view.frames.get(plane)
+            if frame is None or publisher.get_subscription_count() == 0:
+                continue
+            picture = draw_tracking(frame, view.loop, view.state, view.reason, clicks=view.clicks.get(plane))
+            fields = encode_image(picture, header_fields(frame.stamp_ns, view.frame_ids.get(plane, "")))
+            message = self._messages.make(IMAGE_TYPE, fields)
+            with self._showing:
+                if self._held and not view.held:
+                    return
+                publisher.publish(message)

@@ -1,0 +1,111 @@
+"""One drawing as opacity over a part of the picture, and its blending into the picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.overlay.drawing import Colour
+from lasso_motion_ros.overlay.silhouette import LAYER_CELL_PX, Silhouette
+from lasso_motion_ros.overlay.style import OverlayStyle
+from lasso_motion_ros.overlay.windowing import RgbImage
+
+FAINT_FILL_SHARE = 0.3
+FAINT_LINE_SHARE = 0.65
+_FOLD_SHARE = 0.45
+_WALL_FADES_M = 0.02
+DENSEST = 0.75
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Opacity (h, w) uint8 of one drawing, and where its first column and row lie in the picture."""
+
+    opacity: npt.NDArray[np.uint8]
+    left: int
+    top: int
+
+
+def surface_layer(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool = False) -> Layer:
+    """A surface's drawing.
+
+    Args:
+        shape: its silhouette in the picture.
+        style: what is drawn.
+        width_px: the outline's width in this picture, pixels.
+        faint: drawn thinner, to stand behind another.
+    """
+    if shape.coverage.size == 0:
+        return Layer(np.zeros((0, 0), dtype=np.uint8), 0, 0)
+    coverage = cv2.convertScaleAbs(shape.coverage, alpha=255.0)
+    opacity = np.zeros_like(coverage)
+    if style.fill:
+        opacity = _fill_opacity(shape, style.fill_opacity * (FAINT_FILL_SHARE if faint else 1.0))
+    margin = 0
+    if style.outline:
+        margin = max(1, round(width_px / 2.0))
+        coverage, opacity = (
+            cv2.copyMakeBorder(i, margin, margin, margin, margin, cv2.BORDER_CONSTANT) for i in (coverage, opacity)
+        )
+        line = _outline(coverage, shape, margin)
+        if faint:
+            line = cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE)
+        opacity = cv2.max(opacity, line)
+    return Layer(opacity, shape.left - margin, shape.top - margin)
+
+
+def band(coverage: npt.NDArray[np.uint8], margin: int) -> npt.NDArray[np.uint8]:
+    """A band of `margin` pixels to either side of a region's edge; (H, W) uint8 like the coverage, 0–255."""
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin + 1, 2 * margin + 1))
+    return np.asarray(cv2.morphologyEx(coverage, cv2.MORPH_GRADIENT, kernel), dtype=np.uint8)
+
+
+def _outline(coverage: npt.NDArray[np.uint8], shape: Silhouette, margin: int) -> npt.NDArray[np.uint8]:
+    """Opacity of the outer contour (a band centred on the region's edge) and, fainter, of the folds inside it."""
+    outer = band(coverage, margin)
+    folds = np.zeros_like(coverage)
+    corner = np.array([shape.left - margin, shape.top - margin])
+    fixed = np.rint(np.clip(shape.edges - corner, -1e4, 1e4) * 16.0).astype(np.int32)
+    cv2.polylines(folds, list(fixed), False, int(255 * _FOLD_SHARE), 1, cv2.LINE_AA, 4)
+    return np.asarray(cv2.max(outer, folds), dtype=np.uint8)
+
+
+def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
+    """Like glass: clear where the wall faces the viewer, denser towards the rim and where walls overlap."""
+    rows, columns = shape.coverage.shape
+    height, width = shape.layers.shape
+    at = ((shape.centroids - (shape.left, shape.top) + 0.5) / LAYER_CELL_PX).astype(np.int32)
+    seen = np.flatnonzero(
+        (at[:, 0] >= 0) & (at[:, 1] >= 0) & (at[:, 0] < width) & (at[:, 1] < height) & (shape.facing > 0.0)
+    )
+    flat = at[seen, 1] * width + at[seen, 0]
+    depth = shape.depth[seen]
+    # The wall nearer to the viewer, who looks from the detector's side, counts most.
+    weight = np.exp((depth - depth.max(initial=0.0)) / _WALL_FADES_M)
+    total, tilted = (
+        cv2.GaussianBlur(np.bincount(flat, weights=w, minlength=width * height).reshape(height, width), (0, 0), 2.0)
+        for w in (weight, weight * (1.0 - shape.facing[seen]))
+    )
+    shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.layers, 1.0) / 2.0)
+    shade = np.minimum(255.0 * opacity * shade, DENSEST * 255.0).astype(np.float32)
+    full = cv2.resize(shade, (width * LAYER_CELL_PX, height * LAYER_CELL_PX), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(cv2.convertScaleAbs(cv2.multiply(full[:rows, :columns], shape.coverage)), dtype=np.uint8)
+
+
+def blend(picture: RgbImage, layer: Layer, colour: Colour) -> None:
+    """Paint one colour into a picture (H, W, 3) uint8, in place, by a layer's opacity."""
+    rows, columns = layer.opacity.shape
+    top, left = layer.top, layer.left
+    y0, x0 = max(top, 0), max(left, 0)
+    y1, x1 = min(top + rows, picture.shape[0]), min(left + columns, picture.shape[1])
+    if y1 <= y0 or x1 <= x0:
+        return
+    part = layer.opacity[y0 - top : y1 - top, x0 - left : x1 - left]
+    weights = cv2.merge((part, part, part))
+    target = picture[y0:y1, x0:x1]
+    paint = cv2.multiply(weights, np.array([*colour, 0.0]), scale=1.0 / 255.0)
+    kept = cv2.multiply(target, cv2.bitwise_not(weights), scale=1.0 / 255.0)
+    picture[y0:y1, x0:x1] = cv2.add(kept, paint)

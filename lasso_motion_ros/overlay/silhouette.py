@@ -1,0 +1,167 @@
+"""The silhouette of a surface in one projection: its region, exactly, and the edges where it folds.
+
+Turn every projected triangle counter-clockwise. The number of triangles that cover a pixel is then the winding
+number, about it, of all their boundaries together; and along an edge shared by two triangles that lie side by side
+the two boundaries cancel. What remains are the few edges where the surface folds over (coefficient ±2) or ends (±1).
+So the region is filled from some hundred edges instead of thousands of triangles, and it does not matter how the
+surface's own triangles are oriented, whether it is closed, nor whether the display is mirrored.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.overlay.surface import TriangleMesh
+
+Array = npt.NDArray[np.float64]
+
+SUBLINES = 4
+LAYER_CELL_PX = 4
+_NEAREST_DEPTH_M = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Silhouette:
+    """A surface in one image.
+
+    Attributes:
+        left: first column of the box that holds the visible region, pixels.
+        top: its first row, pixels.
+        coverage: (h, w) float32 share of each pixel covered, 0–1; (0, 0) where nothing is visible.
+        layers: (⌈h/4⌉, ⌈w/4⌉) float32 how many triangles lie over each cell of 4×4 pixels (2 for a convex body).
+        edges: (E, 2, 2) pixels, the fold and border edges.
+        centroids: (T, 2) pixels, the projected triangles' centroids.
+        facing: (T,) cosine between each triangle's normal and the ray, 0 (edge-on) to 1.
+        depth: (T,) depth of the centroids, metres.
+    """
+
+    left: int
+    top: int
+    coverage: npt.NDArray[np.float32]
+    layers: npt.NDArray[np.float32]
+    edges: Array
+    centroids: Array
+    facing: Array
+    depth: Array
+
+
+def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> Silhouette:
+    """Project a surface moved by `transform` and find its region and its folds.
+
+    Triangles that reach behind the source are left out. The region is clipped to the image.
+
+    Args:
+        mesh: the surface, metres, in the frame that `transform` maps to the world.
+        projection: world to pixels.
+        transform: (4, 4) rigid, mesh's frame to world.
+    """
+    homogeneous = mesh.vertices @ (projection.matrix[:, :3] @ transform[:3, :3]).T
+    homogeneous += projection.matrix @ transform[:, 3]
+    depth = np.maximum(homogeneous[:, 2], _NEAREST_DEPTH_M)
+    pixels = homogeneous[:, :2] / depth[:, None]
+    x, y = (np.ascontiguousarray(pixels[:, i])[mesh.triangles] for i in (0, 1))
+    doubled = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
+    triangle_depth = depth[mesh.triangles]
+    turn = np.sign(doubled)
+    if depth.min() <= _NEAREST_DEPTH_M:
+        turn[(triangle_depth <= _NEAREST_DEPTH_M).any(axis=1)] = 0.0
+
+    table = mesh.edges
+    net = np.bincount(
+        table.of_triangle.ravel(), weights=(table.direction * turn[:, None]).ravel(), minlength=len(table.ends)
+    )
+    kept = np.flatnonzero(net != 0.0)
+    edges = pixels[table.ends[kept]]
+    centre_depth = _mean_of_corners(triangle_depth)
+    # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
+    scale = projection.focal_length_px / centre_depth
+    facing = np.abs(0.5 * doubled) / np.maximum(mesh.areas * scale * scale, 1e-30)
+    left, top, coverage, layers = _fill(
+        edges, np.asarray(net[kept], dtype=np.float64), projection.width, projection.height
+    )
+    return Silhouette(
+        left=left,
+        top=top,
+        coverage=coverage,
+        layers=layers,
+        edges=edges,
+        centroids=np.stack([_mean_of_corners(x), _mean_of_corners(y)], axis=1),
+        facing=np.minimum(facing, 1.0) * (turn != 0.0),
+        depth=centre_depth,
+    )
+
+
+def _mean_of_corners(values: Array) -> Array:
+    # Ten times faster than numpy's mean over an axis of three.
+    return np.asarray((values[:, 0] + values[:, 1] + values[:, 2]) / 3.0)
+
+
+def _fill(
+    edges: Array, weights: Array, width: int, height: int
+) -> tuple[int, int, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Box, coverage and layer count of the region with non-zero winding, by sub-scanlines with exact ends."""
+    empty = np.zeros((0, 0), dtype=np.float32)
+    if len(edges) == 0:
+        return 0, 0, empty, empty
+    low, high = edges.min(axis=(0, 1)), edges.max(axis=(0, 1))
+    left, top = (int(max(np.floor(v), 0)) for v in low)
+    right, bottom = (int(min(np.ceil(v) + 1, n)) for v, n in zip(high, (width, height), strict=True))
+    if right <= left or bottom <= top:
+        return 0, 0, empty, empty
+    columns, rows = right - left, bottom - top
+
+    line, x, weight = _crossings(edges, weights, top, rows)
+    if len(line) == 0:
+        return 0, 0, empty, empty
+    order = np.argsort(line * (4.0 * max(width, height) + 4.0) + np.clip(x, -1.0 * width, 2.0 * width))
+    line, x, weight = line[order], x[order], weight[order]
+    # Every closed chain adds up to zero along a line, so one running sum serves all lines.
+    winding = np.rint(np.cumsum(weight))
+    before = np.concatenate([[0.0], winding[:-1]])
+    boundary = ((winding != 0.0).astype(np.float64) - (before != 0.0)) / SUBLINES
+    row = line // SUBLINES
+    changed = boundary != 0.0
+    coverage = _integrate(row[changed], x[changed] - left, boundary[changed], rows, columns)
+    cell = LAYER_CELL_PX
+    layers = _integrate(
+        row // cell,
+        (x - left + 0.5) / cell - 0.5,
+        (np.abs(winding) - np.abs(before)) / (SUBLINES * cell),
+        -(-rows // cell),
+        -(-columns // cell),
+    )
+    return left, top, coverage, layers
+
+
+def _crossings(edges: Array, weights: Array, top: int, rows: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
+    """Where the edges cross the sub-scanlines of the box: line number, x in pixels, signed weight."""
+    # Sub-scanline i lies at y = top − 0.5 + (i + 0.5) / SUBLINES; rows' centres are at integers.
+    scaled = (edges[..., 1] - top + 0.5) * SUBLINES - 0.5
+    start, end = np.ceil(scaled.min(axis=1)), np.ceil(scaled.max(axis=1))
+    start, end = (np.clip(v, 0, rows * SUBLINES).astype(np.int64) for v in (start, end))
+    count = end - start
+    index = np.repeat(np.arange(len(edges)), count)
+    line = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + start[index]
+    y0, y1 = scaled[index, 0], scaled[index, 1]
+    x0, x1 = edges[index, 0, 0], edges[index, 1, 0]
+    x = x0 + (line - y0) / (y1 - y0) * (x1 - x0)
+    return line, x, weights[index] * np.where(y1 > y0, 1.0, -1.0)
+
+
+def _integrate(row: npt.NDArray[np.int64], x: Array, step: Array, rows: int, columns: int) -> npt.NDArray[np.float32]:
+    """(rows, columns) running sum along the rows of steps at real positions, each spread over its own pixel."""
+    position = np.clip(x + 0.5, 0.0, columns)
+    column = position.astype(np.int64)
+    share = position - column
+    stride = columns + 2
+    flat = row * stride + column
+    spread = step * share
+    steps = np.bincount(
+        np.concatenate([flat, flat + 1]), weights=np.concatenate([step - spread, spread]), minlength=rows * stride
+    )
+    table = steps.astype(np.float32).reshape(rows, stride)
+    return np.cumsum(table, axis=1, out=table)[:, :columns]

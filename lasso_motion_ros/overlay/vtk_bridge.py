@@ -1,0 +1,136 @@
+"""What comes from VTK (in the optional extra `volume`): its surface files, iso-surfaces, fewer triangles.
+
+Imported only where such a file is given: the library is large.
+"""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.errors import SurfaceError
+
+Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
+
+
+def read_polygons(path: Path) -> tuple[Array, Indices, str]:
+    """Vertices (V, 3) and triangles (T, 3) of a legacy VTK or a VTP file, and the axes it states ("" if none).
+
+    Raises:
+        SurfaceError: VTK is not installed, or the file is no surface.
+    """
+    core = _vtk("CommonCore")
+    core.vtkObject.GlobalWarningDisplayOff()  # what it would print is said by our own error
+    if path.suffix.lower() == ".vtp":
+        reader = _vtk("IOXML").vtkXMLPolyDataReader()
+    else:
+        reader = _vtk("IOLegacy").vtkGenericDataObjectReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    data = reader.GetOutputDataObject(0)
+    if data is None or reader.GetErrorCode():
+        raise SurfaceError(f"not a readable {path.suffix[1:].upper()} surface")
+    if data.IsA("vtkUnstructuredGrid"):
+        outside = _vtk("FiltersGeometry").vtkGeometryFilter()
+        outside.SetInputData(data)
+        outside.Update()
+        data = outside.GetOutput()
+    if not data.IsA("vtkPolyData"):
+        raise SurfaceError(f"the file holds {data.GetClassName()}, expected polygons (vtkPolyData)")
+    stated = data.GetFieldData().GetAbstractArray("SPACE")
+    space = str(stated.GetValue(0)) if stated is not None and stated.GetNumberOfTuples() else ""
+    vertices, triangles = _triangles(data)
+    return vertices, triangles, space
+
+
+def level_surface(values: npt.NDArray[Any], level: float, spacing: Array, most: int) -> tuple[Array, Indices]:
+    """The surface on which values cross a level (flying edges).
+
+    Args:
+        values: (Z, Y, X) samples.
+        level: the value on the surface.
+        spacing: (3,) distance between samples along x, y, z, in any unit.
+        most: triangles that are kept; more are reduced by quadric edge collapse.
+
+    Returns:
+        (V, 3) vertices as *indices* (x, y, z) into the samples, and (T, 3) triangles.
+
+    Raises:
+        SurfaceError: VTK is not installed, or the values do not cross the level.
+    """
+    edges = _vtk("FiltersCore").vtkFlyingEdges3D()
+    edges.SetInputData(_image(values, spacing))
+    edges.SetValue(0, level)
+    edges.ComputeNormalsOff()
+    edges.ComputeScalarsOff()
+    return _reduced(edges, spacing, most)
+
+
+def label_surface(values: npt.NDArray[Any], label: int, spacing: Array, most: int) -> tuple[Array, Indices]:
+    """The boundary of one label (surface nets: smooth, and within a voxel of the voxels' own); as `level_surface`."""
+    nets = _vtk("FiltersCore").vtkSurfaceNets3D()
+    nets.SetInputData(_image((values == label).astype(np.uint8), spacing))
+    nets.SetValue(0, 1)
+    return _reduced(nets, spacing, most)
+
+
+def _image(values: npt.NDArray[Any], spacing: Array) -> Any:
+    image = _vtk("CommonDataModel").vtkImageData()
+    image.SetDimensions(*values.shape[::-1])
+    image.SetSpacing(*spacing)
+    flat = np.ascontiguousarray(values).ravel()
+    if flat.dtype == np.bool_:
+        flat = flat.astype(np.uint8)
+    support = _vtk("util.numpy_support")
+    image.GetPointData().SetScalars(support.numpy_to_vtk(flat, deep=True))
+    return image
+
+
+def _reduced(source: Any, spacing: Array, most: int) -> tuple[Array, Indices]:
+    source.Update()
+    surface = _triangulated(source.GetOutput())
+    count = surface.GetNumberOfPolys()
+    if count == 0:
+        raise SurfaceError("there is no surface at this level or label")
+    if count > most:
+        fewer = _vtk("FiltersCore").vtkQuadricDecimation()
+        fewer.SetInputData(surface)
+        fewer.SetTargetReduction(1.0 - most / count)
+        fewer.VolumePreservationOn()
+        fewer.Update()
+        surface = fewer.GetOutput()
+    vertices, triangles = _triangles(surface)
+    return vertices / spacing, triangles
+
+
+def _triangulated(data: Any) -> Any:
+    triangulated = _vtk("FiltersCore").vtkTriangleFilter()
+    triangulated.SetInputData(data)
+    triangulated.PassLinesOff()
+    triangulated.PassVertsOff()
+    triangulated.Update()
+    return triangulated.GetOutput()
+
+
+def _triangles(data: Any) -> tuple[Array, Indices]:
+    surface = _triangulated(data)
+    if surface.GetNumberOfPolys() == 0:
+        raise SurfaceError("the surface has no triangle")
+    to_numpy = _vtk("util.numpy_support").vtk_to_numpy
+    vertices = np.array(to_numpy(surface.GetPoints().GetData()), dtype=np.float64)
+    triangles = np.array(to_numpy(surface.GetPolys().GetConnectivityArray()), dtype=np.int64)
+    return vertices, triangles.reshape(-1, 3)
+
+
+def _vtk(module: str) -> Any:
+    try:
+        return importlib.import_module(f"vtkmodules.{module if '.' in module else 'vtk' + module}")
+    except ImportError as error:
+        raise SurfaceError(
+            "VTK files and surfaces of volumes need VTK: pip install 'lasso_motion_ros[volume]'"
+        ) from error

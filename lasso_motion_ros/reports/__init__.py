@@ -1,0 +1,1 @@
+"""Pages, figures, pictures and videos made from what was measured."""

@@ -1,0 +1,283 @@
+"""The 3-D model of the loop: from the clicks' ellipse to an open curve that follows the wire in both planes.
+
+A real loop is no ellipse: it is open or overlaps itself, is slightly helical and bulges. The ellipse gives
+each plane's outline its place along the loop; a smooth curve is then fitted to both outlines at once, and
+once more to the lines found in the images beside it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+from scipy.interpolate import BSpline
+
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.core.errors import ReconstructionError, SeedError
+from lasso_motion_ros.geometry.curves import resample
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.motion.respiration import Observation
+from lasso_motion_ros.ring.appearance import HALF_WIDTH, strip_along
+from lasso_motion_ros.ring.working_image import working_image
+from lasso_motion_ros.seeding.line_filter import sato
+from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
+from lasso_motion_ros.seeding.outlines import (
+    is_bright,
+    line_sigma_px,
+    outlines,
+    require_both_planes,
+    require_lasso_size,
+)
+from lasso_motion_ros.seeding.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
+
+Array = npt.NDArray[np.float64]
+
+POINTS = 120
+KNOTS_PER_TURN = 14
+ROUNDS = 3  # of snapping to the lines in the images
+SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
+BETWEEN_SIGMA_M = 0.0005  # of what others show of the motion between them: mostly the calibration's error
+
+OUTLINE_SIGMA_MM = 0.15
+BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
+BEND_SIGMA_MM = 0.35  # of the spline coefficients' second differences
+SNAP_REACH_MM = 1.0
+SNAP_STEP_MM = 0.1
+# Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
+# below 0.49 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
+SMALLEST_CONTRAST = 0.49
+DOUBTFUL_CONTRAST = 1.0
+OPEN_CONTRAST = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
+
+
+@dataclass(frozen=True, eq=False)
+class LoopModel:
+    """The loop at the reference.
+
+    Attributes:
+        points: (L, 3) along the loop from end to end, evenly spaced, world metres.
+        centre: (3,) centre of the circle nearest to the points, world metres: where the ring tilts and stretches
+            about. (The points' mean lies nearer to where an overlapping loop is double.)
+        bright: True where the catheter is brighter than its background.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration (and, where plane B is
+            exposed later, off plane A's phase).
+        between: what the pair shows of the loop's motion between the planes' exposures; None if exposed together.
+        depth_directions: (3,) unit vector of plane A's ray through the centre, along which only plane B sees, and
+            (3,) the unit vector along which plane B measures it, across its own ray and the epipolar plane's normal.
+    """
+
+    points: Array
+    centre: Array
+    bright: bool
+    shifts: dict[Plane, Array]
+    between: Observation | None
+    depth_directions: tuple[Array, Array]
+
+    @property
+    def arms(self) -> Array:
+        """(L, 3) the points about the centre, metres."""
+        return self.points - self.centre
+
+    @property
+    def radius_mm(self) -> float:
+        """Largest distance of a point from the centre, mm."""
+        return 1e3 * float(np.linalg.norm(self.arms, axis=1).max())
+
+
+def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> LoopModel:
+    """The loop's curve from the clicks.
+
+    Raises:
+        SeedError: clicks that are too few, outside the image or beside any catheter, that make a loop of no lasso's
+            size, or a pair that lacks a plane.
+        ReconstructionError: no 3-D loop explains the clicks.
+    """
+    require_both_planes(pair)
+    bright = is_bright(pair, seed, config)
+    model = _build(pair, seed, config, bright=bright)
+    contrast = _contrast(pair, model)
+    if config.polarity == "auto" and contrast < DOUBTFUL_CONTRAST:
+        # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
+        try:
+            other = _build(pair, seed, config, bright=not bright)
+        except ReconstructionError:
+            pass
+        else:
+            if _contrast(pair, other) > contrast:
+                model, contrast = other, _contrast(pair, other)
+    if contrast < SMALLEST_CONTRAST:
+        raise SeedError(
+            f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
+            f"expected at least {SMALLEST_CONTRAST}"
+        )
+    require_lasso_size(model.radius_mm)
+    return model
+
+
+def _contrast(pair: FramePair, model: LoopModel) -> float:
+    """How far the model's curve stands out from what lies beside it, mean of both planes, in units of local noise."""
+    return float(_contrasts(pair, model.points, model.bright, model.shifts).mean())
+
+
+def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, Array]) -> Array:
+    """(N,) the same, point by point of a curve (N, 3)."""
+    contrasts = []
+    for plane in PLANES:
+        frame = pair.frame(plane)
+        if frame is not None:
+            image = working_image(frame, curve.mean(axis=0), bright=bright, shift=shifts[plane])
+            strip = strip_along(curve, image.projection).sample(image)
+            beside = 0.5 * (strip[:, :3].mean(axis=1) + strip[:, -3:].mean(axis=1))
+            contrasts.append(strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1) - beside)
+    return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
+
+
+def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> LoopModel:
+    projections = require_both_planes(pair)
+    frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
+    paths = outlines(pair, seed, config, bright=bright)
+    simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < SIMULTANEOUS_S * 1e9
+    share_of_a = 0.5 if simultaneous else 0.0
+    shifts = epipolar_shift(projections, paths, share_of_a)
+    shifted = _shifted(projections, shifts)
+    ellipse = reconstruct_ellipse(shifted, paths).chosen.ellipse
+    outline = LoopOutline(ellipse, shifted, paths)
+
+    def fitted(low: float, high: float) -> tuple[_Curve, dict[Plane, Array]]:
+        """The curve between two eccentric angles, and the planes' shifts that go with it."""
+        angles, moved, views = angles_between(low, high), shifts, shifted
+        curve = _fit_curve(ellipse, angles, views, outline.at(angles))
+        for _ in range(ROUNDS):
+            found = {p: _snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
+            # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
+            moved = epipolar_shift(projections, found, share_of_a)
+            views = _shifted(projections, moved)
+            curve = _fit_curve(ellipse, angles, views, found)
+        return curve, moved
+
+    low, high = outline.extent
+    curve, moved = fitted(low, high)
+    if (gap := outline.gap) is not None and high - low <= TURN:
+        # Nobody clicked there; where there is no wire either, the loop is open.
+        inside = _contrasts(pair, curve(angles_between(*gap)), bright, moved).mean()
+        whole = _contrasts(pair, curve(angles_between(low, gap[0])), bright, moved).mean()
+        if inside < OPEN_CONTRAST * whole:
+            low, high = gap[1] - TURN, gap[0]
+            curve, moved = fitted(low, high)
+    shifted = _shifted(projections, moved)
+    points = resample(curve(np.linspace(low, high, 8 * POINTS)), POINTS)
+    centre = _circle_centre(points)
+    ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
+    normal = np.cross(ray_a, ray_b)
+    normal /= np.linalg.norm(normal)
+    lateral = np.cross(normal, ray_b)
+    between = None if simultaneous else _between(normal, moved["b"], projections["b"].jacobian(centre))
+    return LoopModel(points, centre, bright, moved, between, (ray_a, lateral))
+
+
+def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:
+    """What plane B's shift (2,) px tells of the motion since plane A's exposure: its part along the epipolar normal."""
+    px_per_m = jacobian @ normal  # (2,)
+    moved_m = shift @ px_per_m / (px_per_m @ px_per_m)
+    return Observation(normal[None], np.array([moved_m]), np.array([[BETWEEN_SIGMA_M**2]]))
+
+
+def _circle_centre(points: Array) -> Array:
+    """(3,) centre of the circle through points (N, 3), in their plane of least squares (Kåsa's fit)."""
+    mean = points.mean(axis=0)
+    _, _, directions = np.linalg.svd(points - mean, full_matrices=False)
+    flat = (points - mean) @ directions[:2].T
+    design = np.column_stack([2.0 * flat, np.ones(len(flat))])
+    solution, *_ = np.linalg.lstsq(design, (flat**2).sum(axis=1), rcond=None)
+    return np.asarray(mean + solution[:2] @ directions[:2])
+
+
+def _shifted(projections: dict[Plane, Projection], shifts: dict[Plane, Array]) -> dict[Plane, Projection]:
+    return {p: m.read_out(-shifts[p][0], -shifts[p][1], m.width, m.height) for p, m in projections.items()}
+
+
+class _Curve:
+    """The ellipse plus a spline offset, a function of the eccentric angle."""
+
+    def __init__(self, ellipse: Ellipse3D, knots: Array, coefficients: Array) -> None:
+        self._ellipse, self._knots, self._coefficients = ellipse, knots, coefficients
+
+    def __call__(self, angles: Array) -> Array:
+        basis = BSpline.design_matrix(angles, self._knots, 3).toarray()
+        return np.asarray(on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
+
+
+def _fit_curve(
+    ellipse: Ellipse3D, angles: Array, projections: dict[Plane, Projection], found: dict[Plane, Array]
+) -> _Curve:
+    """Regularised least squares of the distances, across the curve, to the outline in both planes."""
+    count = max(6, round(KNOTS_PER_TURN * float(np.ptp(angles)) / (2.0 * np.pi)))
+    inner = np.linspace(angles[0], angles[-1], count)
+    spacing = inner[1] - inner[0]
+    knots = np.concatenate([inner[0] - spacing * np.arange(3, 0, -1), inner, inner[-1] + spacing * np.arange(1, 4)])
+    basis = BSpline.design_matrix(np.clip(angles, inner[0], inner[-1]), knots, 3).toarray()
+    size = basis.shape[1]
+    bends = np.diff(np.eye(size), 2, axis=0)
+    prior = np.eye(size) / BULGE_SIGMA_MM**2 + bends.T @ bends / BEND_SIGMA_MM**2
+    normal = np.kron(prior, np.eye(3)) * 1e6
+    right = np.zeros(3 * size)
+    points = on_ellipse(ellipse, angles)
+    for plane in PLANES:
+        projection = projections[plane]
+        pixels = projection.project(points)
+        tangents = np.gradient(pixels, axis=0)
+        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
+        valid = np.isfinite(offset)
+        scale = projection.millimetres_per_pixel(ellipse.centre) / OUTLINE_SIGMA_MM
+        slope = np.einsum("nj,njk->nk", normals, projection.jacobian(points))  # pixels per metre
+        # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
+        weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
+        rows = (basis[:, :, None] * slope[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
+        normal += rows.T @ rows
+        right += rows.T @ (np.nan_to_num(offset) * weight)
+    return _Curve(ellipse, knots, np.linalg.solve(normal, right).reshape(size, 3))
+
+
+def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigma_mm: float) -> Array:
+    """(N, 2) pixels of the line beside a projected curve (N, 3): the smoothest strong path through the strip."""
+    pixels = projection.project(curve)
+    tangents = np.gradient(pixels, axis=0)
+    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    unit = projection.millimetres_per_pixel(curve.mean(axis=0))
+    offsets = np.arange(-SNAP_REACH_MM, SNAP_REACH_MM + 1e-9, SNAP_STEP_MM) / unit
+    margin = 16
+    low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - margin, 0)
+    high = np.ceil(pixels.max(axis=0)).astype(int) + margin
+    grey = frame.pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
+    response = sato(-grey if bright else grey, (line_sigma_px(projection, sigma_mm),))
+    at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - low).astype(np.float32)
+    strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    strip = strip / max(float(np.quantile(strip, 0.95)), 1e-6)
+    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / SNAP_REACH_MM) ** 2
+    best = _ridge_path(gain)
+    return np.asarray(pixels + (offsets[best])[:, None] * normals)
+
+
+def _ridge_path(gain: Array, bend: float = 0.25) -> npt.NDArray[np.int64]:
+    """(N,) column per row that maximises the gain less `bend` per squared column step (dynamic programming)."""
+    rows, columns = gain.shape
+    steps = np.arange(-3, 4)
+    total = gain[0].copy()
+    choices = np.zeros((rows, columns), dtype=np.int64)
+    for row in range(1, rows):
+        padded = np.pad(total, 3, constant_values=-np.inf)
+        options = np.stack([padded[3 + s : 3 + s + columns] - bend * s * s for s in steps])
+        choice = np.argmax(options, axis=0)
+        choices[row] = steps[choice]
+        total = options[choice, np.arange(columns)] + gain[row]
+    path = np.empty(rows, dtype=np.int64)
+    path[-1] = int(np.argmax(total))
+    for row in range(rows - 1, 0, -1):
+        path[row - 1] = path[row] + choices[row, path[row]]
+    return path

@@ -1,0 +1,241 @@
+"""What the planes show along a loop: sampled there, compared with its appearance, and how that changes as it moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance, sample_at, strip_about, upper_median
+from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
+
+Array = npt.NDArray[np.float64]
+
+# Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
+NOISE_CORRELATION = 8.0
+OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
+SEGMENTS = 12
+SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
+LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
+# A plane's own likeness, below which there is no loop, unless it has just risen by so much: of 47 such planes in the
+# phantom suite, from the third look on, none later came to 0.5.
+NOTHING_LIKENESS, HOPEFUL_RISE = 0.4, 0.1
+_ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class PlaneFit:
+    """Where one plane saw the loop, and how well.
+
+    Attributes:
+        centre: (3,) a world point on the ray on which the loop's centre was seen.
+        across: (2, 3) two unit vectors perpendicular to that ray: the directions in which the plane measures.
+        covariance: (2, 2) of the centre along them, m², image noise only.
+        contrast: of the loop, as a share of the grey behind it, whatever the noise.
+        correlation: normalised correlation of strip and appearance.
+        likeness: the same, relative to what it usually is where the loop is seen.
+        visible: share of the loop's segments that look as expected.
+        residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
+        strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the appearance from.
+    """
+
+    centre: Array
+    across: Array
+    covariance: Array
+    contrast: float
+    correlation: float
+    likeness: float
+    visible: float
+    residual_mm: float
+    strip: Image
+
+
+class LoopViews:
+    """The planes while a loop is being aligned with them, P of them at once: the first axis of the arrays.
+
+    Args:
+        images: the planes.
+        appearances: what is to be found in each.
+        centres: (P, 3) where to start from.
+
+    Attributes:
+        usual: (P,) correlation of strip and appearance where the loop is seen.
+        correlation: (P,) the same, from the last look.
+    """
+
+    def __init__(self, images: list[WorkingImage], appearances: list[Appearance], centres: Array) -> None:
+        self._images = images
+        projections = [image.projection for image in images]
+        self._left = np.array([p.matrix[:, :3] for p in projections])
+        self._column = np.array([p.matrix[:, 3] for p in projections])
+        self._focal_px = np.array([p.focal_length_px for p in projections])
+        # (P, L, columns) each, columns being 2·HALF_WIDTH + 1.
+        self._patterns = np.array([appearance.values for appearance in appearances])
+        self._distinctive = np.array([appearance.distinctive for appearance in appearances])
+        self._along = np.array([appearance.slopes[0] for appearance in appearances])
+        self._sideways = np.array([appearance.slopes[1] for appearance in appearances])
+        self.usual = np.array([appearance.usual for appearance in appearances])
+        self._centres = centres
+        rays = centres - np.array([p.source for p in projections])
+        self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
+        self.correlation = np.zeros(len(images))
+
+    @property
+    def likeness(self) -> Array:
+        """(P,) correlation at the last look, relative to what is usual."""
+        return np.asarray(self.correlation / self.usual, dtype=np.float64)
+
+    @property
+    def is_hopeful(self) -> npt.NDArray[np.bool_]:
+        """(P,) whether there may be a loop in the plane, by the last two looks."""
+        likeness, before = self.likeness, self._correlation_before / self.usual
+        return np.asarray((likeness >= NOTHING_LIKENESS) | (likeness >= before + HOPEFUL_RISE))
+
+    def shift(self, step: Array) -> None:
+        """Move each plane's centre across its ray: (P, 2) metres."""
+        self._centres = self._centres + np.einsum("pi,pij->pj", step, self._across)
+
+    def look(self, arms: Array) -> None:
+        """Sample the images along the loop where it is taken to be, and tell how well that looks as expected.
+
+        Args:
+            arms: (L, 3) the loop about its centre, turned and stretched.
+        """
+        self._arms, self._correlation_before = arms, self.correlation
+        homogeneous = (self._centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
+        self._depth = homogeneous[..., 2]
+        step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.mean(axis=1))
+        self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
+        planes = zip(strip.coordinates(), self._images, strict=True)
+        self._samples = samples = np.array([sample_at(at, image) for at, image in planes])
+        density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[..., None]
+        residual = _gain(density, samples, self._patterns)[:, None, None] * self._patterns - samples
+        self._noise = noise = np.float32(1.4826) * upper_median(np.abs(residual.reshape(len(residual), -1)))
+        noise += np.float32(1e-6)
+        # Tukey's weights.
+        residual /= (np.float32(OUTLIER_SIGMAS) * noise)[:, None, None]
+        share = np.square(residual, out=residual)
+        np.subtract(1.0, share, out=share)
+        np.maximum(share, 0.0, out=share)
+        share *= share
+        share *= density
+        self._weights = share
+        weighted = share * self._distinctive
+        cross, energy = _dot(weighted, samples), _dot(weighted, self._distinctive)
+        self._gains = cross / np.maximum(energy, 1e-9)
+        self.correlation = cross / np.sqrt(np.maximum(_dot(share * samples, samples) * energy, 1e-12))
+
+    def equations(self, *, renew: bool) -> tuple[Array, Array]:
+        """Normal matrix (N, N) and right side (N,) from the last look; N = 2 P + 4 for shifts, turn and stretch.
+
+        A sample's derivative is its pattern's slope along the curve times how a parameter moves the curve's point
+        along, plus the same sideways. The latter does not depend on the column, so that sums over the columns come
+        first and the whole Jacobian is never made.
+        """
+        if renew:
+            self._moves = self._derivative()
+        gain = _gain(self._weights, self._samples, self._patterns)
+        residual = gain[:, None, None] * self._patterns - self._samples
+        scale = np.maximum(gain, 0.3)
+        known = 1.0 / (self._noise**2 * NOISE_CORRELATION)
+        weighted_along, weighted_sideways = self._weights * self._along, self._weights * self._sideways
+        square = (scale**2 * known)[:, None]
+        along_along = (square * _over_columns(weighted_along * self._along)).reshape(-1)
+        along_sideways = (square * _over_columns(weighted_along * self._sideways)).reshape(-1)
+        sideways_sideways = (square * _over_columns(weighted_sideways * self._sideways)).reshape(-1)
+        right = (scale * known)[:, None]
+        residual_along = (right * _over_columns(weighted_along * residual)).reshape(-1)
+        residual_sideways = (right * _over_columns(weighted_sideways * residual)).reshape(-1)
+        along, sideways = self._moves
+        normal = (along * along_along + sideways * along_sideways) @ along.T
+        normal += (along * along_sideways + sideways * sideways_sideways) @ sideways.T
+        return normal, along @ residual_along + sideways @ residual_sideways
+
+    def fits(self, covariance: Array) -> list[PlaneFit]:
+        """The results, with the share of the loop that looks as expected where it was last sampled.
+
+        Args:
+            covariance: (N, N) of the parameters.
+        """
+        weighted, steepness = self._weights * self._distinctive, self._weights * self._sideways
+        gain = np.maximum(self._gains, SEGMENT_GAIN)[:, None]
+        residual = self._samples - gain[..., None] * self._patterns
+        cross, energy, beside, steep = _by_segment(
+            np.stack(
+                [
+                    weighted * self._samples,
+                    weighted * self._distinctive,
+                    steepness * residual,
+                    steepness * self._sideways,
+                ]
+            )
+        )
+        there = cross > SEGMENT_GAIN * energy
+        visible = np.where(there, energy, 0.0).sum(axis=1) / np.maximum(energy.sum(axis=1), 1e-9)
+        # One step across the curve, segment by segment: what moves the pattern there onto the samples.
+        step = beside / (gain * np.maximum(steep, 1e-9))
+        distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
+        residual_px = distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+        return [
+            PlaneFit(
+                self._centres[i],
+                self._across[i],
+                covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
+                float(self._gains[i]) * self._images[i].contrast_unit(self._centres[i]),
+                float(self.correlation[i]),
+                float(self.likeness[i]),
+                float(visible[i]),
+                PIXEL_MM * float(residual_px[i]),
+                self._samples[i],
+            )
+            for i in range(len(self._images))
+        ]
+
+    def _derivative(self) -> Array:
+        """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.
+
+        Where the loop moves by a pixel displacement d, what a sample should see is the pattern a distance d
+        further on: its slope along and across the curve, times d's parts in those directions. In units of the
+        pattern's own spacing.
+        """
+        strip = self._strip
+        directions = np.array([strip.tangents, strip.normals])
+        spacing = np.array([np.maximum(strip.spacing, 0.05), np.broadcast_to(strip.step[:, None], strip.spacing.shape)])
+        # By the points' position (2, P, L, 3): of a projection's derivative, only what lies in those directions.
+        offset = (directions * strip.pixels).sum(axis=-1, keepdims=True)
+        slopes = np.concatenate([directions, -offset], axis=-1) @ self._left
+        slopes /= (self._depth * spacing)[..., None]
+        # And on to the planes' own shifts, turn and stretch.
+        count, length = self._depth.shape
+        moves = np.zeros((2, 2 * count + 4, count, length))
+        for plane, across in enumerate(self._across):
+            moves[:, 2 * plane : 2 * plane + 2, plane] = across @ slopes[:, plane].swapaxes(1, 2)
+        (x, y, z), (a, b, c) = self._arms.T, np.moveaxis(slopes, -1, 0)
+        # slope · (ω × arm) = ω · (arm × slope)
+        moves[:, -4], moves[:, -3], moves[:, -2] = y * c - z * b, z * a - x * c, x * b - y * a
+        moves[:, -1] = x * a + y * b + z * c
+        return moves.reshape(2, 2 * count + 4, count * length)
+
+
+def _over_columns(values: Image) -> Image:
+    """(..., L) sums of strips' values over their columns."""
+    return np.asarray(values @ _ONES)
+
+
+def _by_segment(values: Image) -> Image:
+    """(..., SEGMENTS) sums of strips' values over the segments of the loop."""
+    along = _over_columns(values)
+    starts = np.arange(SEGMENTS) * along.shape[-1] // SEGMENTS
+    return np.asarray(np.add.reduceat(along, starts, axis=-1))
+
+
+def _dot(one: Image, other: Image) -> Image:
+    """(P,) scalar products of strips."""
+    return np.asarray(np.einsum("pn,pn->p", one.reshape(len(one), -1), other.reshape(len(other), -1)))
+
+
+def _gain(weights: Image, samples: Image, patterns: Image) -> Image:
+    """(P,) factors by which the patterns are the samples, in the least squares."""
+    weighted = weights * patterns
+    return np.asarray(_dot(weighted, samples) / np.maximum(_dot(weighted, patterns), 1e-9))

@@ -1,0 +1,170 @@
+"""Global search for the loop: one correlation per plane, then peaks of both planes joined along their rays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.ring.appearance import render, strip_along
+from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in_cells
+
+Array = npt.NDArray[np.float64]
+
+PEAKS = 24  # per plane
+PEAK_RADIUS_CELLS = 3
+PEAK_WINDOW = np.ones((2 * PEAK_RADIUS_CELLS + 1, 2 * PEAK_RADIUS_CELLS + 1), np.uint8)
+SCORE_CEILING = 25.0  # so that neither plane can drown the other
+RAY_TOLERANCE_M = 0.002
+SAME_M = 2e-4  # closer than an alignment needs to start
+LARGEST_DISAGREEMENT_M = 0.03
+DISAGREEMENT_PENALTY = 6.0  # in units of score,
+DISAGREEMENT_SCALE_M = 0.005  # and one more for each of these
+
+
+@dataclass(frozen=True, eq=False)
+class Peaks:
+    """Places where the loop may be in one plane, best first.
+
+    Attributes:
+        scores: (K,) correlation with the loop's appearance, in units of the map's root mean square.
+        pixels: (K, 2) where the loop's centre would be, working pixels, to a fraction of one.
+        image: the working image.
+    """
+
+    scores: Array
+    pixels: Array
+    image: WorkingImage
+
+
+@dataclass(frozen=True, eq=False)
+class SearchCandidate:
+    """A place where the loop may be.
+
+    Attributes:
+        score: sum of both planes' scores, less what speaks against it.
+        centres: per plane, (3,) the loop's centre as that plane sees it, world metres.
+    """
+
+    score: float
+    centres: dict[Plane, Array]
+
+    def is_like(self, other: SearchCandidate) -> bool:
+        """Whether an alignment that starts here ends where one from there does, in the same image and the same pair."""
+        return all(float(np.abs(c - other.centres[plane]).max()) < SAME_M for plane, c in self.centres.items())
+
+
+def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Array) -> Peaks:
+    """Correlate a plane's working image with the loop's appearance and take the highest local maxima.
+
+    Args:
+        image: the plane.
+        appearance: (L, 2·HALF_WIDTH + 1) strip values.
+        centre: (3,) about where the loop's centre is expected, world metres.
+        arms: (L, 3) the loop about its centre, metres.
+    """
+    kernel, first_cell = render(appearance, strip_along(centre + arms, image.projection), CELL_PX)
+    cells = in_cells(image.values)
+    # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
+    pad_y, pad_x = kernel.shape
+    cells = cv2.copyMakeBorder(cells, pad_y // 2, pad_y // 2, pad_x // 2, pad_x // 2, cv2.BORDER_CONSTANT)
+    if cells.shape[0] < pad_y or cells.shape[1] < pad_x:
+        return Peaks(np.zeros(0), np.zeros((0, 2)), image)
+    scores = _correlation(cells, kernel)
+    scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
+    is_peak = scores >= cv2.dilate(scores, PEAK_WINDOW)
+    is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
+    flat, width = scores.reshape(-1), scores.shape[1]
+    places = np.flatnonzero(is_peak)
+    places = places[np.argsort(flat[places], kind="stable")[::-1][:PEAKS]]
+    at, beside = flat[places], np.array([[1], [width]])
+    fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
+    centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
+    to_centre = centre_cell - first_cell - np.array([pad_x // 2, pad_y // 2])
+    pixels = (np.stack([places % width, places // width], axis=1) + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
+    return Peaks(at.astype(np.float64), pixels, image)
+
+
+def join_peaks(
+    peaks: dict[Plane, Peaks], expected: dict[Plane, Array], covariance: Array, slack_m: float, count: int
+) -> list[SearchCandidate]:
+    """Candidates from the peaks of one or two planes, best first; none without a plane.
+
+    Args:
+        peaks: the planes that take part.
+        expected: per plane, (3,) where its loop centre is expected, world metres.
+        covariance: (3, 3) of that expectation, m²: a mild preference among equals, never a gate.
+        slack_m: how far the loop may have moved, unforeseen, between the two exposures.
+        count: how many to return at most.
+    """
+    found: list[SearchCandidate] = []
+    if not peaks:
+        return found
+    if len(peaks) == 1:
+        (plane, only), *_ = peaks.items()
+        for score, pixel in zip(only.scores, only.pixels, strict=True):
+            centre = _on_ray(only, pixel, expected[plane])
+            found.append(SearchCandidate(min(float(score), SCORE_CEILING), {plane: centre}))
+    else:
+        a, b = peaks["a"], peaks["b"]
+        apart = expected["b"] - expected["a"]
+        rays_a, rays_b = a.image.projection.rays(a.pixels), b.image.projection.rays(b.pixels)
+        source_a, source_b = a.image.projection.source, b.image.projection.source - apart
+        # Nearest points of every ray of A to every ray of B, once B's are moved back by the expected motion.
+        cosine = rays_a @ rays_b.T
+        across = source_b - source_a
+        from_a, from_b = rays_a @ across, rays_b @ across
+        determinant = np.maximum(1.0 - cosine**2, 1e-6)
+        along_a = (from_a[:, None] - cosine * from_b[None]) / determinant
+        along_b = (cosine * from_a[:, None] - from_b[None]) / determinant
+        # x, y and z first, (3, K, K): sums over them are sums of whole arrays.
+        on_a = source_a[:, None, None] + along_a * rays_a.T[:, :, None]
+        on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
+        apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected["a"][:, None, None]
+        gap = np.sqrt((apart_there * apart_there).sum(axis=0))
+        distance = (np.tensordot(np.linalg.inv(covariance), middle, 1) * middle).sum(axis=0)
+        score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
+        score = score - np.minimum(0.1 * distance, 2.0)
+        # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
+        excess = np.maximum(gap - RAY_TOLERANCE_M - slack_m, 0.0)
+        score = np.where(excess == 0.0, score, score - DISAGREEMENT_PENALTY - excess / DISAGREEMENT_SCALE_M)
+        score = np.where(excess < LARGEST_DISAGREEMENT_M, score, -np.inf)
+        for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
+            i, j = np.unravel_index(int(index), score.shape)
+            if np.isfinite(score[i, j]):
+                found.append(SearchCandidate(float(score[i, j]), {"a": on_a[:, i, j], "b": on_b[:, i, j] + apart}))
+    return sorted(found, key=lambda c: -c.score)[:count]
+
+
+def _correlation(cells: Image, kernel: Image) -> Image:
+    """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
+
+    What OpenCV's `matchTemplate` gives, in two thirds of its time: one transform of the whole instead of blocks.
+    """
+    (height, width), (rows, columns) = cells.shape, kernel.shape
+    down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)
+    of_cells, of_kernel = (
+        cv2.dft(cv2.copyMakeBorder(part, 0, down - h, 0, right - w, cv2.BORDER_CONSTANT), nonzeroRows=h)
+        for part, (h, w) in ((cells, cells.shape), (kernel, kernel.shape))
+    )
+    product = cv2.mulSpectrums(of_cells, of_kernel, 0, conjB=True)
+    valid = height - rows + 1
+    scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT, nonzeroRows=valid)
+    return np.ascontiguousarray(scores[:valid, : width - columns + 1])
+
+
+def _parabola(before: Image, at: Image, after: Image) -> Array:
+    curvature = before - 2.0 * at + after
+    fraction = np.where(curvature < 0.0, 0.5 * (before - after) / np.where(curvature < 0.0, curvature, 1.0), 0.0)
+    return np.asarray(np.clip(fraction, -0.5, 0.5), dtype=np.float64)
+
+
+def _on_ray(peaks: Peaks, pixel: Array, near: Array) -> Array:
+    """The point on a pixel's ray at another point's depth."""
+    projection = peaks.image.projection
+    ray = projection.rays(pixel)
+    scale = float(projection.depth(near)) / float(ray @ projection.viewing_direction)
+    return np.asarray(projection.source + scale * ray)

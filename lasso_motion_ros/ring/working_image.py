@@ -1,0 +1,151 @@
+"""The image that search and alignment work on: reduced, band-passed, in units of its local noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.projection import Projection
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+# Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm long.
+PIXEL_MM = 0.25
+CELL_PX = 2  # of a search cell: half a millimetre at the loop
+FINE_SIGMA_PX, FINE_KERNEL_PX = 0.8, (5, 5)
+# What changes slowly is worked out in cells, at a third of the time; the coarse scale is 3.7 working pixels in all.
+COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.88, (9, 9)
+NOISE_WINDOW_CELLS = (31, 31)
+NOISE_WINDOW_PX = CELL_PX * NOISE_WINDOW_CELLS[0]
+CLIP = 4.0
+SOFT_BOX_PX = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
+SOFT_REACH_MM = 2 * (SOFT_BOX_PX[0] // 2) * PIXEL_MM
+
+
+@dataclass(frozen=True, eq=False)
+class WorkingImage:
+    """A plane's image at about a quarter of a millimetre per pixel at the loop.
+
+    Attributes:
+        values: (h, w) float32, band-passed and divided by the local root mean square, clipped to ±4: positive
+            on the catheter whatever its polarity. Equal weight to both planes and to bright and dark regions
+            follows from that division.
+        projection: world metres to *these* pixels.
+        noise: (h, w) float32, the local root mean square by which was divided, grey values.
+        grey: (h, w) the reduced image.
+    """
+
+    values: Image
+    projection: Projection
+    noise: Image
+    grey: npt.NDArray[np.uint8 | np.uint16]
+
+    def about(self, points: Array, reach_mm: float) -> WorkingImage:
+        """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
+        pixels = self.projection.project(points)
+        reach_px = reach_mm / self.projection.millimetres_per_pixel(points.mean(axis=0))
+        size = np.array(self.values.shape[::-1])
+        left, top = np.clip(np.floor(pixels.min(axis=0) - reach_px), 0, size - 1).astype(int)
+        right, bottom = np.clip(np.ceil(pixels.max(axis=0) + reach_px), 0, size - 1).astype(int) + 1
+        part = slice(top, bottom), slice(left, right)
+        projection = self.projection.read_out(left, top, right - left, bottom - top)
+        return WorkingImage(self.values[part], projection, self.noise[part], self.grey[part])
+
+    def softened(self) -> WorkingImage:
+        """The same, blurred: an alignment finds its way in it from further off."""
+        return replace(self, values=softened(self.values))
+
+    def contrast_unit(self, centre: Array) -> float:
+        """What 1 in `values` is about a world point (3,) m, as a share of the grey there."""
+        x, y = np.clip(np.rint(self.projection.project(centre)), 0, np.array(self.noise.shape[::-1]) - 1).astype(int)
+        half = NOISE_WINDOW_PX // 2
+        grey = cv2.mean(self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1])[0]
+        return float(self.noise[y, x] / max(grey, 1.0))
+
+
+def softened(values: Image) -> Image:
+    """Values (h, w), blurred by three quarters of a millimetre."""
+    once = cv2.blur(values, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.blur(once, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE))
+
+
+def reduction_factor(projection: Projection, centre: Array) -> int:
+    """How many pixels of the full image make one working pixel at a world point's depth."""
+    return max(1, round(PIXEL_MM / projection.millimetres_per_pixel(centre)))
+
+
+def working_image(
+    frame: Frame, centre: Array, *, bright: bool, shift: Array, reach_mm: float | None = None
+) -> WorkingImage:
+    """Reduce and band-pass a frame, or a square of it.
+
+    Args:
+        frame: the plane's frame.
+        centre: (3,) where the loop is about, world metres.
+        bright: True where the catheter is brighter than its background.
+        shift: (2,) pixels by which this plane's images lie off its calibration, absorbed at the seed.
+        reach_mm: half the side of the square about the projected centre, millimetres there; None: all of it.
+    """
+    projection = frame.projection.read_out(-shift[0], -shift[1], frame.projection.width, frame.projection.height)
+    factor = reduction_factor(projection, centre)
+    height, width = frame.pixels.shape
+    left, top, right, bottom = 0, 0, width, height
+    if reach_mm is not None:
+        reach = reach_mm / projection.millimetres_per_pixel(centre)
+        x, y = projection.project(centre)
+        left, right = (int(min(max(v, 0.0), width)) for v in (x - reach, x + reach))
+        top, bottom = (int(min(max(v, 0.0), height)) for v in (y - reach, y + reach))
+    # Whole cells of the whole image's grid: a part of it looks as it does in the whole.
+    cell = CELL_PX * factor
+    left, top = left // cell * cell, top // cell * cell
+    width = CELL_PX * min(-(-(right - left) // cell), (frame.pixels.shape[1] - left) // cell)
+    height = CELL_PX * min(-(-(bottom - top) // cell), (frame.pixels.shape[0] - top) // cell)
+    if min(width, height) < 2 * NOISE_WINDOW_PX:
+        return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
+    cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
+    reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    values, noise = _band_pass(reduced, bright)
+    return WorkingImage(values, projection.read_out(left, top, width, height, factor, factor), noise, reduced)
+
+
+def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:
+    """What is as fine as a catheter, relative to the local noise, and that noise.
+
+    In few buffers, since fresh memory costs more time than the arithmetic on it.
+    """
+    grey = reduced.astype(np.float32)
+    size = reduced.shape[::-1]
+    # A constant area (collimator, saturation) has no noise to divide by and stays zero.
+    floor = 1e-6 * max(1.0, float(reduced.max()))
+    fine = cv2.GaussianBlur(grey, FINE_KERNEL_PX, FINE_SIGMA_PX)
+    slow = cv2.GaussianBlur(in_cells(grey), COARSE_KERNEL_CELLS, COARSE_SIGMA_CELLS)
+    coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
+    band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
+    power = _local_mean(in_cells(cv2.multiply(band, band, dst=coarse)))
+    noise = cv2.resize(cv2.sqrt(cv2.max(power, floor)), size, dst=coarse, interpolation=cv2.INTER_LINEAR)
+    np.divide(band, noise, out=band)
+    return np.clip(band, -CLIP, CLIP, out=band), np.asarray(noise)
+
+
+def _local_mean(cells: Image) -> Image:
+    """Mean of the cells (h, w) about each, (h, w)."""
+    return np.asarray(cv2.blur(cells, NOISE_WINDOW_CELLS, borderType=cv2.BORDER_REFLECT))
+
+
+def in_cells(values: Image) -> Image:
+    """Means (h // CELL_PX, w // CELL_PX) of values (h, w); what does not fill a cell is left out."""
+    height, width = (size // CELL_PX for size in values.shape)
+    whole = values[: height * CELL_PX, : width * CELL_PX]
+    return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _blank(projection: Projection) -> WorkingImage:
+    """An image too small to show a loop: nothing is found in it."""
+    size = 2 * NOISE_WINDOW_PX
+    nothing = np.zeros((size, size), dtype=np.float32)
+    return WorkingImage(nothing, projection.read_out(0, 0, size, size), nothing, nothing.astype(np.uint8))

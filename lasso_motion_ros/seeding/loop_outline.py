@@ -1,0 +1,122 @@
+"""How far the loop reaches: where on its ellipse each outline point lies, and the gap of an open loop."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.curves import resample
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.seeding.reconstruction import Ellipse3D
+
+Array = npt.NDArray[np.float64]
+
+TURN = 2.0 * np.pi
+ANGLES_PER_TURN = 96
+OUTLINE_POINTS = 90
+SMALLEST_OVERLAP_TURNS = 0.06  # clicked past its start by this much, a loop overlaps itself
+LARGEST_TURNS = 1.35
+SMALLEST_GAP_TURNS = 0.05
+
+
+class LoopOutline:
+    """Both planes' outlines, each point with its eccentric angle on one ellipse.
+
+    Args:
+        ellipse: the loop's, world metres.
+        projections: world metres to pixels, per plane.
+        paths: (N, 2) pixels along the loop, per plane.
+    """
+
+    def __init__(self, ellipse: Ellipse3D, projections: dict[Plane, Projection], paths: dict[Plane, Array]) -> None:
+        self._points = {plane: resample(paths[plane], OUTLINE_POINTS) for plane in PLANES}
+        a, b = (_monotone_angles(self._points[plane], ellipse, projections[plane]) for plane in PLANES)
+        # The same angle plus a whole turn is the same place on the ellipse: bring both ranges together.
+        b = b + TURN * np.round((a.mean() - b.mean()) / TURN)
+        self._angles: dict[Plane, Array] = {"a": a, "b": b}
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """The eccentric angles of the loop's ends: a whole turn, or more where it was clicked past its start."""
+        a, b = self._angles["a"], self._angles["b"]
+        spans = {"a": float(np.ptp(a)), "b": float(np.ptp(b))}
+        if max(spans.values()) <= TURN * (1.0 + SMALLEST_OVERLAP_TURNS):
+            return float(a.min()), float(a.min()) + TURN
+        low, high = min(a.min(), b.min()), max(a.max(), b.max())
+        if high - low > TURN * LARGEST_TURNS:  # started at opposite ends: trust the longer outline
+            longer = a if spans["a"] >= spans["b"] else b
+            low, high = longer.min(), longer.max()
+        return float(low), float(high)
+
+    @property
+    def gap(self) -> tuple[float, float] | None:
+        """The largest range of angles that neither outline covers, above plane A's; None where it is next to nothing.
+
+        An open loop has one; so has a closed one that was clicked in both planes from about the same place.
+        """
+        a, b = self._angles["a"], self._angles["b"]
+        low, high = float(a.max()), float(a.min()) + TURN
+        for whole in (-TURN, 0.0, TURN):
+            first, last = float(b.min()) + whole, float(b.max()) + whole
+            if first >= high or last <= low:
+                continue
+            # What plane B covers leaves the longer of the two sides.
+            low, high = max(((low, first), (last, high)), key=lambda side: side[1] - side[0])
+        return (low, high) if high - low > SMALLEST_GAP_TURNS * TURN else None
+
+    def at(self, angles: Array) -> dict[Plane, Array]:
+        """Per plane, (N, 2) outline pixels at eccentric angles (N,); NaN where that plane's outline does not reach."""
+        found: dict[Plane, Array] = {}
+        for plane in PLANES:
+            order = np.argsort(self._angles[plane], kind="stable")
+            outline, own = self._points[plane][order], self._angles[plane][order]
+            values = np.full((len(angles), 2), np.nan)
+            for whole in (-TURN, 0.0, TURN):
+                inside = (angles >= own[0] + whole) & (angles <= own[-1] + whole) & np.isnan(values[:, 0])
+                for axis in range(2):
+                    values[inside, axis] = np.interp(angles[inside], own + whole, outline[:, axis])
+            found[plane] = values
+        return found
+
+
+def angles_between(low: float, high: float) -> Array:
+    """(N,) evenly spaced eccentric angles from one to another."""
+    return np.linspace(low, high, round(ANGLES_PER_TURN * (high - low) / TURN))
+
+
+def on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
+    """(N, 3) points of an ellipse at eccentric angles (N,)."""
+    angles = angles[:, None]
+    return np.asarray(ellipse.centre + np.cos(angles) * ellipse.semi_major + np.sin(angles) * ellipse.semi_minor)
+
+
+def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection) -> Array:
+    """(N,) eccentric angles of outline points (N, 2), monotone along it: dynamic programming, both directions."""
+    turns = 2
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, ANGLES_PER_TURN * turns, endpoint=False)
+    pixels = projection.project(on_ellipse(ellipse, angles))
+    best_cost, best = np.inf, angles[:1]
+    for direction in (1, -1):
+        ordered = angles[::direction]
+        cost = np.linalg.norm(outline[:, None] - pixels[None, ::direction], axis=-1)
+        total = cost[0].copy()
+        steps = []
+        for row in cost[1:]:
+            # From any earlier angle within an eighth of a turn, to this one.
+            reach = ANGLES_PER_TURN // 8
+            window = np.full((reach, len(total)), np.inf)
+            for back in range(reach):
+                window[back, back:] = total[: len(total) - back]
+            step = np.argmin(window, axis=0)
+            total = window[step, np.arange(len(total))] + row
+            steps.append(step)
+        end = int(np.argmin(total))
+        if total[end] < best_cost:
+            best_cost = float(total[end])
+            index, indices = end, [end]
+            for step in reversed(steps):
+                index -= int(step[index])
+                indices.append(index)
+            best = ordered[indices[::-1]]
+    return best

@@ -1,0 +1,115 @@
+"""The path along the loop between the user's clicks: fast marching on a line-feature cost."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+import skfmm
+
+from lasso_motion_ros.core.errors import SeedError
+from lasso_motion_ros.geometry.curves import resample
+from lasso_motion_ros.seeding.line_filter import sato
+
+Array = npt.NDArray[np.float64]
+
+MARGIN_PX = 24  # how far outside the clicks' bounding box a path may run
+STEP_PX = 0.5
+LARGEST_DETOUR = 3.0  # a path longer than this times the clicks' distance has left the loop
+
+
+def path_through_clicks(
+    image: npt.NDArray[np.generic], clicks: Array, *, bright: bool, sigma_px: float, cost_floor: float
+) -> Array:
+    """Join clicks along a line in the image.
+
+    From every click a front marches with speed 1 / cost over the image (Sethian's fast marching, second
+    order), where the cost is low on lines; the way back down its arrival times from the next click is the
+    minimal path, traced with sub-pixel steps.
+
+    Args:
+        image: (H, W) pixels.
+        clicks: (N, 2) pixels in order along the loop, N ≥ 2; a loop clicked past its start overlaps itself.
+        bright: True where the catheter is brighter than its background.
+        sigma_px: scale of the line filter, pixels.
+        cost_floor: cost on a perfect line, relative to one off any line.
+
+    Returns:
+        (M, 2) float64 points, about half a pixel apart, from the first click to the last. Where two clicks
+        lie closer than two pixels, or the minimal path would be a long detour, the straight line joins them.
+
+    Raises:
+        SeedError: a click outside the image, or fewer than two clicks.
+    """
+    clicks = np.asarray(clicks, dtype=np.float64)
+    height, width = image.shape
+    if clicks.ndim != 2 or clicks.shape[1:] != (2,) or len(clicks) < 2:
+        raise SeedError(f"expected clicks (N, 2) with N ≥ 2, found shape {clicks.shape}")
+    outside = ~np.all((clicks >= 0.0) & (clicks <= [width - 1, height - 1]), axis=1)
+    if np.any(outside):
+        x, y = clicks[outside][0]
+        raise SeedError(f"click ({x:.0f}, {y:.0f}) lies outside the image of {width}×{height} pixels")
+    low = np.maximum(np.floor(clicks.min(axis=0)).astype(int) - MARGIN_PX, 0)
+    high = np.minimum(np.ceil(clicks.max(axis=0)).astype(int) + MARGIN_PX + 1, [width, height])
+    cost = _line_cost(image[low[1] : high[1], low[0] : high[0]], bright, sigma_px, cost_floor)
+    local = clicks - low
+    pieces = [_minimal_path(cost, start, end) for start, end in pairwise(local)]
+    return np.asarray(np.vstack([pieces[0][:1], *(piece[1:] for piece in pieces)]) + low)
+
+
+def _line_cost(image: npt.NDArray[np.generic], bright: bool, sigma_px: float, cost_floor: float) -> Array:
+    grey = image.astype(np.float32)
+    response = sato(-grey if bright else grey, (sigma_px, 1.5 * sigma_px))
+    # Contrast against what the neighbourhood offers: a faint wire over the spine counts as one over the lung.
+    scale = np.sqrt(cv2.GaussianBlur(response * response, (0, 0), 12.0 * sigma_px)) + 1e-6
+    strength = np.clip(response / (2.5 * scale), 0.0, 1.0)
+    return np.asarray(cost_floor + (1.0 - cost_floor) * (1.0 - strength) ** 2, dtype=np.float64)
+
+
+def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
+    """(M, 2) path from start to end (x, y) in the cost image, both ends exact."""
+    straight = np.vstack([start, end])
+    distance = float(np.linalg.norm(end - start))
+    if distance < 2.0:
+        return straight
+    margin = int(np.ceil(0.75 * distance)) + 8
+    low = np.maximum(np.floor(np.minimum(start, end)).astype(int) - margin, 0)
+    high = np.minimum(np.ceil(np.maximum(start, end)).astype(int) + margin + 1, cost.shape[::-1])
+    window = cost[low[1] : high[1], low[0] : high[0]]
+    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
+    # The level set's zero contour is a one-pixel disc about the click: the marching starts from there.
+    signed_distance = np.hypot(columns - (start - low)[0], rows - (start - low)[1]) - 1.0
+    arrival = np.asarray(skfmm.travel_time(signed_distance, 1.0 / window, order=2))
+    path = _descend(arrival, end - low, start - low)
+    if path is None:
+        return straight
+    path = path[::-1] + low
+    path[0], path[-1] = start, end
+    length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
+    if length > LARGEST_DETOUR * distance:
+        return straight
+    return resample(path, max(2, int(np.ceil(length / STEP_PX)) + 1))
+
+
+def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
+    """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
+    gradient_y, gradient_x = (np.asarray(np.gradient(arrival, axis=axis)) for axis in (0, 1))
+    last = np.array(arrival.shape[::-1]) - 1.001  # the last place with four pixels around it
+    point = np.minimum(start.astype(np.float64), last)
+    path = [point]
+    for _ in range(20 * sum(arrival.shape)):
+        if np.linalg.norm(point - goal) < 1.5:
+            return np.vstack([*path, goal])
+        column, row = int(point[0]), int(point[1])
+        fx, fy = point[0] - column, point[1] - row
+        weights = np.array([(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy])
+        corners = (np.array([row, row, row + 1, row + 1]), np.array([column, column + 1, column, column + 1]))
+        slope = np.array([weights @ gradient_x[corners], weights @ gradient_y[corners]])
+        size = float(np.linalg.norm(slope))
+        if not size > 0.0:
+            return None
+        point = np.clip(point - STEP_PX * slope / size, 0.0, last)
+        path.append(point)
+    return None

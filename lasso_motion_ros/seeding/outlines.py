@@ -1,0 +1,111 @@
+"""From a user's clicks to outlines: polarity of the catheter, the path along the loop in each plane."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.core.errors import SeedError
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.seeding.line_filter import sato
+from lasso_motion_ros.seeding.minimal_path import path_through_clicks
+
+Array = npt.NDArray[np.float64]
+
+FEWEST_CLICKS = 6
+LASSO_RADII_MM = (3.0, 30.0)  # catheters of 15 to 25 mm are made; any projection scale that is wrong is further off
+CLICK_REACH_PX = 4
+
+
+def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
+    """The pair's projections.
+
+    Raises:
+        SeedError: a plane is missing, so that no 3-D model can be built on this pair.
+    """
+    missing = [plane.upper() for plane in PLANES if pair.frame(plane) is None]
+    if missing:
+        raise SeedError(f"the clicked pair lacks plane {' and '.join(missing)}; both planes are needed for a seed")
+    return {plane: frame.projection for plane in PLANES if (frame := pair.frame(plane)) is not None}
+
+
+def line_sigma_px(projection: Projection, sigma_mm: float) -> float:
+    """A line filter's scale in pixels of an image, from millimetres at the world origin's depth."""
+    return max(0.8, sigma_mm / projection.millimetres_per_pixel(np.zeros(3)))
+
+
+def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
+    """Whether the catheter is brighter than its background: as configured, or (auto) as the clicks show."""
+    if config.polarity != "auto":
+        return config.polarity == "bright"
+    evidence = 0.0
+    for plane in PLANES:
+        frame = pair.frame(plane)
+        if frame is None:
+            continue
+        sigma = line_sigma_px(frame.projection, config.path.line_sigma_mm)
+        height, width = frame.pixels.shape
+        for x, y in np.rint(seed.points(plane)).astype(int):
+            if not (0 <= x < width and 0 <= y < height):
+                continue
+            # Clicks are a few pixels off: the strongest line nearby speaks for each.
+            reach = CLICK_REACH_PX + int(np.ceil(4.0 * sigma))
+            left, top = max(x - reach, 0), max(y - reach, 0)
+            grey = frame.pixels[top : y + reach + 1, left : x + reach + 1].astype(np.float32)
+            near = np.s_[
+                max(y - CLICK_REACH_PX, 0) - top : y + CLICK_REACH_PX + 1 - top,
+                max(x - CLICK_REACH_PX, 0) - left : x + CLICK_REACH_PX + 1 - left,
+            ]
+            dark, bright = float(sato(grey, (sigma,))[near].max()), float(sato(-grey, (sigma,))[near].max())
+            evidence += (bright - dark) / max(dark + bright, 1e-6)
+    return evidence > 0.0
+
+
+def require_lasso_size(radius_mm: float) -> None:
+    """Refuse a loop that no lasso has the size of.
+
+    Raises:
+        SeedError: clicks beside it, or not along it, or a calibration that is not in metres.
+    """
+    low, high = LASSO_RADII_MM
+    if not low <= radius_mm <= high:
+        raise SeedError(
+            f"the clicks make a loop of {radius_mm:.1f} mm radius, expected {low:g} to {high:g} mm: "
+            "were they set along the lasso in both planes?"
+        )
+
+
+def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> dict[Plane, Array]:
+    """The loop in each plane, (M, 2) pixels from the first click to the last, by minimal paths.
+
+    Raises:
+        SeedError: a missing plane, fewer than six clicks, a click outside its image, or clicks so close together that
+            they cannot go round a loop.
+    """
+    paths: dict[Plane, Array] = {}
+    for plane in PLANES:
+        frame, clicks = pair.frame(plane), seed.points(plane)
+        if frame is None:
+            raise SeedError(f"the clicked pair lacks plane {plane.upper()}; both planes are needed for a seed")
+        if len(clicks) < FEWEST_CLICKS:
+            raise SeedError(f"plane {plane.upper()}: {len(clicks)} clicks, expected at least {FEWEST_CLICKS}")
+        try:
+            paths[plane] = path_through_clicks(
+                frame.pixels,
+                clicks,
+                bright=bright,
+                sigma_px=line_sigma_px(frame.projection, config.path.line_sigma_mm),
+                cost_floor=config.path.cost_floor,
+            )
+        except SeedError as error:
+            raise SeedError(f"plane {plane.upper()}: {error}") from error
+        # Even edge-on a loop spans its diameter; the world origin is near enough to tell a millimetre there.
+        span_mm = frame.projection.millimetres_per_pixel(np.zeros(3)) * float(np.hypot(*np.ptp(clicks, axis=0)))
+        if span_mm < 2.0 * LASSO_RADII_MM[0]:
+            raise SeedError(
+                f"plane {plane.upper()}: the clicks span {span_mm:.1f} mm, expected at least "
+                f"{2.0 * LASSO_RADII_MM[0]:g} mm: were they set along the whole lasso?"
+            )
+    return paths

@@ -1,0 +1,344 @@
+"""The 3-D ellipse from two outlines: cone against cone (Quan), or plane against cone when seen edge-on.
+
+Each image ellipse C and its source span the cone Q = Pᵀ C P. A space conic on both cones lies in a plane
+of the degenerate quadric Q_A + η Q_B of rank two (L. Quan, "Conic reconstruction and correspondence from
+two views", IEEE PAMI 18(2), 1996). Two such planes remain; a lasso being nearly a circle, the more
+circular conic is the one (Brost et al., MICCAI 2009). Edge-on in both planes, where both cones have collapsed, a circle
+between the four rays that touch the loop is the fourth candidate.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.errors import EllipseError, GeometryError, ReconstructionError
+from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.ellipse import ellipse_from_conic, fit_ellipse, fit_line
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection, triangulate
+
+Array = npt.NDArray[np.float64]
+
+SMALLEST_VIEW_ANGLE_DEG = 5.0
+# How a candidate is judged: a click or path point is about this far off, a lasso is this far from a circle.
+OUTLINE_NOISE_PX = 1.5
+CIRCULARITY_SPREAD = 0.15
+LARGEST_REPROJECTION_SHARE = 0.25  # of the outline's radius; beyond it nothing fits
+MOST_REFINEMENTS = 200  # of η: thirty halvings, and some steps between them
+OPEN_SHARE = 0.15  # of a loop that may be open, so that no outline lies beside that part of the ellipse
+EDGE_ON_IN_BOTH_DEG = 15.0  # planes through line and source this near to each other may be the loop's own
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipse3D:
+    """An ellipse in space, world metres.
+
+    Attributes:
+        centre: (3,).
+        semi_major: (3,) vector to an end of the major axis.
+        semi_minor: (3,) vector to an end of the minor axis.
+    """
+
+    centre: Array
+    semi_major: Array
+    semi_minor: Array
+
+    @property
+    def circularity(self) -> float:
+        """Minor by major axis, in (0, 1]: 1 for a circle."""
+        return float(np.linalg.norm(self.semi_minor) / np.linalg.norm(self.semi_major))
+
+    @property
+    def normal(self) -> Array:
+        """(3,) unit normal of the ellipse's plane; its sign has no meaning."""
+        normal = np.cross(self.semi_major, self.semi_minor)
+        return np.asarray(normal / np.linalg.norm(normal))
+
+    def points(self, count: int) -> Array:
+        """(count, 3) points, evenly spaced in the eccentric angle."""
+        angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
+        return np.asarray(self.centre + np.cos(angles) * self.semi_major + np.sin(angles) * self.semi_minor)
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """One 3-D ellipse that may be the loop.
+
+    Attributes:
+        ellipse: the ellipse, world metres.
+        edge_on: the planes in which the loop was taken as a line; none for cone against cone.
+        reprojection_px: mean distance between the outlines and the projected ellipse, the larger of both planes.
+    """
+
+    ellipse: Ellipse3D
+    edge_on: tuple[Plane, ...]
+    reprojection_px: float
+
+    @property
+    def misfit(self) -> float:
+        """Squared misfit of outline and circularity together, each in units of its spread."""
+        return (self.reprojection_px / OUTLINE_NOISE_PX) ** 2 + (
+            (1.0 - self.ellipse.circularity) / CIRCULARITY_SPREAD
+        ) ** 2
+
+
+@dataclass(frozen=True, eq=False)
+class Reconstruction:
+    """The loop's ellipse and what else it might have been.
+
+    Attributes:
+        chosen: the candidate with the smallest misfit.
+        candidates: all candidates, the chosen one first, by rising misfit.
+    """
+
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]
+
+
+def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Reconstruction:
+    """The 3-D ellipse whose projections are the two outlines.
+
+    All candidates are built, two from cone against cone, one per plane taken as edge-on, and one for edge-on in both;
+    they are judged by their reprojection and circularity, so that no threshold on conditioning decides.
+
+    Args:
+        projections: world metres to pixels, per plane.
+        outlines: (N, 2) pixels along the loop, per plane, N ≥ 6.
+
+    Raises:
+        ReconstructionError: the two views are (nearly) the same, or no ellipse explains both outlines.
+    """
+    frame = _well_scaled_frame(projections, outlines)
+    scaled = {p: projections[p].matrix @ frame for p in PLANES}
+    conics: dict[Plane, Array] = {}
+    refusals = []
+    for plane in PLANES:
+        try:
+            conics[plane] = _cone(fit_ellipse(outlines[plane]).conic, scaled[plane])
+        except EllipseError as error:
+            refusals.append(f"plane {plane.upper()}: {error}")
+
+    def candidate(ellipse: Ellipse3D, edge_on: tuple[Plane, ...]) -> Candidate:
+        return Candidate(ellipse, edge_on, max(_reprojection(ellipse, projections[p], outlines[p]) for p in PLANES))
+
+    cone_cone: list[Candidate] = []
+    if len(conics) == 2:
+        for space_plane in quan_planes(conics["a"], conics["b"]):
+            # Under noise one plane cuts the two cones a little differently: the cut that reprojects better is kept.
+            cuts = [candidate(e, ()) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
+            cone_cone += sorted(cuts, key=lambda c: c.reprojection_px)[:1]
+    line_planes: dict[Plane, Array] = {}
+    for plane in PLANES:
+        try:
+            # Through the source and the line: Pᵀ l (H&Z eq. 8.2).
+            line_planes[plane] = scaled[plane].T @ fit_line(outlines[plane])
+        except EllipseError as error:
+            refusals.append(f"plane {plane.upper()}: {error}")
+    as_line: list[Candidate] = []
+    pairs: tuple[tuple[Plane, Plane], ...] = (("a", "b"), ("b", "a"))
+    for edge_on, other in pairs:
+        if other in conics and edge_on in line_planes:
+            as_line += [candidate(e, (edge_on,)) for e in _cut(conics[other], line_planes[edge_on], frame)]
+    if len(line_planes) == 2:
+        circles = _circle_between_rays(projections, outlines, line_planes, frame[:3, 3])
+        as_line += [candidate(circle, PLANES) for circle in circles]
+    candidates = sorted(cone_cone + as_line, key=lambda c: c.misfit)
+    if not candidates:
+        raise ReconstructionError("no 3-D ellipse explains the two outlines: " + ("; ".join(refusals) or "cones miss"))
+    chosen = candidates[0]
+    # The outlines' own radius: a wrong candidate may be very long, and would then excuse itself.
+    radius_px = min(np.linalg.norm(outlines[p] - outlines[p].mean(axis=0), axis=1).max() for p in PLANES)
+    if not chosen.reprojection_px < LARGEST_REPROJECTION_SHARE * radius_px:
+        raise ReconstructionError(
+            f"no 3-D ellipse explains the two outlines: the best lies {chosen.reprojection_px:.1f} px from them, "
+            f"expected under {LARGEST_REPROJECTION_SHARE * radius_px:.1f} px; do both show the same loop at once?"
+        )
+    return Reconstruction(chosen, tuple(candidates))
+
+
+def quan_planes(cone_a: Array, cone_b: Array) -> list[Array]:
+    """The planes (4,) on which two cones (4, 4) share a conic: at most two (Quan 1996).
+
+    det(Q_A + ηQ_B) = η (c₁ + c₂η + c₃η²) has a double root, which noise splits or turns complex; its
+    midpoint η = −c₂ / (2 c₃) is robust. Only a quadric whose two leading eigenvalues differ in sign splits
+    into real planes; then λ₊ u₊u₊ᵀ − λ₋ u₋u₋ᵀ = 0 are the planes √λ₊ u₊ ± √λ₋ u₋.
+    """
+    cone_a = cone_a / np.linalg.norm(cone_a)
+    cone_b = cone_b / np.linalg.norm(cone_b)
+    # The cubic's coefficients from three values of the determinant: η = 1, −1, 2.
+    value = {eta: float(np.linalg.det(cone_a + eta * cone_b)) / eta for eta in (1.0, -1.0, 2.0)}
+    c2 = (value[1.0] - value[-1.0]) / 2.0
+    c1_plus_c3 = (value[1.0] + value[-1.0]) / 2.0
+    c3 = (value[2.0] - c1_plus_c3 - 2.0 * c2) / 3.0
+    if c3 == 0.0:
+        return []
+    eta = _most_nearly_rank_two(cone_a, cone_b, -c2 / (2.0 * c3))
+    values, vectors = np.linalg.eigh(cone_a + eta * cone_b)
+    if not values[0] < 0.0 < values[3]:
+        return []
+    low, high = np.sqrt(-values[0]) * vectors[:, 0], np.sqrt(values[3]) * vectors[:, 3]
+    return [high + low, high - low]
+
+
+def _most_nearly_rank_two(cone_a: Array, cone_b: Array, eta: float) -> float:
+    """Refine η so that the two middle eigenvalues of Q_A + ηQ_B are smallest beside the outer two."""
+
+    def rank_excess(candidate: float) -> float:
+        values = np.linalg.eigvalsh(cone_a + candidate * cone_b)
+        if not values[0] < 0.0 < values[3]:
+            return np.inf
+        return float(max(abs(values[1]), abs(values[2])) / min(-values[0], values[3]))
+
+    step, best = 0.05 * abs(eta), rank_excess(eta)
+    for _ in range(MOST_REFINEMENTS):
+        if step <= 1e-9 * abs(eta):
+            break
+        trials = [(rank_excess(eta + s), eta + s) for s in (-step, step)]
+        if min(trials)[0] < best:
+            best, eta = min(trials)
+        else:
+            step /= 2.0
+    return eta
+
+
+def _well_scaled_frame(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Array:
+    """(4, 4) from coordinates in which the loop is near the origin and of size one, to world metres."""
+    a, b = projections["a"], projections["b"]
+    centres = {p: outlines[p].mean(axis=0) for p in PLANES}
+    cosine = abs(float(a.rays(centres["a"]) @ b.rays(centres["b"])))
+    angle = float(np.degrees(np.arccos(min(1.0, cosine))))
+    if angle < SMALLEST_VIEW_ANGLE_DEG:
+        raise ReconstructionError(
+            f"the two planes look from {angle:.1f}° apart; depth needs at least {SMALLEST_VIEW_ANGLE_DEG:.0f}°"
+        )
+    try:
+        centre = triangulate((a, b), (centres["a"], centres["b"]))
+    except GeometryError as error:
+        raise ReconstructionError(str(error)) from error
+    sizes = []
+    for plane in PLANES:
+        if projections[plane].depth(centre) <= 0.0:
+            raise ReconstructionError(f"the clicked loop would lie behind the source of plane {plane.upper()}")
+        spread_px = np.sqrt(((outlines[plane] - centres[plane]) ** 2).sum(axis=1).mean())
+        sizes.append(spread_px * projections[plane].millimetres_per_pixel(centre) / 1e3)
+    frame = np.eye(4)
+    frame[:3] *= max(sizes)
+    frame[:3, 3] = centre
+    return frame
+
+
+def _cone(conic: Array, matrix: Array) -> Array:
+    cone = matrix.T @ conic @ matrix
+    return np.asarray(cone / np.linalg.norm(cone))
+
+
+def _cut(cone: Array, space_plane: Array, frame: Array) -> list[Ellipse3D]:
+    """The ellipse that a plane (4,) cuts from a cone, moved to the world; none where the cut is no ellipse."""
+    size = np.linalg.norm(space_plane[:3])
+    if size == 0.0:
+        return []
+    normal, offset = space_plane[:3] / size, space_plane[3] / size
+    _, _, directions = np.linalg.svd(normal[None])
+    # Columns take plane coordinates (u, v, 1) to space, so the third coordinate along n is zero by design.
+    basis = np.zeros((4, 3))
+    basis[:3, 0], basis[:3, 1] = directions[1], directions[2]
+    basis[:3, 2], basis[3, 2] = -offset * normal, 1.0
+    try:
+        flat = ellipse_from_conic(basis.T @ cone @ basis)
+    except EllipseError:
+        return []
+    in_plane = frame[:3, :3] @ basis[:3, :2]
+    centre = (frame @ basis @ np.append(flat.centre, 1.0))[:3]
+    return [Ellipse3D(centre, in_plane @ flat.semi_major, in_plane @ flat.semi_minor)]
+
+
+def _circle_between_rays(
+    projections: dict[Plane, Projection], outlines: dict[Plane, Array], line_planes: dict[Plane, Array], centre: Array
+) -> list[Ellipse3D]:
+    """The circle that touches the outermost rays to the loop in both planes, seen edge-on by both; none if it is not.
+
+    Both planes through line and source are then the loop's own; in it, a circle with centre c and radius r that touches
+    a ray with unit normal m through the source s fulfils m · (c − s) = r: four equations, linear in three unknowns.
+
+    Args:
+        projections: world metres to pixels, per plane.
+        outlines: (N, 2) pixels along the loop, per plane.
+        line_planes: per plane, (4,) through the outline's line and the source, in any scale.
+        centre: (3,) about the loop's, world metres.
+    """
+    normals = {p: line_planes[p][:3] / np.linalg.norm(line_planes[p][:3]) for p in PLANES}
+    cosine = float(normals["a"] @ normals["b"])
+    if abs(cosine) < np.cos(np.radians(EDGE_ON_IN_BOTH_DEG)):
+        return []
+    normal = normals["a"] + np.sign(cosine) * normals["b"]
+    basis = np.linalg.svd(normal[None])[2][1:]
+    rows, right = [], []
+    for plane in PLANES:
+        outline, source = outlines[plane], basis @ (projections[plane].source - centre)
+        _, _, directions = np.linalg.svd(outline - outline.mean(axis=0), full_matrices=False)
+        along = (outline - outline.mean(axis=0)) @ directions[0]
+        ends = projections[plane].rays(outline[[int(along.argmin()), int(along.argmax())]]) @ basis.T
+        ends /= np.linalg.norm(ends, axis=1, keepdims=True)
+        for ray, other in (ends, ends[::-1]):
+            towards = np.array([-ray[1], ray[0]])
+            towards *= np.sign(towards @ other)  # the loop lies on the other ray's side
+            rows.append([*towards, -1.0])
+            right.append(float(towards @ source))
+    (x, y, radius), *_ = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)
+    if not radius > 0.0:
+        return []
+    return [Ellipse3D(centre + np.array([x, y]) @ basis, radius * basis[0], radius * basis[1])]
+
+
+def _reprojection(ellipse: Ellipse3D, projection: Projection, outline: Array) -> float:
+    """Mean distance between outline and projected ellipse, both ways: one that reaches too far is no better."""
+    projected = projection.project(ellipse.points(120))
+    to_ellipse = distance_to_curve(outline, np.vstack([projected, projected[:1]]))
+    to_outline = np.sort(distance_to_curve(projected, outline))[: round((1.0 - OPEN_SHARE) * len(projected))]
+    return 0.5 * float(to_ellipse.mean() + to_outline.mean())
+
+
+def epipolar_shift(
+    projections: dict[Plane, Projection], outlines: dict[Plane, Array], share_of_a: float
+) -> dict[Plane, Array]:
+    """Pixel shifts that bring the outlines' epipolar tangents of both planes together.
+
+    A plane through both sources that touches the loop shows as a line that touches both outlines. Where the
+    two tangents' mean differs, the planes are off to each other: their calibration, or the loop moved
+    between the exposures.
+
+    Args:
+        projections: world metres to pixels, per plane.
+        outlines: (N, 2) pixels along the loop, per plane.
+        share_of_a: share of the correction that plane A's images take, in [0, 1].
+
+    Returns:
+        Per plane, (2,) pixels by which its images lie off: project, then add.
+
+    Raises:
+        ReconstructionError: the two views are the same.
+    """
+    a, b = projections["a"], projections["b"]
+    centre = _well_scaled_frame(projections, outlines)[:3, 3]
+    baseline = b.source - a.source
+    baseline = baseline / np.linalg.norm(baseline)
+    # Height of a point above the baseline–centre plane, which any epipolar plane's angle measures.
+    towards = centre - a.source
+    upward = np.cross(baseline, towards)
+    upward /= np.linalg.norm(upward)
+    outward = np.cross(upward, baseline)
+    middles = {}
+    for plane, projection in projections.items():
+        rays = projection.rays(outlines[plane])
+        angles = np.arctan2(rays @ upward, rays @ outward)
+        middles[plane] = 0.5 * float(angles.min() + angles.max())
+    lever = float(np.linalg.norm(np.cross(baseline, towards)))
+    height = (middles["b"] - middles["a"]) * lever  # B sees the loop this much higher
+    shifts: dict[Plane, Array] = {}
+    corrections: tuple[tuple[Plane, float, float], ...] = (("a", share_of_a, -1.0), ("b", 1.0 - share_of_a, 1.0))
+    for plane, share, sign in corrections:
+        shifts[plane] = np.asarray(sign * share * height * (projections[plane].jacobian(centre) @ upward))
+    return shifts

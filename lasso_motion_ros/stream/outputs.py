@@ -1,0 +1,99 @@
+"""What the pipeline gives out besides pairs: messages to be published, problems, counts."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
+from lasso_motion_ros.tracking.tracker import RingMotion, TrackerState
+from msg_adapters.sync.calibrated_frames import CalibrationCounts
+from msg_adapters.sync.pairing import PlaneCounts
+from msg_adapters.topics import Topic
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Something wrong with what came in.
+
+    Attributes:
+        topic: relative name of the topic it came on, or empty where it is none's in particular.
+        text: what was found and what was expected.
+    """
+
+    topic: str
+    text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Output:
+    """A message to be published.
+
+    Attributes:
+        topic: where.
+        message: made by the pipeline's message factory.
+        stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
+    """
+
+    topic: Topic
+    message: Any
+    stamp_ns: int
+
+
+@dataclass(frozen=True, eq=False)
+class PipelineStatistics:
+    """Counts since the start, for diagnostics and summaries.
+
+    Attributes:
+        state: the state now.
+        reason: why, in a few plain words.
+        pairs: pairs answered.
+        half_pairs: of those, with a plane missing.
+        poses: of those, with a pose.
+        states: pairs answered, by state.
+        problems: problems, by topic.
+        frames: per plane, what became of images and calibrations before pairing.
+        pairing: per plane, what became of images in pairing.
+        last_pair_ns: stamp of the last pair answered, or None.
+        last_pose_ns: stamp of the last pose, or None.
+        residual_px: per plane, the last result's residual.
+        ring: what the ring did by itself in the last pair.
+        offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
+        calibrated: the planes whose last calibration is valid.
+        heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
+    """
+
+    state: TrackerState
+    reason: str
+    pairs: int
+    half_pairs: int
+    poses: int
+    states: dict[TrackerState, int]
+    problems: dict[str, int]
+    frames: dict[Plane, CalibrationCounts]
+    pairing: dict[Plane, PlaneCounts]
+    last_pair_ns: int | None
+    last_pose_ns: int | None
+    residual_px: dict[Plane, float] = field(default_factory=dict)
+    ring: RingMotion | None = None
+    offset_ns: int = 0
+    calibrated: tuple[Plane, ...] = ()
+    heartbeat: HeartbeatStatus | None = None
+
+
+def problem_lines(problems: Mapping[Problem, int]) -> list[str]:
+    """What was wrong with messages, a line each; what was wrong on several topics alike is said once."""
+    topics: dict[str, list[str]] = {}
+    often: Counter[str] = Counter()
+    for problem, count in problems.items():
+        topics.setdefault(problem.text, []).append(problem.topic)
+        often[problem.text] += count
+    return [
+        (f"{', '.join(names)}: " if any(names) else "")
+        + text
+        + (f" ({often[text]} times)" if often[text] > len(names) else "")
+        for text, names in topics.items()
+    ]

@@ -1,0 +1,15 @@
+"""The tracker that a configuration names."""
+
+from __future__ import annotations
+
+from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.tracking.tracker import Tracker
+
+
+def create_tracker(config: TrackerConfig) -> Tracker:
+    """A new tracker of the configured method."""
+    if config.method == "brost2009":
+        return Brost2009Tracker(config)
+    return AppearanceTracker(config)

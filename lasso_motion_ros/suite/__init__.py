@@ -1,1 +1,0 @@
-"""The phantom suite: random short sequences, run in memory and counted; sweeps of one property at a time."""

@@ -1,0 +1,1 @@
+"""Whole programs behind the commands: player, recorder, demonstrations, tracking and evaluating recordings."""

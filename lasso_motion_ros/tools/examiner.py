@@ -1,0 +1,85 @@
+"""Looks at a live graph for a few seconds: who publishes what, how, and what comes."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, RawTopic, offer_of
+from msg_adapters.checks.examination import Examination
+from msg_adapters.checks.graph import Endpoint, TopicFacts
+from msg_adapters.messages import jazzy_types
+from msg_adapters.topics import INPUTS, STATE
+
+NODE = "lasso_check"
+
+
+def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tuple[Examination, dict[str, TopicFacts]]:
+    """Listen to the tracker's inputs and its state.
+
+    Args:
+        seconds: how long.
+        namespace: of the nodes, `/lab` or empty.
+        interrupted: set it to end early.
+
+    Returns:
+        The messages examined, and the facts of all topics under their contract names (without the namespace).
+    """
+    use_image_profile()
+    jazzy_types()  # takes a while the first time: not of the time to listen
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
+        examination = Examination(live=True)
+        raw_topics = [
+            RawTopic(
+                node,
+                namespace + topic.recorded_name,
+                lambda heard: examination.add(
+                    heard.topic.removeprefix(namespace), heard.type_name, heard.data, heard.received_ns
+                ),
+            )
+            for topic in (*INPUTS, STATE)
+        ]
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        try:
+            end, due = time.monotonic() + seconds, 0.0
+            while not interrupted.is_set() and time.monotonic() < end:
+                if time.monotonic() >= due:
+                    for topic in raw_topics:
+                        topic.discover()
+                    due = time.monotonic() + DISCOVERY_PERIOD_S
+                executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
+            lost = {topic.name.removeprefix(namespace): topic.lost for topic in raw_topics}
+            return examination, _facts(node, namespace, examination, lost)
+        finally:
+            executor.shutdown()
+            node.destroy_node()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _facts(node: Node, namespace: str, examination: Examination, lost: dict[str, int]) -> dict[str, TopicFacts]:
+    facts = {}
+    for full_name, types in node.get_topic_names_and_types():
+        name = full_name.removeprefix(namespace) if full_name.startswith(f"{namespace}/") else full_name
+        facts[name] = TopicFacts(
+            types[0],
+            tuple(_endpoint(one) for one in node.get_publishers_info_by_topic(full_name)),
+            tuple(_endpoint(one) for one in node.get_subscriptions_info_by_topic(full_name) if one.node_name != NODE),
+            examination.counts[name],
+            lost.get(name, 0),
+        )
+    return facts
+
+
+def _endpoint(information: object) -> Endpoint:
+    offer = offer_of(information)
+    return Endpoint(offer.node, offer.reliable, offer.latched)

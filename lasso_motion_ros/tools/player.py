@@ -1,0 +1,320 @@
+"""Publishes a recording on its topics, at its own timing, and loses nothing of it."""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+
+import rclpy
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.signals import SignalHandlerOptions
+from rosgraph_msgs.msg import Clock
+
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.tools.later_stamps import is_stamped, with_later_stamp
+from lasso_motion_ros.tools.raw_topics import message_class_of
+from msg_adapters.messages import NANOSECONDS, ns_to_stamp
+from msg_adapters.recordings.reader import RawMessage, RecordingReader
+from msg_adapters.topics import (
+    GROUND_TRUTH,
+    IMAGE_TYPE,
+    INPUTS,
+    OUTPUTS,
+    OVERLAY_SURFACE,
+    PLANE_NAMES,
+    image_topic,
+    overlay_topic,
+    seed_topic,
+    tracking_topic,
+)
+
+DEPTH = 32
+READ_AHEAD = 16
+CLOCK_PERIOD_S = 0.01
+ACKNOWLEDGE_WAIT_S = 10.0
+SEED_WAIT_S = 0.2
+ROUND_PAUSE_S = 1.0
+"""Between two rounds of an endless stream: what is filmed has its time to get from its last place to its first."""
+OUTPUT_NAMES = frozenset(
+    topic.recorded_name
+    for topic in (
+        *OUTPUTS,
+        OVERLAY_SURFACE,
+        *(make(plane) for make in (tracking_topic, overlay_topic) for plane in "ab"),
+    )
+)
+LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
+IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANE_NAMES)
+SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANE_NAMES)
+
+
+@dataclass(frozen=True)
+class PlayOptions:
+    """How to play.
+
+    Attributes:
+        rate: times the recorded speed.
+        loop: begin again at the end, until interrupted.
+        endless: begin again with later stamps, as one stream that goes on, until interrupted.
+        start_s: seconds of the recording to leave out; what is latched in them is published nonetheless.
+        clock: publish /clock with the recording's time.
+        everything: also what a tracker has put out.
+        wait_s: wait this long for subscribers; 0 does not wait.
+        subscribers: how many each image topic must have before the first message.
+    """
+
+    rate: float = 1.0
+    loop: bool = False
+    endless: bool = False
+    start_s: float = 0.0
+    clock: bool = False
+    everything: bool = False
+    wait_s: float = 0.0
+    subscribers: int = 1
+
+
+@dataclass
+class PlaySummary:
+    """What was played.
+
+    Attributes:
+        published: number of messages by topic.
+        seconds: how long it took.
+        latest_s: the furthest that a message was behind its time.
+        unacknowledged: topics of which a subscriber did not confirm everything.
+        unknown: topics left out because their message type is not installed.
+        damage: what is wrong with the file, if part of it could not be read.
+    """
+
+    published: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+    latest_s: float = 0.0
+    unacknowledged: list[str] = field(default_factory=list)
+    unknown: list[str] = field(default_factory=list)
+    damage: str | None = None
+
+
+class Player:
+    """Publishes the messages as they were recorded, byte by byte (but for later stamps): nothing is decoded on the way.
+
+    Args:
+        reader: the recording.
+        options: how to play it.
+        interrupted: set it to end early.
+        show: told after each message how many were published.
+    """
+
+    def __init__(
+        self,
+        reader: RecordingReader,
+        options: PlayOptions,
+        interrupted: threading.Event,
+        show: Callable[[int], None] = lambda count: None,
+    ) -> None:
+        self._show = show
+        self._reader = reader
+        self._options = options
+        self._interrupted = interrupted
+        self._summary = PlaySummary()
+        self._node: Node = rclpy.create_node("lasso_player", enable_rosout=False, start_parameter_services=False)
+        self._latched = LATCHED_NAMES | reader.latched_topics
+        self._publishers: dict[str, Publisher] = {}
+        self._stamped: set[str] = set()
+        self._later_ns = 0
+        for topic, type_name in reader.topics.items():
+            if topic in OUTPUT_NAMES and not options.everything:
+                continue
+            message_class = message_class_of(type_name)
+            if message_class is None:
+                self._summary.unknown.append(topic)
+                continue
+            if is_stamped(message_class):
+                self._stamped.add(topic)
+            self._publishers[topic] = self._node.create_publisher(
+                message_class, topic, qos(depth=DEPTH, latched=topic in self._latched)
+            )
+        if not self._publishers:
+            raise RecordingError(f"{reader.path}: no topic to play")
+        self._clock = self._node.create_publisher(Clock, "/clock", qos(depth=1)) if options.clock else None
+
+    def wait_for_subscribers(self) -> None:
+        """Wait until the image topics have the subscribers asked for, and every other input as well has one.
+
+        Raises:
+            RecordingError: they have not come in time.
+        """
+        inputs = {topic.recorded_name: topic for topic in INPUTS}
+        wanted = {
+            name: self._options.subscribers if inputs[name].type_name == IMAGE_TYPE else 1
+            for name in self._publishers
+            if name in inputs
+        }
+        deadline = time.monotonic() + self._options.wait_s
+        while lacking := [n for n, count in wanted.items() if self._publishers[n].get_subscription_count() < count]:
+            if self._interrupted.wait(0.02):
+                return
+            if time.monotonic() > deadline:
+                raise RecordingError(f"no subscriber on {', '.join(lacking)} within {self._options.wait_s:g} s")
+
+    def play(self) -> PlaySummary:
+        """Play to the end, or until interrupted, and wait until every subscriber has acknowledged everything."""
+        began = time.monotonic()
+        while True:
+            self._play_once()
+            if not (self._options.loop or self._options.endless) or self._interrupted.is_set():
+                break
+            if self._options.endless:
+                first_ns, last_ns = self._reader.time_span_ns
+                skipped_s = ROUND_PAUSE_S - self._options.start_s
+                self._later_ns += last_ns - first_ns + round(skipped_s * NANOSECONDS)
+                self._interrupted.wait(ROUND_PAUSE_S / self._options.rate)
+        self._summary.seconds = time.monotonic() - began
+        self._summary.damage = self._reader.damage
+        if not self._interrupted.is_set():
+            for topic, publisher in self._publishers.items():
+                if not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_WAIT_S)):
+                    self._summary.unacknowledged.append(topic)
+        return self._summary
+
+    def close(self) -> None:
+        """Take the publishers down."""
+        self._node.destroy_node()
+
+    def _play_once(self) -> None:
+        began: float | None = None
+        start_ns: int | None = None
+        with ReadAhead(self._reader.raw_messages(list(self._publishers)), READ_AHEAD) as messages:
+            for message in messages:
+                if self._interrupted.is_set():
+                    return
+                if start_ns is None:
+                    start_ns = message.log_time_ns + round(self._options.start_s * NANOSECONDS)
+                if message.log_time_ns < start_ns:
+                    if message.topic in self._latched:
+                        self._publish(message)
+                    continue
+                # Time begins here: what lies before has been skipped as fast as it could be read.
+                began = time.monotonic() if began is None else began
+                due = began + (message.log_time_ns - start_ns) / NANOSECONDS / self._options.rate
+                self._wait_until(due, message.log_time_ns + self._later_ns)
+                if self._interrupted.is_set():
+                    return
+                self._publish(message)
+                self._summary.latest_s = max(self._summary.latest_s, time.monotonic() - due)
+                self._show(sum(self._summary.published.values()))
+        if start_ns is None:
+            raise RecordingError(f"{self._reader.path}: no message to play")
+        if began is None:
+            raise RecordingError(
+                f"{self._reader.path}: nothing is left to play {self._options.start_s:g} s after its first message"
+            )
+
+    def _wait_until(self, due: float, recorded_ns: int) -> None:
+        while not self._interrupted.is_set():
+            left = due - time.monotonic()
+            if self._clock is not None:
+                now_ns = recorded_ns - round(max(left, 0.0) * self._options.rate * NANOSECONDS)
+                self._clock.publish(_clock_message(now_ns))
+                left = min(left, CLOCK_PERIOD_S)
+            if left <= 0.0 or self._interrupted.wait(left):
+                return
+            if self._clock is None:
+                return
+
+    def _publish(self, message: RawMessage) -> None:
+        if message.topic in SEED_NAMES:
+            # Clicks are small and would overtake their image; at the start of another round they would then be taken
+            # for clicks on the last round's, which has the same stamp.
+            for image in IMAGE_NAMES & self._publishers.keys():
+                self._publishers[image].wait_for_all_acked(Duration(seconds=SEED_WAIT_S))
+        later = self._later_ns and message.topic in self._stamped
+        data = with_later_stamp(message.data, self._later_ns) if later else message.data
+        self._publishers[message.topic].publish(data)
+        self._summary.published[message.topic] = self._summary.published.get(message.topic, 0) + 1
+
+
+class ReadAhead:
+    """Reads messages in a thread of its own, a few ahead, so that unpacking a chunk delays no message.
+
+    Args:
+        messages: what to read.
+        depth: how many to keep ready.
+    """
+
+    def __init__(self, messages: Iterable[RawMessage], depth: int) -> None:
+        self._messages = messages
+        self._ready: queue.Queue[RawMessage | Exception | None] = queue.Queue(depth)
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._read, name="read-ahead", daemon=True)
+
+    def __enter__(self) -> ReadAhead:
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stop.set()
+        while self._thread.is_alive():
+            while not self._ready.empty():
+                self._ready.get_nowait()
+            self._thread.join(0.01)
+
+    def __iter__(self) -> Iterator[RawMessage]:
+        while (item := self._ready.get()) is not None:
+            if isinstance(item, Exception):
+                raise item
+            yield item
+
+    def _read(self) -> None:
+        try:
+            for message in self._messages:
+                self._ready.put(message)
+                if self._stop.is_set():
+                    return
+        except Exception as error:
+            self._ready.put(error)
+        self._ready.put(None)
+
+
+def play(
+    reader: RecordingReader,
+    options: PlayOptions,
+    interrupted: threading.Event,
+    show: Callable[[int], None] = lambda count: None,
+) -> PlaySummary:
+    """Play a recording in this process.
+
+    Args:
+        reader: the recording.
+        options: how.
+        interrupted: set it to end early.
+        show: told after each message how many were published.
+
+    Raises:
+        RecordingError: nothing in it to play, or no subscriber in time.
+    """
+    use_image_profile()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        player = Player(reader, options, interrupted, show)
+        try:
+            if options.wait_s > 0.0:
+                player.wait_for_subscribers()
+            return player.play()
+        finally:
+            player.close()
+    finally:
+        rclpy.try_shutdown()
+
+
+def _clock_message(now_ns: int) -> Clock:
+    message = Clock()
+    stamp = ns_to_stamp(now_ns)
+    message.clock.sec, message.clock.nanosec = stamp["sec"], stamp["nanosec"]
+    return message

@@ -1,0 +1,1 @@
+"""What a tracker is: its protocol, its states, its result."""

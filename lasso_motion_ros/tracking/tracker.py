@@ -1,0 +1,94 @@
+"""The tracker: one object with `initialise` and `track`, configured by one dataclass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
+
+Array = npt.NDArray[np.float64]
+
+
+class TrackerState(Enum):
+    """What the node publishes on `state`."""
+
+    INACTIVE = "INACTIVE"
+    WAITING_FOR_CALIBRATION = "WAITING_FOR_CALIBRATION"
+    WAITING_FOR_SEED = "WAITING_FOR_SEED"
+    TRACKING = "TRACKING"
+    DEGRADED = "DEGRADED"
+    LOST = "LOST"
+    DISPLACED = "DISPLACED"
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether `motion` is published in this state."""
+        return self in (TrackerState.TRACKING, TrackerState.DEGRADED)
+
+
+@dataclass(frozen=True)
+class RingMotion:
+    """What the ring has done by itself since the seed pair, the atrium's rotation taken away.
+
+    Attributes:
+        tilt_rad: angle of its axis against then.
+        spin_rad: turn about that axis, as the electrodes show it; None where they do not resolve it.
+        size: relative to then.
+    """
+
+    tilt_rad: float
+    spin_rad: float | None
+    size: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackResult:
+    """What one pair gave.
+
+    Attributes:
+        stamp_ns: plane A's stamp.
+        state: TRACKING, DEGRADED, LOST or DISPLACED.
+        reason: why, in a few plain words; empty in TRACKING.
+        motion: (4, 4) T with p_now = T · p_reference, world metres; None where there is no pose.
+        covariance: (6, 6) of `motion` in ROS order (x, y, z, rotation about the fixed axes x, y, z; m, rad) at
+            the world origin; None where there is no pose.
+        loop: (N, 3) the catheter's curve now, world metres, N ≥ 64; None where there is none.
+        reference_stamp_ns: the pair whose phase is the reference.
+        residual_px: per plane, mean distance of the projected model to the lines found; empty where none.
+        ring: what the ring does by itself; None where it is not seen or not told apart.
+    """
+
+    stamp_ns: int
+    state: TrackerState
+    reason: str
+    motion: Array | None
+    covariance: Array | None
+    loop: Array | None
+    reference_stamp_ns: int
+    residual_px: dict[Plane, float] = field(default_factory=dict)
+    ring: RingMotion | None = None
+
+
+class Tracker(Protocol):
+    """What both methods offer to the pipeline."""
+
+    def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
+        """Build the model from the clicks on `pair`; its motion is the identity, its phase the reference."""
+
+    def track(self, pair: FramePair) -> TrackResult:
+        """Find the catheter in the next pair."""
+
+    def reset(self) -> None:
+        """Forget model and motion."""
+
+    def set_reference(self) -> None:
+        """Make the present phase the reference."""
+
+    def reconfigure(self, config: TrackerConfig) -> None:
+        """Go on with other tuning parameters (those that are not read-only); the model is kept."""

@@ -1,0 +1,1 @@
+"""MCAP recordings: read as far as they go, written whole or not at all, repaired, copied."""

@@ -1,0 +1,315 @@
+"""Gives each image of one plane its calibration, per frame or latched, whichever message arrives first.
+
+Per frame, an image uses the calibration with its own stamp and waits for it a little. Latched, the last one
+holds. Which of the two it is shows in the stamps, so that a recording is read as the live stream was.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.projection import Projection
+from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
+from msg_adapters.images import Pixels, decode_compressed_image, decode_image
+from msg_adapters.messages import NANOSECONDS, stamp_to_ns
+
+# Images (and time between their stamps) that may pass while one waits for its calibration; stamps remembered. A
+# reliable publisher whose small messages were pushed out by large images sends them again after up to ten frames.
+_PATIENCE = 2
+_LAG_NS = 700_000_000
+_MAX_WAITING = 32
+_REMEMBERED = 64
+
+
+@dataclass(frozen=True, eq=False)
+class _WithoutPose:
+    """A CameraInfo with a plain camera matrix: where the camera stands is asked for with each image's stamp."""
+
+    message: Any
+
+
+_Calibration = Projection | _WithoutPose
+
+
+@dataclass(eq=False)
+class _Waiting:
+    """An image that waits for its calibration.
+
+    Attributes:
+        stamp_ns: its stamp.
+        pixels: its grey values.
+        elsewhere: images of the other plane that came since.
+        first_elsewhere_ns: stamp of the first of them.
+        last_elsewhere_ns: stamp of the last of them.
+    """
+
+    stamp_ns: int
+    pixels: Pixels
+    elsewhere: int = 0
+    first_elsewhere_ns: int = 0
+    last_elsewhere_ns: int = 0
+
+
+@dataclass
+class CalibrationCounts:
+    """What became of one plane's messages before pairing.
+
+    Attributes:
+        images: images received.
+        refused_images: of those, refused by their content.
+        uncalibrated: images for which there was no valid calibration.
+        calibrations: calibrations received.
+        refused_calibrations: of those, refused by their content.
+    """
+
+    images: int = 0
+    refused_images: int = 0
+    uncalibrated: int = 0
+    calibrations: int = 0
+    refused_calibrations: int = 0
+
+
+class CalibratedFrames:
+    """Joins one plane's images and calibrations to frames.
+
+    Args:
+        extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
+    """
+
+    def __init__(self, extrinsics: Extrinsics | None = None) -> None:
+        self._extrinsics = extrinsics
+        self.counts = CalibrationCounts()
+        self._waiting: deque[_Waiting] = deque()
+        self._own: dict[int, _Calibration | None] = {}  # None: refused
+        self._latest: _Calibration | None = None
+        self._heard = False
+        self._newest_ns = 0
+        self._per_frame: bool | None = None  # None: the stamps have not shown it yet
+        self._latched = False
+        self._matched: set[int] = set()  # the first two stamps that an image and a calibration shared
+        self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
+        self._settled: list[tuple[int, Frame | None]] = []
+        self._last_message: tuple[bytes, _Calibration] | None = None
+        self._complaints: list[str] = []
+
+    @property
+    def calibrated(self) -> bool:
+        """Whether the last calibration heard is valid."""
+        return self._latest is not None
+
+    def take_complaints(self) -> list[str]:
+        """What was wrong with messages since the last call."""
+        complaints, self._complaints = self._complaints, []
+        return complaints
+
+    def add_image(self, message: Any) -> list[Frame]:
+        """Take an Image or CompressedImage, give back the frames that are complete now.
+
+        One that breaks the contract is a complaint.
+        """
+        self.take_image(message)
+        return _frames_of(self.settled())
+
+    def add_camera_info(self, message: Any, *, latched: bool = False) -> list[Frame]:
+        """Take a CameraInfo, give back the frames that are complete now.
+
+        One that breaks the contract is a complaint; images that would have used it are left out.
+
+        Args:
+            message: the CameraInfo.
+            latched: it is known to come from a publisher that latches: it holds until the next, though it may have an
+                image's stamp, and no image waits for another.
+        """
+        self.take_camera_info(message, latched=latched)
+        return _frames_of(self.settled())
+
+    def flush(self) -> list[Frame]:
+        """The frames that are left when nothing more will come."""
+        return _frames_of(self.settled(final=True))
+
+    def take_image(self, message: Any) -> int | None:
+        """Take an image; its stamp, or None where it is refused. Once settled it is among `settled()`."""
+        self.counts.images += 1
+        stamp = stamp_to_ns(message.header.stamp)
+        try:
+            if stamp == 0:
+                raise MessageError("header.stamp: expected the time of exposure, found zero")
+            pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
+        except MessageError as error:
+            self.counts.refused_images += 1
+            self._complaints.append(str(error))
+            return None
+        if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS:
+            self._leave_behind()
+            if self._recent_images[-1] - NANOSECONDS < self._newest_ns:
+                # Back to an earlier time: calibrations of the later one say nothing about what is still to come.
+                self._own.clear()
+                self._newest_ns = 0
+        self._recent_images.append(stamp)
+        self._waiting.append(_Waiting(stamp, pixels))
+        return stamp
+
+    def note_elsewhere(self, stamp_ns: int) -> None:
+        """Take note of the other plane's image: this plane may have stopped, and its images must not wait for ever."""
+        for waiting in self._waiting:
+            if waiting.elsewhere == 0:
+                waiting.first_elsewhere_ns = stamp_ns
+            waiting.elsewhere += 1
+            waiting.last_elsewhere_ns = stamp_ns
+
+    def take_camera_info(self, message: Any, *, latched: bool = False) -> None:
+        """Take a calibration; what it settles is among `settled()`. See `add_camera_info`."""
+        self.counts.calibrations += 1
+        stamp = stamp_to_ns(message.header.stamp)
+        try:
+            projection: _Calibration | None = self._decoded(message)
+        except MessageError as error:
+            self.counts.refused_calibrations += 1
+            self._complaints.append(str(error))
+            projection = None
+        if stamp < self._newest_ns - NANOSECONDS:
+            self._own.clear()
+            self._newest_ns = 0
+        if latched and not self._latched:
+            self._latched, self._per_frame = True, None
+        if stamp != 0 and stamp in self._recent_images:
+            self._per_frame = self._shows_per_frame(stamp)
+        elif stamp == 0 and self._per_frame is None:
+            self._per_frame = False
+        self._own[stamp] = projection
+        while len(self._own) > _REMEMBERED:
+            del self._own[next(iter(self._own))]
+        self._latest, self._heard = projection, True
+        self._newest_ns = max(self._newest_ns, stamp)
+
+    def settled(self, final: bool = False) -> list[tuple[int, Frame | None]]:
+        """The images settled since the last call, in the order in which they were taken.
+
+        Args:
+            final: nothing more will come: all that wait are settled.
+
+        Returns:
+            Stamp, and the frame, or None where the image is left out for want of a calibration.
+        """
+        self._settle(final)
+        settled, self._settled = self._settled, []
+        return settled
+
+    def _decoded(self, message: Any) -> _Calibration:
+        roi = message.roi
+        content = np.concatenate([np.asarray(message.p, np.float64), np.asarray(message.d, np.float64)]).tobytes()
+        sizes = (message.width, message.height, message.binning_x, message.binning_y)
+        content += repr((*map(int, sizes), roi.x_offset, roi.y_offset, roi.width, roi.height)).encode()
+        content += message.header.frame_id.encode("utf-8", "replace")
+        if self._last_message is not None and self._last_message[0] == content:
+            return self._last_message[1]
+        calibration: _Calibration
+        if self._extrinsics is not None and needs_pose(message):
+            calibration = _WithoutPose(message)
+        else:
+            calibration = decode_camera_info(message)
+        self._last_message = (content, calibration)
+        return calibration
+
+    def _posed(self, calibration: _WithoutPose, stamp: int) -> Projection | None:
+        """The projection as it is at an image's stamp; None, with a complaint, where it is not known."""
+        extrinsics = self._extrinsics
+        if extrinsics is None:
+            return None
+        try:
+            return decode_camera_info(calibration.message, extrinsics=lambda frame_id, _: extrinsics(frame_id, stamp))
+        except MessageError as error:
+            self._complaints.append(str(error))
+            return None
+
+    def _settle(self, final: bool) -> None:
+        while self._waiting:
+            stamp, pixels = self._waiting[0].stamp_ns, self._waiting[0].pixels
+            if stamp in self._own:
+                self._per_frame = self._shows_per_frame(stamp)
+                projection = self._own[stamp]
+                for older in [other for other in self._own if other < stamp]:
+                    del self._own[older]
+            elif self._must_wait(stamp, final):
+                break
+            else:
+                projection = self._standing_in(stamp)
+            self._waiting.popleft()
+            self._settled.append((stamp, self._frame(stamp, pixels, projection)))
+
+    def _shows_per_frame(self, stamp: int) -> bool | None:
+        """Whether a stamp that image and calibration share shows that each image has one: of a latched one, two do."""
+        if len(self._matched) < 2:
+            self._matched.add(stamp)
+        return True if not self._latched or len(self._matched) > 1 else None
+
+    def _leave_behind(self) -> None:
+        """Settle the images before a step back in time: what comes now says nothing about them."""
+        while self._waiting:
+            waiting = self._waiting.popleft()
+            stamp = waiting.stamp_ns
+            projection = self._own.get(stamp, None if self._per_frame else self._latest)
+            self._settled.append((stamp, self._frame(stamp, waiting.pixels, projection)))
+
+    def _must_wait(self, stamp: int, final: bool) -> bool:
+        """Whether this image's own calibration, or any at all, may still come."""
+        if final or len(self._waiting) > _MAX_WAITING:
+            return False
+        first = self._waiting[0]
+        if len(self._waiting) > _PATIENCE and self._waiting[-1].stamp_ns - stamp >= _LAG_NS:
+            return False
+        # The planes' clocks may differ: only stamps of one plane are compared.
+        if first.elsewhere > _PATIENCE and first.last_elsewhere_ns - first.first_elsewhere_ns >= _LAG_NS:
+            return False
+        if not self._heard:
+            return True
+        if self._per_frame is None:
+            return len(self._waiting) < 2 and not self._latched
+        return self._per_frame and self._newest_ns < stamp
+
+    def _standing_in(self, stamp: int) -> _Calibration | None:
+        """The calibration of an image whose own one is not coming."""
+        if not self._per_frame:
+            if self._heard:
+                self._per_frame = False
+            return self._latest
+        if self._newest_ns < stamp:
+            self._per_frame = None  # they have stopped: the last one holds, if it stays so
+            return self._latest
+        # Its own one was lost on the way. Its neighbours may speak for it as long as nothing was moving.
+        before = [self._own[other] for other in self._own if other < stamp]
+        after = [self._own[other] for other in self._own if other > stamp]
+        if before and after and before[-1] is not None and before[-1] is after[0]:
+            return before[-1]
+        return None
+
+    def _frame(self, stamp: int, pixels: Pixels, calibration: _Calibration | None) -> Frame | None:
+        projection = calibration
+        if isinstance(projection, _WithoutPose):
+            projection = self._posed(projection, stamp)
+            if projection is None:
+                self.counts.uncalibrated += 1
+                return None
+        if projection is None:
+            self.counts.uncalibrated += 1
+            if self._latest is not None or not self._heard:  # else the calibration's own complaint says it
+                self._complaints.append("an image was left out: there is no calibration for it")
+            return None
+        if pixels.shape != (projection.height, projection.width):
+            self.counts.uncalibrated += 1
+            self._complaints.append(
+                f"width, height: the calibration is for an image of {projection.width}×{projection.height} (with"
+                f" binning and roi), the image has {pixels.shape[1]}×{pixels.shape[0]}"
+            )
+            return None
+        return Frame(stamp, pixels, projection)
+
+
+def _frames_of(settled: list[tuple[int, Frame | None]]) -> list[Frame]:
+    return [frame for _, frame in settled if frame is not None]

@@ -1,0 +1,186 @@
+import dataclasses
+
+import pytest
+import yaml
+from support.paths import ROOT
+
+from lasso_motion_ros.config.configuration import OverlayConfig, ProductConfig, TrackerConfig
+from lasso_motion_ros.config.parameters import (
+    configuration_from_values,
+    configuration_values,
+    load_configuration,
+    parameter,
+    parameter_table,
+)
+from lasso_motion_ros.core.errors import ConfigurationError
+
+CONFIG = ROOT / "config"
+TABLES = [ProductConfig, OverlayConfig]
+
+
+@dataclasses.dataclass(frozen=True)
+class Group:
+    """A group of parameters."""
+
+    count: int = parameter(3, "how many", minimum=1, maximum=9)
+    share: float = parameter(0.5, "how much", unit="mm", minimum=0.0, maximum=1.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Small:
+    """Parameters of each type."""
+
+    name: str = parameter("one", "which", choices=("one", "two"))
+    flag: bool = parameter(True, "whether", read_only=False)
+    group: Group = dataclasses.field(default_factory=Group)
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write(text):
+        path = tmp_path / "parameters.yaml"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return write
+
+
+def test_table_by_hand():
+    rows = list(parameter_table(Small))
+    assert [row.name for row in rows] == ["name", "flag", "group.count", "group.share"]
+    share = rows[-1]
+    assert (share.default, share.unit, share.minimum, share.maximum) == (0.5, "mm", 0.0, 1.0)
+    assert share.description == "how much"
+    assert share.read_only
+    assert not rows[1].read_only
+    assert rows[0].choices == ("one", "two")
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_every_parameter_says_what_it_does_and_allows_its_default(table):
+    rows = list(parameter_table(table))
+    assert len({row.name for row in rows}) == len(rows)
+    for row in rows:
+        assert row.description
+        assert row.checked(row.default) == row.default
+        assert type(row.default) in (bool, int, float, str)
+        # A unit in the name and in the table must not contradict each other.
+        for suffix in ("mm", "px", "deg", "s"):
+            if row.name.endswith(f"_{suffix}") and not row.name.endswith(("_mm_s", "_per_s")):
+                assert row.unit == suffix, row.name
+
+
+@pytest.mark.parametrize("table", [Small, *TABLES, TrackerConfig])
+def test_values_round_trip(table):
+    values = configuration_values(table())
+    assert list(values) == [row.name for row in parameter_table(table)]
+    assert configuration_from_values(table, values) == table()
+
+
+def test_what_is_not_named_keeps_its_default():
+    config = configuration_from_values(Small, {"group.count": 5})
+    assert config == Small(group=Group(count=5))
+    assert configuration_values(config) == {"name": "one", "flag": True, "group.count": 5, "group.share": 0.5}
+
+
+def test_an_integer_serves_as_a_number():
+    config = configuration_from_values(Small, {"group.share": 1})
+    assert config.group.share == 1.0
+    assert isinstance(config.group.share, float)
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"group.cuont": 3}, r"unknown parameter 'group.cuont'; did you mean group.count\?"),
+        ({"zzzzzzz": 3}, "unknown parameter 'zzzzzzz'$"),
+        ({"group": 3}, "unknown parameter 'group'"),
+        ({"group.count": 2.0}, r"group.count must be a int, found 2.0"),
+        ({"group.count": True}, "group.count must be a int, found True"),
+        ({"group.share": True}, "group.share must be a float, found True"),
+        ({"group.share": "0.5"}, "group.share must be a float, found '0.5'"),
+        ({"group.share": None}, "group.share must be a float, found None"),
+        ({"flag": 1}, "flag must be a bool, found 1"),
+        ({"name": 1}, "name must be a str, found 1"),
+        ({"group.count": 0}, "group.count must be at least 1, found 0"),
+        ({"group.count": 10}, "group.count must be at most 9, found 10"),
+        ({"group.share": -0.1}, "group.share must be at least 0.0 mm, found -0.1"),
+        ({"group.share": 1.1}, "group.share must be at most 1.0 mm, found 1.1"),
+        ({"group.share": float("nan")}, "group.share must be .*, found nan"),
+        ({"name": "three"}, "name must be one of one, two, found 'three'"),
+    ],
+)
+def test_refused_values(values, text):
+    with pytest.raises(ConfigurationError, match=text):
+        configuration_from_values(Small, values)
+
+
+@pytest.mark.parametrize("edge", [{"group.count": 1}, {"group.count": 9}, {"group.share": 0.0}, {"group.share": 1.0}])
+def test_both_ends_of_a_range_are_allowed(edge):
+    assert configuration_values(configuration_from_values(Small, edge)).items() >= edge.items()
+
+
+@pytest.mark.parametrize("section", ["/**", "node", "/node", "/**/node"])
+def test_file_is_ros_parameter_yaml(write, section):
+    path = write(f"{section}:\n  ros__parameters:\n    name: two\n    group:\n      count: 4\n    group.share: 0.25\n")
+    expected = Small(name="two", group=Group(count=4, share=0.25))
+    assert load_configuration(path, Small, "node") == expected
+    assert load_configuration(str(path), Small, "node") == expected
+
+
+def test_other_nodes_are_passed_over_and_later_sections_win(write):
+    path = write(
+        "/**:\n  ros__parameters: {name: two, group.count: 4}\n"
+        "node:\n  ros__parameters: {group.count: 5}\n"
+        "other:\n  ros__parameters: {whatever: 1}\n"
+    )
+    assert load_configuration(path, Small, "node") == Small(name="two", group=Group(count=5))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "expected ROS parameter YAML"),
+        ("- 1\n- 2\n", "expected ROS parameter YAML"),
+        ("name: two\n", "section 'name' has no ros__parameters"),
+        ("node:\n  name: two\n", "section 'node' has no ros__parameters"),
+        ("node: {ros__parameters: {name: 1}}\n", "name must be a str"),
+        ("node: {ros__parameters: {nmae: one}}\n", r"unknown parameter 'nmae'; did you mean name\?"),
+        ("node: [unclosed\n", "cannot be read as YAML"),
+        ("node: !!python/object/apply:os.getcwd []\n", "cannot be read as YAML"),  # safe loading only
+    ],
+)
+def test_refused_files_are_named(write, text, message):
+    path = write(text)
+    with pytest.raises(ConfigurationError, match=message) as caught:
+        load_configuration(path, Small, "node")
+    assert str(caught.value).startswith(f"{path}: ")
+
+
+def test_a_file_that_is_not_there_or_not_text(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"none\.yaml: cannot be read"):
+        load_configuration(tmp_path / "none.yaml", Small)
+    binary = tmp_path / "binary.yaml"
+    binary.write_bytes(b"\xff\xfe\x00\x81")
+    with pytest.raises(ConfigurationError, match="cannot be read"):
+        load_configuration(binary, Small)
+
+
+@pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.name)
+def test_every_file_of_the_product_loads(path):
+    overlay = path.name.startswith("overlay")
+    table, node = (OverlayConfig, "lasso_overlay") if overlay else (ProductConfig, "lasso_tracker")
+    assert isinstance(load_configuration(path, table, node), table)
+
+
+def test_the_published_methods_file_names_every_parameter_that_it_uses():
+    (section,) = yaml.safe_load((CONFIG / "brost2009.yaml").read_text(encoding="utf-8")).values()
+    named = section["ros__parameters"]
+    assert named["method"] == "brost2009"
+    assert "polarity" in named
+    defaults = configuration_values(TrackerConfig())
+    for group in ("path", "model", "features", "registration"):
+        assert {f"{group}.{name}" for name in named[group]} == {n for n in defaults if n.startswith(f"{group}.")}
+    # As published: 400 × 400 of 1024 × 1024, ± 5 px.
+    assert named["features"]["roi_px"] == 400
+    assert named["registration"]["normal_search_px"] == 5

@@ -1,0 +1,92 @@
+"""Reading medical volumes: where a sample lies in the patient, whatever axes the file uses; refusals."""
+
+import sys
+
+import numpy as np
+import pytest
+from support.volume_inputs import CENTRE_M, INSIDE, SPACING_MM, write_dicom_series, write_ellipsoid
+
+from lasso_motion_ros.core.errors import VolumeError
+from lasso_motion_ros.geometry import transforms
+from lasso_motion_ros.geometry.volumes import is_volume, read_volume_image
+
+
+def centroid(image, above):
+    index = np.argwhere(image.values > above)[:, ::-1]
+    return transforms.apply(image.to_lps, index.astype(float)).mean(axis=0)
+
+
+@pytest.mark.parametrize("suffix", [".nii.gz", ".nrrd", ".mha"])
+@pytest.mark.parametrize("turned", [False, True])
+def test_samples_lie_where_the_file_says_in_lps(tmp_path, suffix, turned):
+    image = read_volume_image(write_ellipsoid(tmp_path / f"heart{suffix}", turned=turned))
+    np.testing.assert_allclose(centroid(image, INSIDE / 2), CENTRE_M, atol=1e-4)
+    np.testing.assert_allclose(image.spacing_m, 1e-3 * np.array(SPACING_MM), rtol=1e-5)
+
+
+def test_a_file_in_ras_is_turned_to_lps(tmp_path):
+    """A NIfTI header written by hand with a sform: index (1, 2, 3) lies at R 5, A 12, S 33 mm."""
+    header = bytearray(348)
+    header[0:4] = (348).to_bytes(4, "little")
+    header[40:56] = np.array([3, 4, 4, 5, 1, 1, 1, 1], "<i2").tobytes()
+    header[70:74] = np.array([4, 16], "<i2").tobytes()  # int16
+    header[76:108] = np.array([1, 1, 2, 3, 1, 1, 1, 1], "<f4").tobytes()
+    header[108:112] = np.array([352], "<f4").tobytes()
+    header[123] = 2  # millimetres
+    header[254:256] = (1).to_bytes(2, "little")  # sform in use
+    header[280:328] = np.array([[1, 0, 0, 4], [0, 2, 0, 8], [0, 0, 3, 24]], "<f4").tobytes()
+    header[344:348] = b"n+1\0"
+    values = np.zeros((5, 4, 4), "<i2")
+    values[3, 2, 1] = 100
+    path = tmp_path / "ras.nii"
+    path.write_bytes(bytes(header) + bytes(4) + values.tobytes())
+    pytest.importorskip("SimpleITK")
+    np.testing.assert_allclose(centroid(read_volume_image(path), 50), [-0.005, -0.012, 0.033], atol=1e-7)
+
+
+def test_a_dicom_series_is_put_in_order_by_position(tmp_path):
+    values = np.zeros((6, 8, 8), np.int16)
+    values[4, 1, 3] = 1000
+    write_dicom_series(tmp_path / "series", values, 2.0)
+    image = read_volume_image(tmp_path / "series")
+    np.testing.assert_allclose(centroid(image, 500), [-0.010 + 0.006, -0.020 + 0.002, -0.030 + 0.008], atol=1e-7)
+
+
+def test_units_scale_the_files_coordinates(tmp_path):
+    path = write_ellipsoid(tmp_path / "heart.nrrd")
+    millimetres, metres = read_volume_image(path), read_volume_image(path, 1.0)
+    np.testing.assert_allclose(metres.to_lps[:3], 1e3 * millimetres.to_lps[:3])
+
+
+def test_what_is_a_volume_tells_the_name(tmp_path):
+    assert [is_volume(name) for name in ("a.nii.gz", "a.NRRD", "a.mha", "a.stl", tmp_path)] == [True] * 3 + [
+        False,
+        True,
+    ]
+
+
+def test_refusals_name_the_file_and_the_reason(tmp_path, monkeypatch):
+    itk = pytest.importorskip("SimpleITK")
+    (tmp_path / "bad.nrrd").write_bytes(b"no volume")
+    (tmp_path / "empty").mkdir()
+    for series in ("1", "2"):
+        write_dicom_series(tmp_path / "two", np.zeros((3, 4, 4), np.int16), 1.0, series)
+    flat = tmp_path / "flat.mha"
+    itk.WriteImage(itk.GetImageFromArray(np.zeros((4, 4), np.uint8)), str(flat))
+    holes = np.zeros((4, 4, 4), np.float32)
+    holes[1, 1, 1] = np.nan
+    itk.WriteImage(itk.GetImageFromArray(holes), str(tmp_path / "holes.mha"))
+    for name, reason in (
+        ("gone.nrrd", "no such file"),
+        ("bad.nrrd", "cannot be read"),
+        ("empty", "no DICOM series"),
+        ("two", "2 DICOM series"),
+        ("flat.mha", "found 2-D data"),
+        ("holes.mha", "finite"),
+    ):
+        with pytest.raises(VolumeError, match=reason) as found:
+            read_volume_image(tmp_path / name)
+        assert str(tmp_path / name) in str(found.value)
+    monkeypatch.setitem(sys.modules, "SimpleITK", None)
+    with pytest.raises(VolumeError, match=r"lasso_motion_ros\[volume\]"):
+        read_volume_image(flat)

@@ -1,0 +1,34 @@
+"""What the tracker node says of the heartbeat on /diagnostics."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from support.message_inputs import MESSAGES, FakeTracker
+
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import configuration_from_values
+from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
+from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
+from lasso_motion_ros.stream.outputs import PipelineStatistics
+from lasso_motion_ros.stream.pipeline import TrackingPipeline
+
+
+def statistics(**values: Any) -> PipelineStatistics:
+    return TrackingPipeline(configuration_from_values(ProductConfig, values), MESSAGES, FakeTracker()).statistics()
+
+
+def test_nothing_is_said_of_a_heartbeat_that_is_left_in() -> None:
+    assert heartbeat_status("/lasso_tracker", statistics()) == []
+
+
+@pytest.mark.parametrize(("works", "level"), [(True, OK), (False, WARN)])
+def test_a_heartbeat_that_cannot_be_told_is_a_warning_with_its_reason(works: bool, level: bytes) -> None:
+    told = HeartbeatStatus(works, "2.0 pairs/s are too few", {"R peaks": "3"})
+    (status,) = heartbeat_status("/lasso_tracker", dataclasses.replace(statistics(), heartbeat=told))
+    assert status["name"] == "/lasso_tracker: heartbeat"
+    assert status["level"] == level
+    assert status["message"] == "2.0 pairs/s are too few"
+    assert status["values"] == [{"key": "R peaks", "value": "3"}]

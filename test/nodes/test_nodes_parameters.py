@@ -1,0 +1,123 @@
+"""The table in configuration.py as ROS parameters: types, ranges, descriptions, refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.parameters import parameter, parameter_table
+from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
+from lasso_motion_ros.tools.processes import LOOPBACK, free_domain
+
+pytestmark = pytest.mark.ros
+
+
+@dataclass(frozen=True)
+class InnerConfig:
+    ratio: float = parameter(0.5, "a ratio", minimum=0.0, maximum=1.0, read_only=False)
+
+
+@dataclass(frozen=True)
+class OuterConfig:
+    count: int = parameter(3, "how many", unit="px", minimum=1)
+    word: str = parameter("one", "which", choices=("one", "two"))
+    inner: InnerConfig = field(default_factory=InnerConfig)
+
+
+@pytest.fixture
+def make_node(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Callable[[str], Node]]:
+    for name, value in LOOPBACK.items():
+        monkeypatch.setenv(name, value)
+    context = Context()
+    made: list[Node] = []
+
+    def make(yaml: str = "{}") -> Node:
+        path = tmp_path / "parameters.yaml"
+        path.write_text(f"/**:\n  ros__parameters: {yaml}\n" if yaml != "{}" else "")
+        arguments = ["--ros-args", "--params-file", str(path)] if yaml != "{}" else []
+        context.init(args=arguments, domain_id=free_domain())
+        made.append(Node("tested", context=context, automatically_declare_parameters_from_overrides=True))
+        return made[-1]
+
+    yield make
+    for node in made:
+        node.destroy_node()
+    context.try_shutdown()
+
+
+def test_defaults_and_descriptions(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+    assert declare_configuration(node, OuterConfig) == OuterConfig()
+    count, word, ratio = (node.describe_parameter(name) for name in ("count", "word", "inner.ratio"))
+    assert (count.description, count.read_only) == ("how many [px]", True)
+    assert (count.integer_range[0].from_value, count.integer_range[0].to_value) == (1, 2**63 - 1)
+    assert word.additional_constraints == "one of: one, two"
+    assert (ratio.read_only, ratio.dynamic_typing) == (False, False)
+    assert (ratio.floating_point_range[0].from_value, ratio.floating_point_range[0].to_value) == (0.0, 1.0)
+
+
+def test_every_parameter_of_the_tracker_is_declared(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+    assert declare_configuration(node, ProductConfig) == ProductConfig()
+    for spec in parameter_table(ProductConfig):
+        assert node.get_parameter(spec.name).value == spec.default
+
+
+def test_values_are_taken_and_a_whole_number_serves_as_a_float(make_node: Callable[..., Node]) -> None:
+    node = make_node("{count: 7, word: two, inner: {ratio: 1}, use_sim_time: false}")
+    expected = OuterConfig(7, "two", InnerConfig(1.0))
+    assert declare_configuration(node, OuterConfig) == expected
+    assert isinstance(node.get_parameter("inner.ratio").value, float)
+
+
+@pytest.mark.parametrize(
+    ("yaml", "message"),
+    [
+        ("{cuont: 7}", "unknown parameter 'cuont'; did you mean count?"),
+        ("{count: 0}", "count must be at least 1 px, found 0"),
+        ("{count: 2.5}", "count must be a int, found 2.5"),
+        ("{word: three}", "word must be one of one, two, found 'three'"),
+        ("{inner: {ratio: 1.5}}", "inner.ratio must be at most 1.0, found 1.5"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_name(make_node: Callable[..., Node], yaml: str, message: str) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        declare_configuration(make_node(yaml), OuterConfig)
+    assert str(refused.value) == message
+
+
+def test_a_constant_cannot_be_changed_and_a_range_holds_while_it_runs(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+    applied: list[OuterConfig] = []
+    live = LiveParameters(node, declare_configuration(node, OuterConfig), applied.append)
+    assert not node.set_parameters([Parameter("count", value=5)])[0].successful
+    assert not node.set_parameters([Parameter("inner.ratio", value=2.0)])[0].successful
+    assert applied == []
+    assert node.set_parameters([Parameter("inner.ratio", value=0.25)])[0].successful
+    assert node.set_parameters([Parameter("use_sim_time", value=False)])[0].successful  # rclpy's own
+    assert [config.inner.ratio for config in applied] == [live.config.inner.ratio] == [0.25]
+    assert node.get_parameter("inner.ratio").value == 0.25
+
+
+def test_what_the_node_refuses_changes_nothing(make_node: Callable[..., Node]) -> None:
+    node = make_node()
+
+    def refuse(config: OuterConfig) -> None:
+        raise ConfigurationError(f"not {config.inner.ratio}")
+
+    live = LiveParameters(node, declare_configuration(node, OuterConfig), refuse)
+    refused = node.set_parameters_atomically([Parameter("inner.ratio", value=0.125)])
+    assert (refused.successful, refused.reason) == (False, "not 0.125")
+    assert live.config == OuterConfig()
+    assert node.get_parameter("inner.ratio").value == OuterConfig().inner.ratio

@@ -1,0 +1,63 @@
+"""What the tracker node shows: once a pair is frozen, that pair alone."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from support.node_harness import PATIENCE_S, Graph
+
+from lasso_motion_ros.geometry.frames import PLANES, UncalibratedFrame
+from lasso_motion_ros.nodes import tracker_publishers
+from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
+from lasso_motion_ros.tracking.tracker import TrackerState
+from msg_adapters.messages import RosMessages, stamp_to_ns
+from msg_adapters.topics import tracking_topic
+
+pytestmark = pytest.mark.ros
+
+PICTURE = np.zeros((4, 4, 3), np.uint8)
+LIVE, HELD = 1, 2
+
+
+def view(stamp_ns: int, held: bool) -> View:
+    frames = {plane: UncalibratedFrame(stamp_ns, np.zeros((4, 4), np.uint8)) for plane in PLANES}
+    return View(frames, None, TrackerState.TRACKING, "", {}, {}, held)
+
+
+def test_no_picture_of_another_pair_is_published_once_one_is_held(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Not even one that was being drawn: it would be taken for the frozen pair's."""
+    drawing, go_on = threading.Event(), threading.Event()
+
+    def draw(frame: UncalibratedFrame, *_: Any, **__: Any) -> np.ndarray:
+        if frame.stamp_ns == LIVE:
+            drawing.set()
+            assert go_on.wait(PATIENCE_S)
+        return PICTURE
+
+    monkeypatch.setattr(tracker_publishers, "draw_tracking", draw)
+    pictures = [tracking_topic(plane) for plane in PLANES]
+    with Graph(pictures, tmp_path) as graph:
+        heard = graph.heard.messages
+        outlets = TrackerOutlets(graph.listener.node, RosMessages(), lambda error: None, lambda: None)
+        graph.wait_until(
+            lambda: all(outlets._publishers[topic.name].get_subscription_count() > 0 for topic in pictures)
+        )
+        outlets.show(view(LIVE, held=False))
+        assert drawing.wait(PATIENCE_S)
+        outlets.show(view(HELD, held=True))
+        go_on.set()
+        graph.heard.wait_for(
+            lambda: all(HELD in [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] for topic in pictures)
+        )
+        outlets.close()
+        for topic in pictures:
+            assert [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] == [HELD]

@@ -1,0 +1,117 @@
+"""A reset while the tracker works, and a tracker that fails: who waits is answered, and nothing older comes after."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+import rclpy
+from std_srvs.srv import Trigger
+from support.message_inputs import stamp
+
+from lasso_motion_ros.geometry.frames import FramePair, Seed
+from lasso_motion_ros.nodes.tracker_node import TrackerNode, _Received
+from lasso_motion_ros.nodes.tracker_services import RESET_MEANWHILE, TrackerServices
+from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.tools.processes import free_domain
+
+pytestmark = pytest.mark.ros
+
+READY = ReadyPair(FramePair(stamp(0), None, None), number=1)
+
+
+class FakePipeline:
+    """Answers with words; fails when told."""
+
+    last_refusal = ""
+    last_pair = None
+    failure: Exception | None = None
+    released = False
+
+    def process(self, ready: ReadyPair) -> list[str]:
+        if self.failure is not None:
+            raise self.failure
+        return ["TRACKING"]
+
+    def reset(self) -> list[str]:
+        return ["WAITING_FOR_SEED"]
+
+    def release(self) -> None:
+        self.released = True
+
+    def seed_frozen(self, seed: Seed) -> list[ReadyPair]:
+        return [READY]
+
+    def take_problems(self) -> list[Any]:
+        return []
+
+
+@pytest.fixture
+def node() -> Iterator[TrackerNode]:
+    rclpy.init(args=[], domain_id=free_domain())
+    made = TrackerNode()
+    made._pipeline = FakePipeline()
+    made._worker = SimpleNamespace(clear=lambda: None, stop=lambda: None)
+    yield made
+    made.close()
+    made.destroy_node()
+    rclpy.shutdown()
+
+
+def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    published: list[str] = []
+    publishing, was_reset = threading.Event(), threading.Event()
+
+    def publish(outputs: list[str]) -> None:
+        if outputs == ["TRACKING"]:
+            publishing.set()
+            was_reset.wait(0.3)
+        published.extend(outputs)
+        if outputs != ["TRACKING"]:
+            was_reset.set()
+
+    with monkeypatch.context() as patched:
+        patched.setattr(node._outlets, "publish", publish)
+        worker = threading.Thread(target=node._track, args=(_Received(READY, 0.0),))
+        worker.start()
+        assert publishing.wait(5.0)
+        node._reset()
+        worker.join()
+    assert published == ["TRACKING", "WAITING_FOR_SEED"]
+
+
+def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[str] = []
+    monkeypatch.setattr(node._calls, "seeded", lambda ready, refusal: answers.append(refusal))
+    node._pipeline.failure = RuntimeError("unforeseen")
+    with pytest.raises(RuntimeError):
+        node._track(_Received(READY, 0.0))
+    assert answers == ["the tracker failed on these clicks; its log says why"]
+
+
+def test_no_pair_is_held_beyond_deactivation(node: TrackerNode) -> None:
+    pipeline = node._pipeline
+    node._deactivate()
+    assert pipeline.released
+
+
+def test_a_reset_answers_who_waits_for_a_model() -> None:
+    stub = SimpleNamespace(create_service=lambda *_, **__: None, executor=None)
+    pipeline = FakePipeline()
+    calls = TrackerServices(stub, lambda: pipeline, lambda _: None, lambda: None, lambda: None)
+    calls.board.seed = lambda: Seed(np.zeros((6, 2)), np.zeros((6, 2)))
+    waiting = calls._on_initialize(Trigger.Request(), Trigger.Response())
+    waiting.send(None)
+    assert calls._on_reset(Trigger.Request(), Trigger.Response()).success
+    calls.seeded(ReadyPair(READY.pair, number=2), "")  # the next pair, on which no model stands
+    with pytest.raises(StopIteration) as ended:
+        waiting.send(None)
+    answer = ended.value.value
+    assert (answer.success, answer.message) == (False, RESET_MEANWHILE)

@@ -1,0 +1,100 @@
+"""What noise hides: the loop is told from it by what this dose allows, and by where breathing can have taken it."""
+
+import copy
+
+import numpy as np
+import pytest
+from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
+
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.tracking.tracker import TrackerState
+
+TRACKING, LOST, DISPLACED = TrackerState.TRACKING, TrackerState.LOST, TrackerState.DISPLACED
+ASIDE = np.array([0.020, 0.012, 0.009])  # 25 mm, away from the breathing's axis
+HARD_NOISE = 110.0  # three times the wire's depth
+WARM = 14
+
+
+def moved(index):
+    """(3,) metres, 12 mm of breathing in twelve pairs."""
+    return np.round(6e-3 * (1.0 - np.cos(np.pi * index / 6.0)) * np.array([0.08, -0.25, -0.965]), 6)
+
+
+def tracked(sigma, start=0, pairs=WARM):
+    """A tracker after some pairs, and what it answered; another `start` is other noise."""
+    tracker = AppearanceTracker(TrackerConfig())
+    results = [tracker.initialise(lasso_pair(start, moved(0), sigma=sigma), lasso_seed())]
+    results += [tracker.track(lasso_pair(start + i, moved(i), sigma=sigma)) for i in range(1, pairs)]
+    return tracker, results
+
+
+def drawn(index, curves, sigma=5.0):
+    """A pair that shows each of the curves."""
+    frames = {}
+    for name in "ab":
+        empty = lasso_image(CURVE + 10.0, VIEWS[name]).astype(float)
+        image = empty + sum(lasso_image(curve, VIEWS[name]) - empty for curve in curves)
+        frames[name] = Frame(index * PERIOD_NS, noisy(image, [index, ord(name)], sigma), VIEWS[name])
+    return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+
+
+@pytest.mark.parametrize("start", [0, 100])
+def test_a_loop_that_noise_nearly_hides_is_followed_from_the_first_pair_on(start):
+    tracker, results = tracked(HARD_NOISE, start, pairs=9)
+    for index, result in enumerate(results[1:], start=1):
+        assert result.motion is not None, result.reason
+        assert 1e3 * np.linalg.norm(apply(result.motion, LOOP.centre) - LOOP.centre - moved(index)) < 1.5
+    # Noise itself is not taken for it.
+    for index in range(9, 15):
+        assert tracker.track(lasso_pair(start + index, None, sigma=HARD_NOISE)).state is LOST
+
+
+def test_what_shows_much_less_than_the_lasso_elsewhere_is_not_taken_for_a_moved_lasso():
+    tracker, _ = tracked(5.0)
+    tracker.track(lasso_pair(WARM, None))
+    for index in range(WARM + 1, WARM + 3):
+        aside = drawn(index, [CURVE + moved(index) + ASIDE], sigma=60.0)
+        assert tracker.track(aside).state is LOST
+    tracker.track(lasso_pair(WARM + 3, None))
+    # Had it been, the lasso's own return would be a moved lasso on its way back.
+    assert tracker.track(lasso_pair(WARM + 4, moved(WARM + 4))).state is TRACKING
+    clear = drawn(WARM + 5, [CURVE + moved(WARM + 5) + ASIDE])
+    assert tracker.track(clear).state is DISPLACED
+
+
+def test_of_two_that_look_alike_the_one_that_breathes_is_the_lasso():
+    for start in range(4):
+        tracker, _ = tracked(5.0)
+        index = WARM + start
+        for gone in range(WARM, index + 1):
+            tracker.track(lasso_pair(gone, None))  # now it is looked for everywhere
+        here = CURVE + moved(index + 1)
+        result = tracker.track(drawn(index + 1, [here, here + ASIDE]))
+        assert result.state is TRACKING, result.reason
+
+
+def test_of_two_in_one_plane_the_one_that_agrees_with_the_other_plane_is_the_lasso():
+    # Along plane B's ray, so that B cannot tell them apart, and 1.2 mm off plane A's epipolar plane.
+    ray = LOOP.centre - VIEWS["b"].source
+    ray /= np.linalg.norm(ray)
+    off = np.cross(ray, LOOP.centre - VIEWS["a"].source)
+    twin = 9e-3 * ray + 1.2e-3 * off / np.linalg.norm(off)
+    before, _ = tracked(5.0)
+    here = CURVE + moved(WARM)
+    for seed in range(6):
+        tracker = copy.deepcopy(before)
+        stamp_ns = WARM * PERIOD_NS
+        a = two_curves("a", here, here + twin, seed)
+        result = tracker.track(FramePair(stamp_ns, a, drawn(WARM, [here]).b))
+        assert result.motion is not None, result.reason
+        assert 1e3 * np.linalg.norm(apply(result.motion, LOOP.centre) - LOOP.centre - moved(WARM)) < 0.5
+
+
+def two_curves(name, first, second, seed):
+    """A frame with two loops, of which the second stands out a little more."""
+    empty = lasso_image(CURVE + 10.0, VIEWS[name]).astype(float)
+    image = empty + lasso_image(first, VIEWS[name]) - empty + 1.1 * (lasso_image(second, VIEWS[name]) - empty)
+    return Frame(WARM * PERIOD_NS, noisy(image, [seed, 5], 12.0), VIEWS[name])

@@ -1,0 +1,36 @@
+import numpy as np
+
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
+from lasso_motion_ros.ring.uncertainty import at_world_origin, calibration_covariance, pivot_covariance
+
+RANDOM = np.random.default_rng(8)
+
+
+def test_a_displacement_is_known_to_its_share():
+    # 3-4-0 mm: 5 mm long, of which 0.15 % are 7.5 µm.
+    np.testing.assert_allclose(calibration_covariance(np.array([3e-3, 4e-3, 0.0])), 7.5e-6**2 * np.eye(3), rtol=1e-12)
+
+
+def test_a_pivot_that_is_off_moves_the_centre_by_hand_and_by_sampling():
+    # Turned by 0.05 rad about z: an offset along z does nothing, across it 2 mm become 0.1 mm.
+    by_hand = np.diag([1e-4, 1e-4, 0.0]) ** 2
+    np.testing.assert_allclose(pivot_covariance(np.array([0.0, 0.0, 0.05]), 0.0), by_hand, atol=1e-20)
+    turn, stretch = np.array([0.03, -0.05, 0.02]), 0.04
+    offsets = 2e-3 * RANDOM.normal(size=(200_000, 3))
+    moved = offsets @ rotation_from_vector(turn).T * np.exp(stretch) - offsets
+    np.testing.assert_allclose(np.cov(moved.T), pivot_covariance(turn, stretch), atol=0.05 * np.var(moved))
+
+
+def test_at_the_world_origin_by_sampling():
+    centre = np.array([0.03, -0.02, 0.05])
+    position, rotation = (a @ a.T for a in RANDOM.normal(size=(2, 3, 3)))
+    position, rotation = 1e-8 * position, 1e-6 * rotation
+    shifts = RANDOM.multivariate_normal(np.zeros(3), position, 100_000)
+    turns = RANDOM.multivariate_normal(np.zeros(3), rotation, 100_000)
+    # T x = c + R (x − c) + shift, at x = 0.
+    origins = centre + shifts - centre - np.cross(turns, centre)
+    sampled = np.cov(np.hstack([origins, turns]).T)
+    expected = at_world_origin(centre, position, rotation)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(sampled / scale, expected / scale, atol=0.02)
+    np.testing.assert_allclose(expected, expected.T, rtol=1e-12)

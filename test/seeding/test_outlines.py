@@ -1,0 +1,85 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from support.method_inputs import plane
+from support.tracking_inputs import LOOP, VIEWS, pair, seed
+
+from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.core.errors import SeedError
+from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.frames import Seed
+from lasso_motion_ros.seeding.outlines import is_bright, line_sigma_px, outlines, require_both_planes
+
+CONFIG = TrackerConfig()
+
+
+def test_both_planes_are_needed():
+    assert set(require_both_planes(pair(0))) == {"a", "b"}
+    with pytest.raises(SeedError, match="lacks plane B; both planes are needed"):
+        require_both_planes(pair(0, planes="a"))
+    with pytest.raises(SeedError, match="lacks plane A and B"):
+        require_both_planes(pair(0, planes=""))
+
+
+def test_line_scale_by_hand():
+    # 0.2 mm pixels at 1.2 m are 0.2 · 0.785 / 1.2 = 0.1308 mm at the iso-centre.
+    assert line_sigma_px(plane(0.0), 0.2616667) == pytest.approx(2.0, abs=1e-4)
+    assert line_sigma_px(plane(0.0, side=512), 0.5233333) == pytest.approx(2.0, abs=1e-4)
+    assert line_sigma_px(plane(0.0), 0.01) == 0.8  # the filter cannot be narrower
+
+
+@pytest.mark.parametrize("bright", [False, True])
+def test_clicks_show_the_polarity(bright):
+    assert is_bright(pair(0, bright=bright), seed(), CONFIG) == bright
+
+
+@pytest.mark.parametrize("polarity", ["dark", "bright"])
+@pytest.mark.parametrize("bright", [False, True])
+def test_a_configured_polarity_is_taken(polarity, bright):
+    config = dataclasses.replace(CONFIG, polarity=polarity)
+    assert is_bright(pair(0, bright=bright), seed(), config) == (polarity == "bright")
+
+
+def test_polarity_of_a_click_outside_is_not_asked():
+    # The click is refused later, by its plane and place.
+    clicks = Seed(np.full((6, 2), -100.0), np.full((6, 2), 5000.0))
+    assert not is_bright(pair(0), clicks, CONFIG)
+    assert not is_bright(pair(0, bright=True), clicks, CONFIG)
+
+
+def test_clicks_on_one_spot_are_no_loop():
+    good = seed()
+    spot = np.tile(good.points_a[0], (len(good.points_a), 1))
+    with pytest.raises(SeedError, match=r"plane A: the clicks span 0\.0 mm, expected at least 6 mm"):
+        outlines(pair(0), Seed(spot, good.points_b), CONFIG, bright=False)
+    near = good.points_b.mean(axis=0) + np.random.default_rng(2).uniform(-8.0, 8.0, good.points_b.shape)
+    with pytest.raises(SeedError, match="plane B: the clicks span"):
+        outlines(pair(0), Seed(good.points_a, near), CONFIG, bright=False)
+
+
+def test_outlines_follow_the_ring_in_each_plane():
+    found = outlines(pair(0), seed(), CONFIG, bright=False)
+    assert set(found) == {"a", "b"}
+    for name, path in found.items():
+        truth = VIEWS[name].project(LOOP.points(400))
+        assert distance_to_curve(path, np.vstack([truth, truth[:1]])).mean() < 0.4
+        np.testing.assert_allclose(path[0], seed().points(name)[0], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("points_a", "points_b", "text"),
+    [
+        (seed().points_a[:5], seed().points_b, "plane A: 5 clicks, expected at least 6"),
+        (seed().points_a, np.zeros((0, 2)), "plane B: 0 clicks, expected at least 6"),
+        (seed().points_a, seed().points_b + 600.0, r"plane B: click \(\d+, \d+\) lies outside the image of 512×512"),
+    ],
+)
+def test_refused_clicks_name_the_plane(points_a, points_b, text):
+    with pytest.raises(SeedError, match=text):
+        outlines(pair(0), Seed(points_a, points_b), CONFIG, bright=False)
+
+
+def test_outlines_need_both_planes():
+    with pytest.raises(SeedError, match="lacks plane A"):
+        outlines(pair(0, planes="b"), seed(), CONFIG, bright=False)

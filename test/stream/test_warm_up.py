@@ -1,0 +1,26 @@
+"""The dry run goes through everything that a tracked pair needs."""
+
+from __future__ import annotations
+
+import gc
+
+import pytest
+
+from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.stream.warm_up import PAIRS, warm_up
+from msg_adapters.messages import RecordedMessages
+from msg_adapters.topics import MOTION, STATE
+
+
+@pytest.mark.parametrize("method", ["appearance", "brost2009"])
+def test_every_pair_is_tracked(method: str) -> None:
+    try:
+        outputs = warm_up(ProductConfig(method=method), RecordedMessages())
+    finally:
+        gc.unfreeze()
+    assert [output.topic for output in outputs].count(MOTION) == PAIRS
+    assert {output.message.data for output in outputs if output.topic is STATE} <= {
+        "WAITING_FOR_SEED",
+        "TRACKING",
+        "DEGRADED",
+    }

@@ -1,0 +1,159 @@
+"""Centrelines drawn in the page: into a copy, in order of time, replacing what was drawn before."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="needs the web extra")
+
+from support.drawn_recording import SIDE, loop, projections, shift, stamp, write_input
+
+from lasso_motion_ros.core.errors import MessageError, RecordingError
+from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.web.annotation import Annotation
+from msg_adapters import topics
+from msg_adapters.messages import stamp_to_ns
+from msg_adapters.recordings.evaluation_input import read_truth
+from msg_adapters.recordings.reader import RecordingReader
+from msg_adapters.seeds import decode_polygon
+
+MOTIONS_MM = [0.0, 2.0, 4.0]
+CURVE = [[10.0, 20.0], [30.25, 40.0], [50.0, 20.0]]
+
+
+def drawing(index: int, a: list, b: list, closed: bool = False) -> dict:
+    return {"index": index, "closed": closed, "a": a, "b": b, "curve_a": a, "curve_b": b}
+
+
+def centrelines(path: Path, plane: str) -> dict[int, np.ndarray]:
+    topic = topics.true_centreline_topic(plane).recorded_name
+    return {
+        stamp_to_ns(one.message.header.stamp): decode_polygon(one.message)
+        for one in RecordingReader(path).messages([topic])
+    }
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Path:
+    return write_input(tmp_path / "bare.mcap", MOTIONS_MM, truth=False)
+
+
+def test_a_drawn_pair_is_in_the_copy_beside_everything_else(bare: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    source = Annotation(bare, copy)
+    source.command("go", {"index": 1})
+    assert {plane: one.stamp_ns for plane, one in source.picture("film").planes.items()} == dict.fromkeys(
+        "ab", stamp(1)
+    )
+    source.command("draw", drawing(1, CURVE, []))
+    assert (source.status()["done"], source.status()["unsaved"]) == (0, True)
+    source.command("draw", drawing(1, CURVE, CURVE))
+    assert source.status()["done"] == 1
+    assert "Saved 2 centrelines" in source.command("save", {})
+    assert not source.status()["unsaved"]
+    for plane in "ab":
+        found = centrelines(copy, plane)
+        assert list(found) == [stamp(1)]
+        np.testing.assert_array_equal(found[stamp(1)], CURVE)
+    before, after = (
+        [(m.topic, m.log_time_ns, m.data) for m in RecordingReader(p).raw_messages()] for p in (bare, copy)
+    )
+    assert [entry for entry in after if "ground_truth" not in entry[0]] == before
+    assert [entry[1] for entry in after] == sorted(entry[1] for entry in after)
+
+
+def test_what_was_drawn_before_is_shown_and_replaced(tmp_path: Path) -> None:
+    known = write_input(tmp_path / "known.mcap", MOTIONS_MM)
+    copy = tmp_path / "copy.mcap"
+    source = Annotation(known, copy)
+    assert source.status()["done"] == 3
+    true = projections()["a"].project(apply(shift(0.0), loop()))
+    np.testing.assert_allclose(source.status()["curves"]["a"], true, atol=0.02)
+    source.command("draw", drawing(2, CURVE, []))
+    source.command("save", {})
+    found = centrelines(copy, "a")
+    assert sorted(found) == [stamp(pair) for pair in range(3)]
+    np.testing.assert_array_equal(found[stamp(2)], CURVE)
+    np.testing.assert_allclose(found[stamp(1)], projections()["a"].project(apply(shift(2.0), loop())), atol=1e-3)
+    assert len(centrelines(copy, "b")) == 3  # nothing was clicked there
+    assert len(read_truth(copy).truth.pairs) == 3
+
+
+def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: Path) -> None:
+    source = Annotation(bare, tmp_path / "copy.mcap")
+    source.command("draw", drawing(0, CURVE, CURVE, closed=True))
+    source.command("go", {"index": 1, "copy": True})
+    status = source.status()
+    assert (status["points"]["b"], status["closed"], status["index"], status["done"]) == (CURVE, True, 1, 2)
+
+
+def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    copy.write_bytes(b"mine")
+    with pytest.raises(RecordingError, match="exists: choose another name or add --overwrite"):
+        Annotation(bare, copy)
+    with pytest.raises(RecordingError, match="is the recording itself"):
+        Annotation(bare, bare, overwrite=True)
+    Annotation(bare, copy, overwrite=True).save()
+    assert copy.read_bytes() != b"mine"
+    assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("index", [-1, 3, 1.0, True, None])
+def test_a_pair_that_is_not_there_is_refused(bare: Path, tmp_path: Path, index: object) -> None:
+    with pytest.raises(MessageError, match="index: expected 0 to 2"):
+        Annotation(bare, tmp_path / "copy.mcap").command("go", {"index": index})
+
+
+def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", "--annotate", str(bare)],
+        capture_output=True, encoding="utf-8", check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (
+        2,
+        "lasso-motion web: --annotate needs -o OUT.mcap, the copy to draw into\n",
+    )
+
+
+def test_a_curve_is_drawn_in_the_browser_and_saved_at_the_end(bare: Path, tmp_path: Path) -> None:
+    pytest.importorskip("selenium", reason="needs the dev extra")
+    from support.browser import open_page, require_browser
+
+    require_browser()
+    copy = tmp_path / "copy.mcap"
+    command = [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", "--port", "0"]
+    with subprocess.Popen(
+        [*command, "--annotate", str(bare), "-o", str(copy)], stdout=subprocess.PIPE, encoding="utf-8"
+    ) as server:
+        assert server.stdout is not None
+        url = server.stdout.readline().split(" at ")[1].split()[0]
+        try:
+            with open_page(url, tmp_path / "profile") as page:
+                page.wait_for_state("DRAWING")
+                page.press("n")
+                page.wait_for(lambda: page.text("frame") == "2 of 3", "the second pair")
+                true = {p: projections()[p].project(apply(shift(2.0), loop())) for p in "ab"}
+                page.wait_for(lambda: np.any(page.pixels("a", "film")), "the film")
+                for plane in "ab":
+                    for point in true[plane][:-1:15]:
+                        page.click(plane, point, SIDE)
+                page.press("c")
+                page.wait_for(lambda: "1 of 3 pairs drawn" in page.text("detail"), "the pair as drawn")
+                assert page.complaints() == []
+        finally:
+            server.send_signal(signal.SIGINT)
+        assert server.wait(30) == 0
+    for plane in "ab":
+        (found,) = centrelines(copy, plane).values()
+        # Twelve clicks at whole screen pixels, and a smooth curve through them: within a pixel of the ring.
+        away = np.linalg.norm(found[:, None] - true[plane][None], axis=2)
+        assert away.min(axis=1).max() < 1.5
+        assert away.min(axis=0).max() < 1.5
+        assert len(found) > 100

@@ -1,0 +1,79 @@
+"""The page beside a source that is slow to show what it holds: no ROS, and a browser."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("aiohttp", reason="needs the web extra")
+pytest.importorskip("selenium", reason="needs the dev extra")
+
+from support.browser import open_page, require_browser
+
+from lasso_motion_ros.web.server import WebServer
+from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
+
+pytestmark = pytest.mark.timeout(600)
+
+SIDE = 256
+
+
+class Laggard:
+    """A source that says at once that it holds; its held picture comes when it is let."""
+
+    def __init__(self) -> None:
+        self.held = self.let = False
+        self._changed: Callable[[], None] = lambda: None
+
+    def status(self) -> dict[str, Any]:
+        both = dict.fromkeys("ab")
+        said = {"mode": "live", "state": "WAITING_FOR_SEED", "reason": "", "has_pose": False, "stopped_s": both}
+        seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "tracker": True}
+        return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
+
+    def picture(self, view: View) -> Picture:
+        pixels = np.full((SIDE, SIDE), 90, np.uint8)
+        planes = {plane: PlanePicture(1, pixels, None) for plane in "ab"}
+        return Picture(2 if self.let else 1, self.let, planes)
+
+    def trace(self, after: int) -> list[TracePoint]:
+        return []
+
+    def command(self, name: str, body: Mapping[str, Any]) -> str:
+        self.held = True
+        return "It is held."
+
+    def watch(self, on_change: Callable[[], None]) -> None:
+        self._changed = on_change
+
+    def audience(self, views: frozenset[View]) -> None:
+        pass
+
+    def let_it_come(self) -> None:
+        self.let = True
+        self._changed()
+
+
+def test_the_picture_is_clicked_once_the_held_one_is_on_the_screen(tmp_path: Path) -> None:
+    """The word that it is held comes before it: a click before that would be on another pair's picture."""
+    require_browser()
+    source = Laggard()
+    server = WebServer(source, port=0)
+    server.start()
+    try:
+        with open_page(server.url, tmp_path / "profile") as page:
+            page.wait_for(lambda: np.any(page.pixels("a", "film")), "the film")
+            page.wait_for(lambda: page.driver.find_element("id", "hold").is_enabled(), "images of both planes")
+            page.press("s")
+            page.wait_for(lambda: "the held picture" in page.text("detail"), "the word that it is held")
+            assert page.text("alarm") == ""
+            source.let_it_come()
+            page.wait_for(lambda: page.text("alarm").startswith("Picture held"), "the held picture")
+            page.click("a", np.array([100.0, 100.0]), SIDE)
+            assert page.text("alarm").endswith("5 more in plane A, 6 more in plane B.")
+    finally:
+        server.stop()
