@@ -65,10 +65,11 @@ class SequenceCache:
 @cache
 def _simulator_code() -> bytes:
     """A digest of all modules that decide what a rendered sequence looks like."""
-    package = Path(__file__).parent.parent
+    package = Path(__file__).parents[2]
     digest = hashlib.sha256()
-    for module in (*sorted((package / "phantom").glob("*.py")), package / "geometry.py", package / "transforms.py"):
-        digest.update(module.read_bytes())
+    for room in ("geometry", "phantom"):
+        for module in sorted((package / room).glob("*.py")):
+            digest.update(module.read_bytes())
     return digest.digest()
 
 
