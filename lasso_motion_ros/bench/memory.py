@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from lasso_motion_ros.bench.codecs import available_codec
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
@@ -48,7 +48,7 @@ class MemoryUse:
 
 
 def measure_memory(
-    config: ProductConfig, messages: Sequence[RawMessage], pairs: int, *, quiet: bool = True
+    config: StreamConfig, messages: Sequence[RawMessage], pairs: int, *, quiet: bool = True
 ) -> MemoryUse:
     """Play a recording to one pipeline forth and back, its stamps going on, until so many pairs are processed.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from unittest import mock
 
 from lasso_motion_ros.cli.bench import measure, stages_ms
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
+from lasso_motion_ros.config.stream import StreamConfig
 from msg_adapters.recordings.reader import RawMessage
 
 MODEL_POINTS = (60, 120, 240, 480)
@@ -38,7 +38,7 @@ class Cost:
     stages_ms: dict[str, float]
 
 
-def measure_scaling(config: ProductConfig, messages: Sequence[RawMessage], pairs: int) -> list[Cost]:
+def measure_scaling(config: StreamConfig, messages: Sequence[RawMessage], pairs: int) -> list[Cost]:
     """Track so many pairs at every size.
 
     Args:
@@ -82,11 +82,11 @@ def format_scaling(costs: Sequence[Cost]) -> str:
     return "\n".join(lines[1:])
 
 
-def _with(config: ProductConfig, name: str, value: Value) -> ProductConfig:
-    return configuration_from_values(ProductConfig, configuration_values(config) | {name: value})
+def _with(config: StreamConfig, name: str, value: Value) -> StreamConfig:
+    return configuration_from_values(StreamConfig, configuration_values(config) | {name: value})
 
 
-def _cost(varied: str, value: float, config: ProductConfig, messages: Sequence[RawMessage], pairs: int) -> Cost:
+def _cost(varied: str, value: float, config: StreamConfig, messages: Sequence[RawMessage], pairs: int) -> Cost:
     clock, _ = measure(config, messages, pairs, timer=time.process_time)
     stages = stages_ms(clock)
     inner = {name.strip(): spent for name, spent in stages.items() if name.startswith(" ")}

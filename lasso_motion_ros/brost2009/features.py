@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import FeatureConfig
+from lasso_motion_ros.config.brost2009 import FeatureConfig
 from lasso_motion_ros.seeding.line_filter import sato
 
 Array = npt.NDArray[np.float64]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.brost2009.features import REFERENCE_WIDTH_PX, DistanceMap
-from lasso_motion_ros.config.configuration import RegistrationConfig
+from lasso_motion_ros.config.brost2009 import RegistrationConfig
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 

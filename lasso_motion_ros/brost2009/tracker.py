@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.brost2009.features import distance_map
 from lasso_motion_ros.brost2009.registration import View, register
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import apply, inverse

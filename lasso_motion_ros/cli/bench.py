@@ -21,8 +21,8 @@ import numpy as np
 from lasso_motion_ros.bench.codecs import Codec, available_codec
 from lasso_motion_ros.bench.overlay import format_overlay, measure_overlay
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import busy, progress
@@ -174,7 +174,7 @@ def run(args: argparse.Namespace) -> int:
     if args.live:
         return _run_live(args, configuration)
     recording = args.bag or bundled_recording()
-    config = load_configuration(configuration, ProductConfig)
+    config = load_configuration(configuration, StreamConfig)
     messages = read_undecoded(recording)
     if args.scaling or args.memory:
         return _run_growth(args, config, messages)
@@ -190,7 +190,7 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_DONE
 
 
-def _run_growth(args: argparse.Namespace, config: ProductConfig, messages: Sequence[RawMessage]) -> int:
+def _run_growth(args: argparse.Namespace, config: StreamConfig, messages: Sequence[RawMessage]) -> int:
     """What grows with the sizes, and what must not grow with time."""
     from lasso_motion_ros.bench.memory import format_memory, measure_memory
     from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
@@ -266,7 +266,7 @@ def one_thread() -> Iterator[None]:
 
 
 def measure(
-    config: ProductConfig,
+    config: StreamConfig,
     messages: Sequence[RawMessage],
     pairs: int,
     *,
@@ -301,7 +301,7 @@ def measure(
     return clock, codec
 
 
-def _play(config: ProductConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
+def _play(config: StreamConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
     """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
     pipeline = TrackingPipeline(config, codec.factory)
     feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})

@@ -11,8 +11,8 @@ import numpy as np
 
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT, port
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import busy
@@ -69,7 +69,7 @@ def run(args: argparse.Namespace) -> int:
     configuration: Path = args.config or share_file("config/tracker.yaml")
     if args.web:
         return _run_page(args, recording, configuration)
-    pairs = read_pairs(recording, load_configuration(configuration, ProductConfig))
+    pairs = read_pairs(recording, load_configuration(configuration, StreamConfig))
     truth = _truth(recording)
     surface = demo_surface(truth)
     args.out.mkdir(parents=True, exist_ok=True)
@@ -109,7 +109,7 @@ def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) ->
     topics = RecordingReader(recording).topics
     check_tracking_topics(recording, topics)
     seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
-    load_configuration(configuration, ProductConfig)
+    load_configuration(configuration, StreamConfig)
     truth = _truth(recording)
     surface_file: Path | None = None
     args.out.mkdir(parents=True, exist_ok=True)
@@ -123,7 +123,7 @@ def _run_page(args: argparse.Namespace, recording: Path, configuration: Path) ->
     return EXIT_DONE
 
 
-def read_pairs(recording: Path, config: ProductConfig) -> list[FramePair]:
+def read_pairs(recording: Path, config: StreamConfig) -> list[FramePair]:
     """The pairs in a recording, by the rule by which the node pairs them.
 
     Raises:

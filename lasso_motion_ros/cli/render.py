@@ -14,8 +14,9 @@ import numpy as np
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.config.configuration import OverlayConfig, ProductConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import configuration_from_values, configuration_values, load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import busy, progress
@@ -97,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     painter = OverlayPainter(shown.drawn, overlay_style(config.style))
     overlay = OfflineOverlay(painter, config, estimates, args.view)
     problems: Counter[Problem] = Counter()
-    pairs = recorded_pairs(reader, replace(ProductConfig(), sync=config.sync), problems)
+    pairs = recorded_pairs(reader, replace(StreamConfig(), sync=config.sync), problems)
     records: list[dict[str, Any]] = []
     with _Output(args) as output:
         for number, pair in enumerate(progress(pairs, len(estimates) or None, "rendering", args.quiet)):

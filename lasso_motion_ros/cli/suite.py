@@ -15,8 +15,8 @@ from lasso_motion_ros.bench.suite.sweeps import SWEEPS, Sweep, capture_range, sw
 from lasso_motion_ros.bench.suite.trap_summary import format_traps, trap_measures
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
 from lasso_motion_ros.cli.main import EXIT_DONE
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file
@@ -140,13 +140,13 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
         raise LassoMotionError(f"--traps: expected some of {', '.join(TRAPS)}, found {unknown[0]}")
 
 
-def _configurations(args: argparse.Namespace) -> dict[str, ProductConfig]:
+def _configurations(args: argparse.Namespace) -> dict[str, StreamConfig]:
     files = args.config or [share_file("config/tracker.yaml")]
     stems = [file.stem for file in files]
     if len(set(stems)) < len(stems):
         again = next(stem for number, stem in enumerate(stems) if stem in stems[:number])
         raise LassoMotionError(f"--config: two files are named {again}; results are told apart by these names")
-    return {str(file): load_configuration(file, ProductConfig) for file in files}
+    return {str(file): load_configuration(file, StreamConfig) for file in files}
 
 
 def _sweep(args: argparse.Namespace) -> int:

@@ -12,8 +12,8 @@ from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import progress
@@ -126,7 +126,7 @@ def describe(statistics: PipelineStatistics) -> str:
 def track_recording(
     recording: Path,
     output: Path,
-    config: Path | ProductConfig | None = None,
+    config: Path | StreamConfig | None = None,
     *,
     seeds: Path | None = None,
     calibration: Path | None = None,
@@ -154,8 +154,8 @@ def track_recording(
         LassoMotionError: nothing readable, missing topics, a bad file, no pair at all, or none with a pose. No output
             is left then, and one that was to be replaced is as it was.
     """
-    if not isinstance(config, ProductConfig):
-        config = load_configuration(config or share_file(DEFAULT_CONFIG), ProductConfig)
+    if not isinstance(config, StreamConfig):
+        config = load_configuration(config or share_file(DEFAULT_CONFIG), StreamConfig)
     given_seeds = None if seeds is None else read_seeds_file(seeds)
     given_calibration = None if calibration is None else read_calibration_file(calibration)
     reader = RecordingReader(recording, remap)

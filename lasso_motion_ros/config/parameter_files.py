@@ -12,7 +12,7 @@ from pathlib import Path
 
 import yaml
 
-from lasso_motion_ros.config.configuration import OverlayConfig, ProductConfig, WebConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import (
     ParameterSpec,
     Value,
@@ -20,6 +20,8 @@ from lasso_motion_ros.config.parameters import (
     configuration_values,
     parameter_table,
 )
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.config.web import WebConfig
 
 
 @dataclass(frozen=True)
@@ -42,12 +44,12 @@ class ParameterFile:
 
 
 PARAMETER_FILES = (
-    ParameterFile("tracker.yaml", "The tracker as it is best: the defaults.", "lasso_tracker", ProductConfig),
+    ParameterFile("tracker.yaml", "The tracker as it is best: the defaults.", "lasso_tracker", StreamConfig),
     ParameterFile(
         "brost2009.yaml",
         "The published method, faithfully: Brost, Liao, Hornegger and Strobel, MICCAI 2009.",
         "lasso_tracker",
-        ProductConfig,
+        StreamConfig,
         {"method": "brost2009"},
     ),
     ParameterFile(
@@ -83,7 +85,7 @@ def parameter_reference() -> str:
     """The documentation of all parameters, Markdown."""
     lines = ["# Parameters", "", "Written from the parameter table by `make config`; do not edit.", ""]
     for node, config_type in (
-        ("lasso_tracker", ProductConfig),
+        ("lasso_tracker", StreamConfig),
         ("lasso_overlay", OverlayConfig),
         ("lasso_web", WebConfig),
     ):

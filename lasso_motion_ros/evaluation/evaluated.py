@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import Value, parameter_table
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth
 from lasso_motion_ros.evaluation.summary import MEAN_ROW
 
@@ -82,7 +82,7 @@ def mean_groups(results: Sequence[Evaluated]) -> dict[str, list[str]]:
 
 def changed_parameters(configuration: Mapping[str, Value]) -> dict[str, tuple[Value, Value]]:
     """Parameters that differ from their defaults: name → (value, default)."""
-    defaults = {spec.name: spec.default for spec in parameter_table(ProductConfig)}
+    defaults = {spec.name: spec.default for spec in parameter_table(StreamConfig)}
     return {
         name: (value, defaults[name])
         for name, value in configuration.items()

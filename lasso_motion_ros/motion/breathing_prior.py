@@ -16,7 +16,6 @@ from lasso_motion_ros.geometry.projection import Projection
 
 Array = npt.NDArray[np.float64]
 
-POSTURES = ("supine", "prone", "unknown")
 # Of the way along the body: towards the detectors, which a supine patient faces.
 TOWARDS_DETECTORS = {"supine": 1.3 / 4.9, "prone": -1.3 / 4.9}
 # Standard deviations, in units of the way along the body: 1.8 / 4.9 between patients, and somewhat for hysteresis and
@@ -32,7 +31,7 @@ def breathing_shape(projections: dict[Plane, Projection], posture: str) -> Array
 
     Args:
         projections: world metres to pixels, per plane.
-        posture: how the patient lies, one of `POSTURES`.
+        posture: how the patient lies, `supine`, `prone` or `unknown`.
 
     Returns:
         (3, 3), world frame; all directions are alike where the posture is unknown, or the views do not show it.

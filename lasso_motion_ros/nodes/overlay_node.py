@@ -17,7 +17,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
-from lasso_motion_ros.config.configuration import OverlayConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration

@@ -1,4 +1,4 @@
-"""ROS parameters from the one table in `configuration.py`: declared with description, unit and range, read back."""
+"""ROS parameters from the parameter table: declared with description, unit and range, read back."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
@@ -42,7 +42,7 @@ class TrackerInputs:
         callbacks: what is called.
     """
 
-    def __init__(self, node: Node, config: ProductConfig, callbacks: InputCallbacks) -> None:
+    def __init__(self, node: Node, config: StreamConfig, callbacks: InputCallbacks) -> None:
         self._node = node
         self._images = {
             plane: OfferedSubscription(

@@ -13,7 +13,7 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
@@ -59,7 +59,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def __init__(self) -> None:
         super().__init__("lasso_tracker", automatically_declare_parameters_from_overrides=True)
         self.complaints = ThrottledLog(self.get_logger())
-        self._live = LiveParameters(self, declare_configuration(self, ProductConfig), self._on_tuning)
+        self._live = LiveParameters(self, declare_configuration(self, StreamConfig), self._on_tuning)
         self._messages = RosMessages()
         self._pipeline: TrackingPipeline | None = None
         self._worker: Worker[_Received] | None = None
@@ -210,7 +210,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def _on_r_peak(self, message: Header) -> None:
         self._active().add_r_peak(message)
 
-    def _on_tuning(self, config: ProductConfig) -> None:
+    def _on_tuning(self, config: StreamConfig) -> None:
         if self._pipeline is not None:
             self._pipeline.reconfigure(config)
 

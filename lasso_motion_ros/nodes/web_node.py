@@ -19,7 +19,7 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
-from lasso_motion_ros.config.configuration import WebConfig
+from lasso_motion_ros.config.web import WebConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.parameters import declare_configuration

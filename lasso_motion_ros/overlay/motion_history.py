@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import OverlayConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.sync.pairing import MAX_PERIOD_NS, NEW_RUN_NS, RECENT

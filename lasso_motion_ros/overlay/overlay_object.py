@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import OverlayConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, VolumeError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.volumes import VolumeImage, is_volume, read_volume_image

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lasso_motion_ros.config.configuration import OverlayStyleConfig
+from lasso_motion_ros.config.overlay import OverlayStyleConfig
 from lasso_motion_ros.overlay.drawing import Colour, parse_colour
 
 

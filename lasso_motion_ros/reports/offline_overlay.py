@@ -9,7 +9,7 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from lasso_motion_ros.config.configuration import OverlayConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.overlay.drawing import WHITE, draw_banner, draw_text, fit_text

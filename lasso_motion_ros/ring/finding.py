@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.respiration import Estimate, Observation, RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior

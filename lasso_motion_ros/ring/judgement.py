@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.ring.loop_views import PlaneFit
 

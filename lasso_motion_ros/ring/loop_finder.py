@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import RingPrior, align, align_from_afar

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.geometry.curves import resample
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import rotation_from_vector

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import FramePair, Plane
 from lasso_motion_ros.ring.finding import Finding
 from lasso_motion_ros.tracking.tracker import TrackerState

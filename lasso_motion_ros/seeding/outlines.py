@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import HeartbeatConfig
+from lasso_motion_ros.config.stream import HeartbeatConfig
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.motion.heartbeat import CardiacGate, HeartPhase, RPeaks
 from lasso_motion_ros.motion.respiratory_filter import RespiratoryFilter

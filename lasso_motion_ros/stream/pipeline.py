@@ -14,7 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
@@ -48,7 +48,7 @@ class TrackingPipeline:
 
     def __init__(
         self,
-        config: ProductConfig,
+        config: StreamConfig,
         messages: MessageFactory,
         tracker: Tracker | None = None,
         extrinsics: Extrinsics | None = None,
@@ -244,7 +244,7 @@ class TrackingPipeline:
                 )
             self._tracker.set_reference()
 
-    def reconfigure(self, config: ProductConfig) -> None:
+    def reconfigure(self, config: StreamConfig) -> None:
         """Go on with other tuning parameters; what is read-only must be as it was."""
         with self._tracking:
             self._config = config

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.intake import recorded_intake
@@ -16,7 +16,7 @@ from msg_adapters.recordings.reader import RecordingReader
 
 
 def recorded_pairs(
-    reader: RecordingReader, config: ProductConfig, problems: Counter[Problem] | None = None
+    reader: RecordingReader, config: StreamConfig, problems: Counter[Problem] | None = None
 ) -> Iterator[FramePair]:
     """Read a recording's images and calibrations into pairs; only those under way are held in memory.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.ring.tracker import AppearanceTracker
 from lasso_motion_ros.tracking.tracker import Tracker
 

@@ -6,7 +6,7 @@ import gc
 
 import numpy as np
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
 from lasso_motion_ros.stream.outputs import Output
@@ -23,7 +23,7 @@ PERIOD_NS = 66_666_667
 START_NS = 1_000_000_000
 
 
-def warm_up(config: ProductConfig, messages: MessageFactory) -> list[Output]:
+def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
     """Track a drawn ring through a pipeline of its own, from messages to messages; nothing of it remains.
 
     All that stands by then is taken out of the garbage collector's sight: it will not go through it again while

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import configuration_values, load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, score_pairs
 from lasso_motion_ros.reports.worst_frames import WorstFrame, worst_pairs, worst_picture
@@ -43,7 +43,7 @@ def evaluated_tracking(
     name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float, quiet: bool
 ) -> Evaluated:
     """Track a recording with the parameters in `file` and score that; otherwise as `evaluated_file`."""
-    config = load_configuration(file, ProductConfig)
+    config = load_configuration(file, StreamConfig)
     estimates, timing = _tracked(recording, config, quiet)
     scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
     return Evaluated(name, result, recording, read.truth, estimates, scores, timing, configuration_values(config))
@@ -55,7 +55,7 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
     shown: dict[int, WorstFrame] = {}
     if not worst:
         return []
-    for pair in recorded_pairs(RecordingReader(one.path), ProductConfig()):
+    for pair in recorded_pairs(RecordingReader(one.path), StreamConfig()):
         score = next((s for s in worst if abs(s.stamp_ns - pair.stamp_ns) <= SAME_PAIR_NS), None)
         if score is not None:
             picture = worst_picture(pair, one.truth.pairs[score.index], one.estimate(score.stamp_ns))
@@ -65,7 +65,7 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
     return [shown[score.index] for score in worst if score.index in shown]
 
 
-def _tracked(recording: Path, config: ProductConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
+def _tracked(recording: Path, config: StreamConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
     from lasso_motion_ros.cli.track import track_recording, why_nothing
     from lasso_motion_ros.stream.tracker_factory import create_tracker

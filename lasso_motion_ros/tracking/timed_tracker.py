@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
 

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
 
 Array = npt.NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import SyncConfig
+from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.geometry.transforms import apply

@@ -13,8 +13,8 @@ from lasso_motion_ros.bench.suite.ideas import IDEAS, PACKAGE
 from lasso_motion_ros.bench.suite.run import Sequence, SequenceResult, render_sequence
 from lasso_motion_ros.bench.suite.traps import TRAPS
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import configuration_values
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.ring.working_image import working_image
@@ -45,8 +45,8 @@ def named(dotted: str) -> object:
 def test_an_idea_is_switched_off_and_comes_back(name: str) -> None:
     idea = IDEAS[name]
     assert idea.parameters or idea.replaced
-    usual = configuration_values(ProductConfig())
-    changed = configuration_values(idea.configuration(ProductConfig()))
+    usual = configuration_values(StreamConfig())
+    changed = configuration_values(idea.configuration(StreamConfig()))
     assert {key for key in usual if usual[key] != changed[key]} == set(idea.parameters)
     before = {key: named(key) for key in idea.replaced}
     with idea.switched_off():
@@ -72,7 +72,7 @@ def test_without_the_local_contrast_the_working_image_is_another() -> None:
 
 
 def test_every_idea_switched_off_still_tracks() -> None:
-    outcomes = run_ablation(ProductConfig(), [small()], IDEAS.values())
+    outcomes = run_ablation(StreamConfig(), [small()], IDEAS.values())
     assert outcomes[0].idea is None
     assert [outcome.idea for outcome in outcomes[1:]] == list(IDEAS.values())
     assert all(outcome.pairs == 2 and outcome.ms > 0.0 for outcome in outcomes)
@@ -88,8 +88,8 @@ def test_every_idea_switched_off_still_tracks() -> None:
 
 def test_traps_are_counted_by_themselves() -> None:
     ideas = [IDEAS["robust"], IDEAS["curve"]]
-    outcomes = run_ablation(ProductConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])
-    without = run_ablation(ProductConfig(), [small()], ideas)
+    outcomes = run_ablation(StreamConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])
+    without = run_ablation(StreamConfig(), [small()], ideas)
     for one, other in zip(outcomes, without, strict=True):
         assert (one.pairs, one.measures) == (other.pairs, other.measures)
         assert {name: len(results) for name, results in one.trapped.items()} == {"tilt": 1, "gantry": 1}

@@ -24,7 +24,7 @@ from lasso_motion_ros.bench.suite.summary import (
 )
 from lasso_motion_ros.bench.suite.sweeps import START_PAUSE_S, START_TRIALS, SWEEPS, capture_range, sweep_scenarios
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Simulator

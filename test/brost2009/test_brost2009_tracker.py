@@ -6,7 +6,8 @@ from support.method_inputs import angle_deg
 from support.tracking_inputs import LOOP, PERIOD_NS, VIEWS, pair, seed
 
 from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
-from lasso_motion_ros.config.configuration import ModelConfig, TrackerConfig
+from lasso_motion_ros.config.brost2009 import ModelConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError, TrackingError
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed

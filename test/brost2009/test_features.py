@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from support.method_inputs import draw_curve
 
 from lasso_motion_ros.brost2009.features import DistanceMap, distance_map, equalise, line_mask, region_of_interest
-from lasso_motion_ros.config.configuration import FeatureConfig
+from lasso_motion_ros.config.brost2009 import FeatureConfig
 
 CONFIG = FeatureConfig()
 

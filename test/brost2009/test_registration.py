@@ -4,7 +4,7 @@ from support.method_inputs import angle_deg, biplane, closed, plane, ring
 
 from lasso_motion_ros.brost2009.features import DistanceMap, region_of_interest
 from lasso_motion_ros.brost2009.registration import View, best_neighbour, normal_search_cost, register
-from lasso_motion_ros.config.configuration import RegistrationConfig
+from lasso_motion_ros.config.brost2009 import RegistrationConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.transforms import apply, rigid
 

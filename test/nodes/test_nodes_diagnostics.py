@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from support.message_inputs import MESSAGES, FakeTracker
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import configuration_from_values
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.stream.outputs import PipelineStatistics
@@ -17,7 +17,7 @@ from lasso_motion_ros.stream.pipeline import TrackingPipeline
 
 
 def statistics(**values: Any) -> PipelineStatistics:
-    return TrackingPipeline(configuration_from_values(ProductConfig, values), MESSAGES, FakeTracker()).statistics()
+    return TrackingPipeline(configuration_from_values(StreamConfig, values), MESSAGES, FakeTracker()).statistics()
 
 
 def test_nothing_is_said_of_a_heartbeat_that_is_left_in() -> None:

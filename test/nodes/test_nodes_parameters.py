@@ -1,4 +1,4 @@
-"""The table in configuration.py as ROS parameters: types, ranges, descriptions, refusals."""
+"""The parameter table as ROS parameters: types, ranges, descriptions, refusals."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import parameter, parameter_table
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
 from lasso_motion_ros.tools.processes import LOOPBACK, free_domain
@@ -69,8 +69,8 @@ def test_defaults_and_descriptions(make_node: Callable[..., Node]) -> None:
 
 def test_every_parameter_of_the_tracker_is_declared(make_node: Callable[..., Node]) -> None:
     node = make_node()
-    assert declare_configuration(node, ProductConfig) == ProductConfig()
-    for spec in parameter_table(ProductConfig):
+    assert declare_configuration(node, StreamConfig) == StreamConfig()
+    for spec in parameter_table(StreamConfig):
         assert node.get_parameter(spec.name).value == spec.default
 
 

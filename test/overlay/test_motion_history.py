@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lasso_motion_ros.config.configuration import OverlayConfig, SyncConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
+from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.overlay.motion_history import MotionHistory
 
 MS = 1_000_000

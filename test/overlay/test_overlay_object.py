@@ -8,7 +8,7 @@ import pytest
 from support.rendering_inputs import ellipsoid_mesh, ellipsoid_outline, views
 from support.volume_inputs import CENTRE_M, LABEL, RADII_M, SPACING_MM, write_ellipsoid
 
-from lasso_motion_ros.config.configuration import OverlayConfig, VolumeConfig
+from lasso_motion_ros.config.overlay import OverlayConfig, VolumeConfig
 from lasso_motion_ros.core.errors import ConfigurationError, SurfaceError, VolumeError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.curves import distance_to_curve

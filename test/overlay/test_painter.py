@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.rendering_inputs import ellipsoid_mesh, views
 
-from lasso_motion_ros.config.configuration import OverlayStyleConfig
+from lasso_motion_ros.config.overlay import OverlayStyleConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.overlay import drawing

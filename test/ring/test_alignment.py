@@ -5,7 +5,7 @@ import pytest
 from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from support.method_inputs import biplane, draw_curve, flipped
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rotation_from_vector

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.method_inputs import biplane
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.ring.judgement import BreathingEnvelope, epipolar_gap, is_clearly_seen, is_seen
 from lasso_motion_ros.ring.loop_views import PlaneFit
 

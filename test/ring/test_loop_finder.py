@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
-from lasso_motion_ros.config.configuration import SearchConfig, TrackerConfig
+from lasso_motion_ros.config.ring import SearchConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.ring import loop_finder
 from lasso_motion_ros.ring.alignment import align

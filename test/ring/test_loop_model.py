@@ -7,7 +7,7 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_curve, lasso_image, l
 from support.method_inputs import angle_deg, flip_pixels, flipped
 
 from lasso_motion_ros.bench.suite.run import Sequence, render_sequence
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.evaluation.measures import symmetric_mean_distance
 from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.ring.tracker import AppearanceTracker

@@ -18,7 +18,7 @@ from support.breathing_lasso import (
 )
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_pair, lasso_seed
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.core.errors import LassoMotionError, ReconstructionError, SeedError, TrackingError
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.curves import distance_to_curve

@@ -21,7 +21,7 @@ from support.breathing_lasso import (
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_seed, noisy
 from support.method_inputs import biplane, flip_pixels, flipped, plane
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.tracker import AppearanceTracker

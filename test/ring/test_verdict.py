@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lasso_motion_ros.config.configuration import JudgementConfig
+from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.alignment import Alignment

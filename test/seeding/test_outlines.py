@@ -5,7 +5,7 @@ import pytest
 from support.method_inputs import plane
 from support.tracking_inputs import LOOP, VIEWS, pair, seed
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Seed

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lasso_motion_ros.config.configuration import HeartbeatConfig
+from lasso_motion_ros.config.stream import HeartbeatConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry.transforms import apply, rigid
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation, PublishedMotion, _noise_mm

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from support.message_inputs import MESSAGES, FakeTracker, image, seed, stamp, stream
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import configuration_from_values
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import Seed
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
@@ -17,7 +17,7 @@ SEED = Seed(np.zeros((6, 2)), np.zeros((6, 2)))
 
 
 def pipeline(tracker: FakeTracker) -> TrackingPipeline:
-    config = configuration_from_values(ProductConfig, {"seed_buffer_pairs": 3})
+    config = configuration_from_values(StreamConfig, {"seed_buffer_pairs": 3})
     return TrackingPipeline(config, MESSAGES, tracker)
 
 
@@ -81,7 +81,7 @@ def test_without_a_whole_pair_nothing_is_held_and_a_refusal_is_kept() -> None:
 def test_tuning_reaches_the_tracker() -> None:
     tracker = FakeTracker()
     line = pipeline(tracker)
-    line.reconfigure(configuration_from_values(ProductConfig, {"search.candidates": 7}))
+    line.reconfigure(configuration_from_values(StreamConfig, {"search.candidates": 7}))
     assert tracker.calls == [("reconfigure", 7)]
 
 

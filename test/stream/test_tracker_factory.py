@@ -1,7 +1,7 @@
 import pytest
 
 from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.ring.tracker import AppearanceTracker
 from lasso_motion_ros.stream.tracker_factory import create_tracker

@@ -6,7 +6,7 @@ import gc
 
 import pytest
 
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.warm_up import PAIRS, warm_up
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.topics import MOTION, STATE
@@ -15,7 +15,7 @@ from msg_adapters.topics import MOTION, STATE
 @pytest.mark.parametrize("method", ["appearance", "brost2009"])
 def test_every_pair_is_tracked(method: str) -> None:
     try:
-        outputs = warm_up(ProductConfig(method=method), RecordedMessages())
+        outputs = warm_up(StreamConfig(method=method), RecordedMessages())
     finally:
         gc.unfreeze()
     assert [output.topic for output in outputs].count(MOTION) == PAIRS

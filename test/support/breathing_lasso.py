@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 from support.lasso_inputs import LOOP, PERIOD_NS, lasso_pair, lasso_seed
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.ring.tracker import AppearanceTracker
 from lasso_motion_ros.tracking.tracker import TrackerState

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection, carm_projection

@@ -6,8 +6,8 @@ from typing import Any
 
 from support.message_inputs import MESSAGES, FakeTracker
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import configuration_from_values
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.stream.clicked_pairs import ReadyPair
 from lasso_motion_ros.stream.outputs import Output
@@ -17,7 +17,7 @@ from msg_adapters.poses import decode_pose
 
 
 def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipeline:
-    config = configuration_from_values(ProductConfig, values)
+    config = configuration_from_values(StreamConfig, values)
     return TrackingPipeline(config, MESSAGES, tracker or FakeTracker())
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from support.drawn_recording import SIDE, loop, projections, shift, stamp
 
-from lasso_motion_ros.config.configuration import SyncConfig
+from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.web.live import LATENCY_KEY, TRACE_S, LiveView

@@ -13,7 +13,7 @@ from lasso_motion_ros.bench.suite.run import SequenceResult, run_sequence
 from lasso_motion_ros.bench.suite.summary import Measures, measures, percent, table_cell
 from lasso_motion_ros.bench.suite.trap_summary import TrapMeasures, trap_measures
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap
-from lasso_motion_ros.config.configuration import ProductConfig
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.timed_tracker import TimedTracker
 
@@ -61,7 +61,7 @@ class Outcome:
 
 
 def run_ablation(
-    config: ProductConfig,
+    config: StreamConfig,
     sequences: Iterable[RenderedSequence],
     ideas: Iterable[Idea],
     traps: Iterable[tuple[Trap, RenderedSequence]] = (),
@@ -88,7 +88,7 @@ def run_ablation(
     return outcomes
 
 
-def _run(outcome: Outcome, sequence: RenderedSequence, config: ProductConfig) -> None:
+def _run(outcome: Outcome, sequence: RenderedSequence, config: StreamConfig) -> None:
     result, milliseconds = _tracked(outcome.idea, sequence, config)
     outcome.results.append(result)
     outcome.spent_s += 1e-3 * sum(milliseconds)
@@ -96,7 +96,7 @@ def _run(outcome: Outcome, sequence: RenderedSequence, config: ProductConfig) ->
 
 
 def _tracked(
-    without: Idea | None, sequence: RenderedSequence, config: ProductConfig
+    without: Idea | None, sequence: RenderedSequence, config: StreamConfig
 ) -> tuple[SequenceResult, Sequence[float]]:
     """What is made of a sequence, and the processor time of its pairs."""
     with nullcontext() if without is None else without.switched_off():

@@ -15,8 +15,8 @@ from unittest import mock
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.configuration import ProductConfig
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
@@ -51,9 +51,9 @@ class Idea:
     parameters: Mapping[str, Value] = field(default_factory=dict)
     replaced: Mapping[str, Any] = field(default_factory=dict)
 
-    def configuration(self, config: ProductConfig) -> ProductConfig:
+    def configuration(self, config: StreamConfig) -> StreamConfig:
         """The configuration without this idea."""
-        return configuration_from_values(ProductConfig, configuration_values(config) | dict(self.parameters))
+        return configuration_from_values(StreamConfig, configuration_values(config) | dict(self.parameters))
 
     @contextmanager
     def switched_off(self) -> Iterator[None]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lasso_motion_ros.config.configuration import TrackerConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth, Truth, score_pairs
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane, Seed

@@ -4,7 +4,7 @@ import pytest
 import yaml
 from support.paths import ROOT
 
-from lasso_motion_ros.config.configuration import OverlayConfig, ProductConfig, TrackerConfig
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import (
     configuration_from_values,
     configuration_values,
@@ -12,10 +12,12 @@ from lasso_motion_ros.config.parameters import (
     parameter,
     parameter_table,
 )
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 
 CONFIG = ROOT / "config"
-TABLES = [ProductConfig, OverlayConfig]
+TABLES = [StreamConfig, OverlayConfig]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,7 +171,7 @@ def test_a_file_that_is_not_there_or_not_text(tmp_path):
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.name)
 def test_every_file_of_the_product_loads(path):
     overlay = path.name.startswith("overlay")
-    table, node = (OverlayConfig, "lasso_overlay") if overlay else (ProductConfig, "lasso_tracker")
+    table, node = (OverlayConfig, "lasso_overlay") if overlay else (StreamConfig, "lasso_tracker")
     assert isinstance(load_configuration(path, table, node), table)
 
 

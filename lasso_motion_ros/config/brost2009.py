@@ -1,0 +1,46 @@
+"""Parameters of the published method (`method: brost2009`)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from lasso_motion_ros.config.parameters import parameter
+
+
+@dataclass(frozen=True)
+class ModelConfig:
+    """The 3-D model of the loop."""
+
+    points: int = parameter(100, "points on the model curve (L) of the published method", minimum=16, maximum=1000)
+
+
+@dataclass(frozen=True)
+class FeatureConfig:
+    """Feature images of the published method."""
+
+    roi_px: int = parameter(400, "side of the region of interest, at a 1024-pixel image", unit="px", minimum=64)
+    sigma_min_px: float = parameter(
+        1.5, "smallest scale of the line filter, at a 1024-pixel image", unit="px", minimum=0.5, maximum=10.0
+    )
+    sigma_max_px: float = parameter(
+        3.0, "largest scale of the line filter, at a 1024-pixel image", unit="px", minimum=0.5, maximum=20.0
+    )
+    scales: int = parameter(3, "number of scales, spaced geometrically", minimum=1, maximum=8)
+
+
+@dataclass(frozen=True)
+class RegistrationConfig:
+    """Best-neighbour registration of the published method."""
+
+    normal_search_px: int = parameter(
+        5,
+        "each model point takes the smallest distance within ± this along the normal",
+        unit="px",
+        minimum=0,
+        maximum=40,
+    )
+    translation_step_mm: float = parameter(2.0, "first step of the translation", unit="mm", minimum=0.01)
+    rotation_step_deg: float = parameter(2.0, "first step of the rotation", unit="deg", minimum=0.01)
+    smallest_step: float = parameter(
+        0.02, "steps are halved until below this fraction of the first", minimum=1e-4, maximum=1.0
+    )
