@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from lasso_motion_ros.cli.demo import write_demo_surface
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import bundled_recording, share_file
+from lasso_motion_ros.tools.demo_surface import write_demo_surface
 
 HERE = Path(__file__).resolve().parent
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

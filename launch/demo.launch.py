@@ -16,8 +16,8 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
 
-from lasso_motion_ros.cli.demo import write_demo_surface
 from lasso_motion_ros.core.share import bundled_recording
+from lasso_motion_ros.tools.demo_surface import write_demo_surface
 
 PACKAGE = "lasso_motion_ros"
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from unittest import mock
 
-from lasso_motion_ros.cli.bench import measure, stages_ms
+from lasso_motion_ros.bench.stage_times import measure, stages_ms
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.config.stream import StreamConfig
 from msg_adapters.recordings.reader import RawMessage

@@ -96,3 +96,27 @@ def parse_remap(rules: Sequence[str]) -> dict[str, str]:
             raise LassoMotionError(f"--remap: {old} is given twice")
         remap[old] = new
     return remap
+
+
+def positive(text: str) -> float:
+    """An argument above zero."""
+    value = float(text)
+    if not value > 0.0:
+        raise argparse.ArgumentTypeError(f"must be above zero, found {text}")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """An argument that is zero or more."""
+    value = float(text)
+    if not value >= 0.0:
+        raise argparse.ArgumentTypeError(f"must not be negative, found {text}")
+    return value
+
+
+def port(text: str) -> int:
+    """A TCP port, from an argument."""
+    value = int(text)
+    if not 0 <= value <= 65535:
+        raise argparse.ArgumentTypeError(f"expected 0 to 65535, found {text}")
+    return value

@@ -3,37 +3,26 @@
 from __future__ import annotations
 
 import argparse
-import importlib
-import platform
-import time
-from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass, field
-from importlib.metadata import version as installed_version
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
-from unittest import mock
 
-import numpy as np
-
-from lasso_motion_ros.bench.codecs import Codec, available_codec
+from lasso_motion_ros.bench.memory import format_memory, measure_memory
+from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.overlay import format_overlay, measure_overlay
+from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
+from lasso_motion_ros.bench.stage_times import format_benchmark, measure, summarise
+from lasso_motion_ros.bench.undecoded import read_undecoded
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.json_output import write_json
-from lasso_motion_ros.core.progress import busy, progress
+from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import bundled_recording, share_file
-from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.stream.intake import recorded_intake
-from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from msg_adapters.messages import MessageFactory
-from msg_adapters.recordings.reader import RawMessage, RecordingReader
-from msg_adapters.topics import MOTION_RAW, camera_info_topic, image_topic, seed_topic
+from msg_adapters.recordings.reader import RawMessage
 
 HELP = """Measure the tracker stage by stage on one thread, from the undecoded messages of a recording to the serialised
 answers: all that the node does for a pair. Reading the file and building the model from the clicks are not in it. Then
@@ -42,102 +31,6 @@ the overlay: 20,000 triangles drawn over pictures of 1024², one plane."""
 DEFAULT_PAIRS = 60
 LIVE_RATE_LIMIT = 200.0
 LIVE_SIDES = range(128, 4097)
-
-# Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
-INNER_STAGES = (
-    ("lasso_motion_ros.ring.loop_finder.working_image", "working image"),
-    ("lasso_motion_ros.ring.loop_finder.find_peaks", "search"),
-    ("lasso_motion_ros.ring.loop_finder.join_peaks", "search"),
-    ("lasso_motion_ros.ring.loop_finder.align", "alignment"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.predict", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.expected_between", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.observe", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.mark_a", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.learn", "filter"),
-    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.departure", "judgement"),
-    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.accept", "judgement"),
-    ("lasso_motion_ros.brost2009.tracker.distance_map", "features"),
-    ("lasso_motion_ros.brost2009.tracker.register", "registration"),
-)
-MESSAGES = "messages"  # making the answers, but for their bytes
-
-
-@dataclass
-class Clock:
-    """Time spent, by stage.
-
-    Attributes:
-        timer: what the stages are timed by, seconds: wall time, or processor time where other programs must not count.
-        spent_s: total by stage, seconds.
-        pair_s: wall time of each pair that was tracked, from its first message to its last answer.
-        processor_s: processor time of all threads over the same pairs.
-    """
-
-    timer: Callable[[], float] = time.perf_counter
-    spent_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    pair_s: list[float] = field(default_factory=list)
-    processor_s: float = 0.0
-    _lap_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    _running: set[str] = field(default_factory=set)
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Add the time of a block to a stage of this pair; a block of the stage within one of it counts once."""
-        if name in self._running:
-            yield
-            return
-        self._running.add(name)
-        begin = self.timer()
-        try:
-            yield
-        finally:
-            self._lap_s[name] += self.timer() - begin
-            self._running.discard(name)
-
-    def keep(self, wall_s: float, processor_s: float) -> None:
-        """Count what was spent since the last pair as that of a tracked one."""
-        self.pair_s.append(wall_s)
-        self.processor_s += processor_s
-        for name, spent in self._lap_s.items():
-            self.spent_s[name] += spent
-        self._lap_s.clear()
-
-    def drop(self) -> None:
-        """Forget what was spent since the last pair."""
-        self._lap_s.clear()
-
-
-@dataclass(frozen=True)
-class Benchmark:
-    """What was measured.
-
-    Attributes:
-        pairs: pairs tracked; the pairs on which the model was built are left out.
-        pairs_per_s: pairs by wall time.
-        pairs_per_processor_s: pairs by processor time: what remains when other programs take none of it.
-        median_ms: of a pair.
-        p95_ms: 95th percentile of a pair.
-        p99_ms: 99th percentile of a pair.
-        processor_per_wall: processor time by wall time; more than 1.05 would mean more than one thread.
-        stages_ms: mean wall time a pair, by stage, in order; the indented ones lie inside tracking.
-        messages: who serialised.
-        recording: the recording's name.
-        configuration: the configuration's name.
-        machine: processor architecture, Python and library versions.
-    """
-
-    pairs: int
-    pairs_per_s: float
-    pairs_per_processor_s: float
-    median_ms: float
-    p95_ms: float
-    p99_ms: float
-    processor_per_wall: float
-    stages_ms: dict[str, float]
-    messages: str
-    recording: str
-    configuration: str
-    machine: str
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -192,9 +85,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _run_growth(args: argparse.Namespace, config: StreamConfig, messages: Sequence[RawMessage]) -> int:
     """What grows with the sizes, and what must not grow with time."""
-    from lasso_motion_ros.bench.memory import format_memory, measure_memory
-    from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
-
     figures: dict[str, Any] = {}
     with one_thread():
         if args.scaling:
@@ -232,157 +122,3 @@ def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     if args.json is not None:
         write_json(args.json, runs)
     return EXIT_DONE
-
-
-def read_undecoded(recording: Path) -> list[RawMessage]:
-    """The tracker's inputs in a recording, as bytes, in the order they were logged.
-
-    Raises:
-        RecordingError: it cannot be read or has no images.
-    """
-    inputs = [topic(plane).recorded_name for plane in PLANES for topic in (camera_info_topic, seed_topic, image_topic)]
-    messages = list(RecordingReader(recording).raw_messages(inputs))
-    if not any("image_raw" in message.topic for message in messages):
-        raise RecordingError(f"{recording}: no images on {image_topic('a').recorded_name}")
-    return messages
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one, and memory as the node does."""
-    import cv2
-    from threadpoolctl import threadpool_limits
-
-    from lasso_motion_ros.core.memory import keep_freed_memory
-
-    keep_freed_memory()
-    before = cv2.getNumThreads()
-    cv2.setNumThreads(1)
-    try:
-        with threadpool_limits(limits=1):
-            yield
-    finally:
-        cv2.setNumThreads(before)
-
-
-def measure(
-    config: StreamConfig,
-    messages: Sequence[RawMessage],
-    pairs: int,
-    *,
-    quiet: bool = True,
-    timer: Callable[[], float] = time.perf_counter,
-) -> tuple[Clock, Codec]:
-    """Track a recording, over and over, until so many pairs are tracked.
-
-    Args:
-        config: the tracker's parameters.
-        messages: undecoded inputs, in order.
-        pairs: how many pairs to track.
-        quiet: True shows no progress.
-        timer: of the stages.
-
-    Raises:
-        RecordingError: not one pair of the recording is tracked.
-    """
-    codec = available_codec()
-    _play(config, messages, codec, Clock(), pairs=3)  # libraries load and caches fill outside of the measurement
-    clock = Clock(timer)
-    bar = progress(range(pairs), pairs, "tracking", quiet)
-    shown = next(bar, None)
-    with _inner_stages(clock, codec.factory):
-        while len(clock.pair_s) < pairs:
-            before = len(clock.pair_s)
-            _play(config, messages, codec, clock, pairs)
-            if len(clock.pair_s) == before:
-                raise RecordingError("no pair of the recording was tracked: lasso-motion track says why")
-            while shown is not None and shown < len(clock.pair_s) - 1:
-                shown = next(bar, None)
-    return clock, codec
-
-
-def _play(config: StreamConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
-    """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
-    pipeline = TrackingPipeline(config, codec.factory)
-    feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
-    tracked = False
-    clock.drop()
-    wall, processor = time.perf_counter(), time.process_time()
-    for raw in messages:
-        with clock.stage("deserialise"):
-            message = codec.decode(raw.data, raw.type_name)
-        with clock.stage("decode and pair"):
-            ready = feed[raw.topic](message)
-        for pair in ready:
-            with clock.stage("tracking"):
-                outputs = pipeline.process(pair)
-            with clock.stage("serialise"):
-                for output in outputs:
-                    codec.encode(output.message, output.topic.type_name)
-            now, processor_now = time.perf_counter(), time.process_time()
-            if tracked:
-                clock.keep(now - wall, processor_now - processor)
-                if len(clock.pair_s) >= pairs:
-                    return
-            tracked = tracked or any(output.topic is MOTION_RAW for output in outputs)
-            clock.drop()
-            wall, processor = now, processor_now
-
-
-@contextmanager
-def _inner_stages(clock: Clock, factory: MessageFactory) -> Iterator[None]:
-    """Time the parts of the trackers, without a word about timing in the trackers themselves."""
-    with ExitStack() as stack:
-        for name, label in INNER_STAGES:
-            stack.enter_context(mock.patch(name, _timed(resolve_name(name), clock, label)))
-        stack.enter_context(mock.patch.object(factory, "make", _timed(factory.make, clock, MESSAGES)))
-        yield
-
-
-def _timed(function: Callable[..., Any], clock: Clock, label: str) -> Callable[..., Any]:
-    def timed(*args: Any, **keywords: Any) -> Any:
-        with clock.stage(f"  {label}"):
-            return function(*args, **keywords)
-
-    return timed
-
-
-def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) -> Benchmark:
-    """The figures of a measurement."""
-    wall = np.array(clock.pair_s)
-    return Benchmark(
-        pairs=len(wall),
-        pairs_per_s=float(len(wall) / wall.sum()),
-        pairs_per_processor_s=float(len(wall) / clock.processor_s),
-        median_ms=float(1e3 * np.median(wall)),
-        p95_ms=float(1e3 * np.percentile(wall, 95)),
-        p99_ms=float(1e3 * np.percentile(wall, 99)),
-        processor_per_wall=float(clock.processor_s / wall.sum()),
-        stages_ms=stages_ms(clock),
-        messages=codec.name,
-        recording=recording,
-        configuration=configuration,
-        machine=f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
-        f"scipy {installed_version('scipy')}, OpenCV {importlib.import_module('cv2').__version__}",
-    )
-
-
-def stages_ms(clock: Clock) -> dict[str, float]:
-    """Mean time a pair by stage, in the order of the work; the indented ones lie inside tracking."""
-    inner = dict.fromkeys((*(label for _, label in INNER_STAGES), MESSAGES))
-    order = ["deserialise", "decode and pair", "tracking", *(f"  {label}" for label in inner), "serialise"]
-    return {name: 1e3 * clock.spent_s[name] / len(clock.pair_s) for name in order if name in clock.spent_s}
-
-
-def format_benchmark(benchmark: Benchmark) -> str:
-    """The figures for people."""
-    lines = [
-        f"{benchmark.configuration} on {benchmark.recording}: {benchmark.pairs_per_s:.1f} pairs/s on one thread "
-        f"({benchmark.pairs} pairs, median {benchmark.median_ms:.1f} ms, 95 % within {benchmark.p95_ms:.1f} ms, "
-        f"99 % within {benchmark.p99_ms:.1f} ms)",
-        f"processor time / wall time {benchmark.processor_per_wall:.2f}; "
-        f"{benchmark.pairs_per_processor_s:.1f} pairs a second of processor time",
-        f"messages by {benchmark.messages}; {benchmark.machine}",
-    ]
-    lines += [f"  {name:<18}{spent:9.2f} ms" for name, spent in benchmark.stages_ms.items()]
-    return "\n".join(lines)

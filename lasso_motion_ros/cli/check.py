@@ -9,9 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.play import positive
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import progress

@@ -10,7 +10,7 @@ import threading
 from dataclasses import asdict
 from pathlib import Path
 
-from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, not_negative, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.json_output import write_json
@@ -87,19 +87,3 @@ def run(args: argparse.Namespace) -> int:
         print(f"lasso-motion play: {summary.damage}", file=sys.stderr)
         return EXIT_PART
     return EXIT_DONE
-
-
-def positive(text: str) -> float:
-    """An argument above zero."""
-    value = float(text)
-    if not value > 0.0:
-        raise argparse.ArgumentTypeError(f"must be above zero, found {text}")
-    return value
-
-
-def not_negative(text: str) -> float:
-    """An argument that is zero or more."""
-    value = float(text)
-    if not value >= 0.0:
-        raise argparse.ArgumentTypeError(f"must not be negative, found {text}")
-    return value

@@ -8,9 +8,8 @@ import sys
 import threading
 from pathlib import Path
 
-from lasso_motion_ros.cli.arguments import CommandParser
+from lasso_motion_ros.cli.arguments import CommandParser, not_negative
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
-from lasso_motion_ros.cli.play import not_negative
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.json_output import write_json
 from lasso_motion_ros.core.progress import busy, counting

@@ -234,9 +234,9 @@ def _traps(args: argparse.Namespace) -> int:
 
 def _ablation(args: argparse.Namespace, scenarios: tuple[Scenario, ...]) -> int:
     """Suite and traps with every idea switched off in turn; on one thread, since the table has times."""
+    from lasso_motion_ros.bench.one_thread import one_thread
     from lasso_motion_ros.bench.suite.ablation import format_ablation, run_ablation
     from lasso_motion_ros.bench.suite.ideas import IDEAS
-    from lasso_motion_ros.cli.bench import one_thread
 
     unknown = [name for name in args.ablation if name not in IDEAS]
     if unknown:

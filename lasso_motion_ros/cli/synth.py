@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import dataclasses
-from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
+from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.core.errors import ScenarioError
-from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator, available_scenarios, load_scenario
-from msg_adapters import topics
-from msg_adapters.calibrations import encode_camera_info
-from msg_adapters.images import encode_image
-from msg_adapters.markers import encode_line_strip, encode_points
-from msg_adapters.messages import header_fields
-from msg_adapters.poses import encode_pose_stamped
-from msg_adapters.recordings.writer import RecordingWriter, check_free
-from msg_adapters.seeds import encode_polygon
+from lasso_motion_ros.tools.synthesis import list_scenarios, synthesise
 
 HELP = "Render a biplane sequence of the phantom, with seeds and exact truth, into an MCAP recording."
-WORLD_FRAME = "patient_table"
 EASIEST = "01_clear_view"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("output", metavar="OUT.mcap", nargs="?", help="recording to write")
+    parser.add_argument("output", type=Path, metavar="OUT.mcap", nargs="?", help="recording to write")
     parser.add_argument(
         "--scenario", default=EASIEST, metavar="NAME|FILE", help=f"one of --list, or a YAML file (default {EASIEST})"
     )
@@ -47,112 +34,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the command; see `lasso_motion_ros.cli.main`."""
+    """Render, or list the scenarios; returns the exit status."""
     if args.list:
-        _print_list()
-        return 0
+        print("\n".join(list_scenarios()))
+        return EXIT_DONE
     if args.output is None:
         raise ScenarioError("no output given: expected OUT.mcap (or --list)")
-    check_free(Path(args.output), args.overwrite)  # before a volume is read, which takes a while
-    scenario = adapted(load_scenario(args.scenario), seed=args.seed, pairs=args.frames)
-    body = None
-    if args.volume is not None:
-        from lasso_motion_ros.phantom.volume import volume_bodies
-
-        body = volume_bodies(args.volume, args.volume_centre)
-    simulator = Simulator(scenario, body)
-    pairs = progress(simulator.pairs(), scenario.pairs, "rendering", args.quiet)
-    write_recording(Path(args.output), simulator, pairs, overwrite=args.overwrite)
+    scenario = synthesise(
+        args.output,
+        args.scenario,
+        seed=args.seed,
+        pairs=args.frames,
+        volume=args.volume,
+        volume_centre_mm=args.volume_centre,
+        overwrite=args.overwrite,
+        quiet=args.quiet,
+    )
     if not args.quiet:
         print(f"{args.output}: scenario {scenario.name}, {scenario.pairs} pairs at {scenario.rate_hz:g}/s")
-    return 0
-
-
-def adapted(scenario: Scenario, *, seed: int | None = None, pairs: int | None = None) -> Scenario:
-    """A scenario with another seed or length; events after the new end are left out.
-
-    Raises:
-        ScenarioError: a seed or a number of pairs that is not allowed.
-    """
-    if seed is not None:
-        if not 0 <= seed < 2**31:
-            raise ScenarioError(f"seed: expected 0 to {2**31 - 1}, found {seed}")
-        scenario = dataclasses.replace(scenario, seed=seed)
-    if pairs is not None:
-        if pairs < 1:
-            raise ScenarioError(f"frames: expected at least 1, found {pairs}")
-        kept = tuple(event for event in scenario.events if event.first < pairs)
-        scenario = dataclasses.replace(scenario, pairs=pairs, events=kept)
-    return scenario
-
-
-def write_recording(path: Path, simulator: Simulator, pairs: Iterable[SimulatedPair], *, overwrite: bool) -> None:
-    """Write what the simulator yields, messages in the order of their stamps.
-
-    Args:
-        path: MCAP file to write.
-        simulator: for seeds, reference loop, targets and R peaks.
-        pairs: `simulator.pairs()`, or that with a progress bar around it.
-        overwrite: whether an existing file is replaced.
-
-    Raises:
-        RecordingError: the file exists, or cannot be written.
-    """
-    peaks = simulator.r_peaks_ns()
-    # B of one pair is exposed before A of the next: messages leave pair by pair, sorted within.
-    with RecordingWriter(path, compression="zstd", overwrite=overwrite, whole=True) as writer:
-        for pair in pairs:
-            messages = _pair_messages(pair)
-            if pair.index == 0:
-                messages += _first_messages(simulator)
-            before = [peak for peak in peaks if peak <= pair.stamp_ns]
-            peaks = peaks[len(before) :]
-            messages += [(peak, topics.R_PEAK, header_fields(peak, "ecg")) for peak in before]
-            for stamp_ns, topic, fields in sorted(messages, key=lambda message: message[0]):
-                writer.write(topic.recorded_name, topic.type_name, fields, stamp_ns, latched=topic.latched)
-
-
-def _pair_messages(pair: SimulatedPair) -> list[tuple[int, topics.Topic, dict[str, Any]]]:
-    messages: list[tuple[int, topics.Topic, dict[str, Any]]] = []
-    for plane, frame in pair.frames.items():
-        header = header_fields(frame.stamp_ns, f"plane_{plane}")
-        # The calibration first: whoever takes messages in order then has it with the image.
-        messages.append((frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.published, header)))
-        messages.append((frame.stamp_ns, topics.image_topic(plane), encode_image(frame.pixels, header)))
-    world = header_fields(pair.stamp_ns, WORLD_FRAME)
-    messages.append((pair.stamp_ns, topics.TRUE_MOTION, encode_pose_stamped(pair.motion, world)))
-    respiratory = encode_pose_stamped(pair.respiratory, world)
-    messages.append((pair.stamp_ns, topics.TRUE_RESPIRATORY_MOTION, respiratory))
-    for plane, line in pair.centrelines.items():
-        header = header_fields(pair.stamp_ns, f"plane_{plane}")
-        messages.append((pair.stamp_ns, topics.true_centreline_topic(plane), encode_polygon(line, header)))
-    return messages
-
-
-def _first_messages(simulator: Simulator) -> list[tuple[int, topics.Topic, dict[str, Any]]]:
-    """Seeds in both planes' first pictures, and the truth that does not change."""
-    seeds = simulator.seeds()
-    messages: list[tuple[int, topics.Topic, dict[str, Any]]] = []
-    for plane in PLANES:
-        stamp_ns = simulator.stamp_ns(0, plane)
-        header = header_fields(stamp_ns, f"plane_{plane}")
-        messages.append((stamp_ns, topics.seed_topic(plane), encode_polygon(seeds[plane], header)))
-    start_ns = simulator.stamp_ns(0, "a")
-    world = header_fields(start_ns, WORLD_FRAME)
-    loop = encode_line_strip(simulator.reference_loop, world, "catheter")
-    targets = encode_points(simulator.targets, world, "targets")
-    messages.append((start_ns, topics.TRUE_CATHETER, loop))
-    messages.append((start_ns, topics.TRUE_TARGETS, targets))
-    return messages
-
-
-def _print_list() -> None:
-    known = available_scenarios()
-    width = max((len(name) for name in known), default=0)
-    total = 0
-    for name, path in known.items():
-        scenario = load_scenario(path)
-        total += scenario.pairs
-        size = f"{scenario.geometry.size_px}² {'mono8' if scenario.imaging.bits == 8 else 'mono16'}"
-        print(f"{name:{width}}  {scenario.pairs:3d} pairs at {scenario.rate_hz:g}/s  {size:12}  {scenario.description}")
-    print(f"{len(known)} scenarios, {total} pairs")
+    return EXIT_DONE

@@ -4,51 +4,17 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections import Counter
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.config.parameters import load_configuration
-from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.json_output import write_json
-from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
-from lasso_motion_ros.stream.intake import recorded_intake
-from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem, problem_lines
-from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.tracking.tracker import Tracker
-from msg_adapters.messages import RecordedMessages
-from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
-from msg_adapters.recordings.writer import RecordingWriter
-from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP, read_calibration_file, read_seeds_file
-from msg_adapters.topics import camera_info_topic, seed_topic
+from lasso_motion_ros.stream.outputs import problem_lines
+from lasso_motion_ros.tools.offline_tracking import DEFAULT_CONFIG, counts, describe, track_recording
+from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP
 
 HELP = """Follow the lasso through a recording, offline: the node's own tracker, without DDS and without a clock.
 Writes the topics that the node would publish, at plane A's stamps; two runs write the same file."""
-
-DEFAULT_CONFIG = "config/tracker.yaml"
-
-
-@dataclass(frozen=True, eq=False)
-class TrackSummary:
-    """How it went.
-
-    Attributes:
-        statistics: the pipeline's counts.
-        problems: what was wrong with messages, and how often.
-        damage: what is wrong with the recording as a file, or None.
-    """
-
-    statistics: PipelineStatistics
-    problems: Mapping[Problem, int]
-    damage: str | None
 
 
 def add_arguments(parser: CommandParser) -> None:
@@ -86,151 +52,3 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         write_json(args.json, counts(summary))
     return EXIT_DONE if summary.damage is None else EXIT_PART
-
-
-def counts(summary: TrackSummary) -> dict[str, Any]:
-    """How it went, as JSON values."""
-    statistics = summary.statistics
-    return {
-        "pairs": statistics.pairs,
-        "half_pairs": statistics.half_pairs,
-        "poses": statistics.poses,
-        "states": {state.value: count for state, count in statistics.states.items()},
-        "frames": {plane: asdict(frames) for plane, frames in statistics.frames.items()},
-        "pairing": {plane: asdict(pairing) for plane, pairing in statistics.pairing.items()},
-        "heartbeat": None if statistics.heartbeat is None else statistics.heartbeat.text,
-        "problems": [
-            {"topic": problem.topic, "text": problem.text, "count": count}
-            for problem, count in summary.problems.items()
-        ],
-        "damage": summary.damage,
-    }
-
-
-def why_nothing(summary: TrackSummary) -> str:
-    """In one line, why nothing came of a recording: the first problems, which the others often follow from."""
-    found = problem_lines(summary.problems)
-    more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
-    damage = [] if summary.damage is None else [summary.damage]
-    return "; ".join([*found[:3], *more, *damage]) or summary.statistics.reason
-
-
-def describe(statistics: PipelineStatistics) -> str:
-    """One line: pairs, poses, states, what became of the heartbeat."""
-    states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
-    half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
-    heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
-    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}"
-
-
-def track_recording(
-    recording: Path,
-    output: Path,
-    config: Path | StreamConfig | None = None,
-    *,
-    seeds: Path | None = None,
-    calibration: Path | None = None,
-    remap: Mapping[str, str] | None = None,
-    overwrite: bool = False,
-    quiet: bool = True,
-    tracker: Tracker | None = None,
-    without_poses: bool = False,
-) -> TrackSummary:
-    """Track a recording into a file.
-
-    Args:
-        recording: MCAP file or bag directory.
-        output: file to write; log time = plane A's stamp.
-        config: parameter file, or the parameters; None: the default file.
-        seeds: clicks from a file, in place of the recorded ones.
-        calibration: projections from a file, in place of the recorded ones.
-        remap: recorded topic → the name it is read as.
-        overwrite: replace `output` if it exists.
-        quiet: no progress bar.
-        tracker: the method; by default the one that the configuration names.
-        without_poses: whether a file in which no pair has a pose is written too; it is an error otherwise.
-
-    Raises:
-        LassoMotionError: nothing readable, missing topics, a bad file, no pair at all, or none with a pose. No output
-            is left then, and one that was to be replaced is as it was.
-    """
-    if not isinstance(config, StreamConfig):
-        config = load_configuration(config or share_file(DEFAULT_CONFIG), StreamConfig)
-    given_seeds = None if seeds is None else read_seeds_file(seeds)
-    given_calibration = None if calibration is None else read_calibration_file(calibration)
-    reader = RecordingReader(recording, remap)
-    check_tracking_topics(reader.path, reader.topics, calibrated=calibration is not None)
-    if given_seeds is None:
-        _check_seeds(reader)
-    if output.exists() and any(output.samefile(file) for file in reader.files):
-        raise RecordingError(f"{output} is the recording itself")
-    messages = RecordedMessages()
-    pipeline = TrackingPipeline(config, messages, tracker)
-    with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
-        session = _Session(pipeline, writer)
-        session.publish(pipeline.initial_outputs())
-        for plane in PLANES:
-            if given_calibration is not None:
-                topic = camera_info_topic(plane)
-                session.take(pipeline.add_camera_info(plane, messages.make(topic.type_name, given_calibration[plane])))
-            if given_seeds is not None:
-                topic = seed_topic(plane)
-                session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
-        intake = recorded_intake(pipeline, reader.topics, seeds=seeds is None, calibrations=calibration is None)
-        for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
-            session.take(intake[recorded.topic](recorded.message))
-        session.take(pipeline.flush())
-        summary = TrackSummary(pipeline.statistics(), session.problems, reader.damage)
-        lacking = "image pair could be made" if summary.statistics.pairs == 0 else "pair got a pose"
-        if summary.statistics.pairs == 0 or (summary.statistics.poses == 0 and not without_poses):
-            raise RecordingError(f"{recording}: no {lacking}: {why_nothing(summary)}")
-    return summary
-
-
-class _Session:
-    """One run: pairs are processed as they become ready, and what comes out is written."""
-
-    def __init__(self, pipeline: TrackingPipeline, writer: RecordingWriter) -> None:
-        self._pipeline = pipeline
-        self._writer = writer
-        self._unstamped: list[Output] = []
-        self._time_ns = 0
-        self.problems: Counter[Problem] = Counter()
-
-    def take(self, ready: list[ReadyPair]) -> None:
-        self.publish(self._pipeline.pending_outputs())
-        for pair in ready:
-            self._time_ns = pair.pair.stamp_ns
-            self.publish(self._pipeline.process(pair))
-        self.problems.update(self._pipeline.take_problems())
-
-    def publish(self, outputs: list[Output]) -> None:
-        for output in outputs:
-            if output.stamp_ns == 0 and self._time_ns == 0:
-                self._unstamped.append(output)  # before the first pair there is no time to write it at
-                continue
-            waiting, self._unstamped = self._unstamped, []
-            for one in [*waiting, output]:
-                self._write(one)
-
-    def _write(self, output: Output) -> None:
-        topic = output.topic
-        self._writer.write(
-            topic.recorded_name,
-            topic.type_name,
-            output.message,
-            output.stamp_ns or self._time_ns,
-            latched=topic.latched,
-        )
-
-
-def _check_seeds(reader: RecordingReader) -> None:
-    missing = [
-        topic.recorded_name
-        for topic in map(seed_topic, PLANES)
-        if reader.topics.get(topic.recorded_name) != topic.type_name
-    ]
-    if missing:
-        raise RecordingError(
-            f"{reader.path} has no clicks ({', '.join(missing)}); give them with lasso-motion track --seeds FILE"
-        )

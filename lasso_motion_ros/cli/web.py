@@ -7,7 +7,7 @@ import os
 import sys
 from pathlib import Path
 
-from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, port
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.running import require_ros
@@ -78,11 +78,3 @@ def _annotate(args: argparse.Namespace) -> int:
 
 def _yaml(value: str | int) -> str:
     return f"'{value}'" if isinstance(value, str) else str(value)
-
-
-def port(text: str) -> int:
-    """A TCP port, from an argument."""
-    value = int(text)
-    if not 0 <= value <= 65535:
-        raise argparse.ArgumentTypeError(f"expected 0 to 65535, found {text}")
-    return value

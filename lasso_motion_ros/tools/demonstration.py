@@ -1,186 +1,199 @@
-"""The whole graph, live: player, tracker and overlay as processes of their own, watched and recorded from outside."""
+"""The demonstrations: a recording through the live graph, and what is made of that; or with the page beside it."""
 
 from __future__ import annotations
 
-import contextlib
-import os
-import threading
-import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.serialization import deserialize_message
+import numpy as np
 
-from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.nodes.diagnostics import HALF_PAIRS, PAIRS
-from lasso_motion_ros.tools.listener import Listener
-from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
-from msg_adapters.recordings.writer import RecordingWriter
-from msg_adapters.topics import DIAGNOSTICS, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.progress import busy
+from lasso_motion_ros.evaluation.summary import Summary
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.overlay.surface import write_stl
+from lasso_motion_ros.overlay.windowing import RgbImage
+from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
+from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
+from lasso_motion_ros.tools.demo_surface import demo_surface, truth_if_any
+from msg_adapters.messages import stamp_to_ns
+from msg_adapters.recordings.evaluation_input import read_estimates
+from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+from msg_adapters.topics import overlay_topic, seed_topic
 
-START_WAIT_S = 60.0
-ANSWER_WAIT_S = 20.0
-PICTURE_WAIT_S = 3.0
-MOTION_WAIT_S = 0.3
-"""How long the overlay waits for an image's own motion: nobody looks on live, so rather late than of another pair."""
-LOOK_PERIOD_S = 0.05
-LOGS = "logs"
-LIVE_RECORDING = "live.mcap"
+SURFACE = "left_atrium.stl"
+LIMITS: Mapping[str, float] = {
+    "missing": 0,
+    "lost_in_silence": 0,
+    "error_2d_a_mm": 1.0,
+    "error_2d_b_mm": 1.0,
+    "target_error_mm": 1.5,
+}
+"""What the bundled recording's table may show at most: every pair has a pose, no pose is more than 2 mm off, and the
+2-D error is no larger than the published method's (1.0 mm in each plane)."""
 
 
-@dataclass(frozen=True)
-class DemonstrationInput:
-    """What is played, and what it is played to.
+@dataclass(frozen=True, eq=False)
+class Demonstration:
+    """What came of it.
 
     Attributes:
-        recording: the recording.
-        configuration: the tracker's parameter file.
-        surface: the STL that the overlay draws, world millimetres.
-        whole_pairs: how many pairs, those with an image of both planes, must be answered.
-        pictures: how many images of each plane must come back with the overlay drawn in.
-        directory: where the live recording and the logs go.
+        run: what was played, and what came over the wire.
+        artefacts: what was written of it.
+        live: the recording of what came over the wire.
     """
 
-    recording: Path
-    configuration: Path
-    surface: Path
-    whole_pairs: int
-    pictures: Mapping[Plane, int]
-    directory: Path
+    run: DemoRun
+    artefacts: DemoArtefacts
+    live: Path
 
 
-class _TooLateError(LassoMotionError):
-    """What was waited for has not happened in time."""
-
-
-def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
-    """Play a recording through the live graph in real time.
+def demonstrate(
+    recording: Path, configuration: Path, directory: Path, say: Callable[[str], None], *, quiet: bool = True
+) -> Demonstration:
+    """Play a recording through the live graph in real time; write video, plots and table.
 
     Args:
-        given: what to play.
+        recording: what is played; it must be whole.
+        configuration: the tracker's parameter file.
+        directory: where all goes; made if need be.
         say: takes one line of progress for the user.
-
-    Returns:
-        The recording of what came over the wire.
+        quiet: True shows no progress.
 
     Raises:
-        LassoMotionError: a process failed, or did not answer in time; none is left behind.
-        KeyboardInterrupt: interrupted; none is left behind then either.
+        LassoMotionError: a file that cannot be read or written, or a process that failed or did not answer in time.
+        KeyboardInterrupt: interrupted; no process is left behind.
     """
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
-    domain = free_domain()
-    logs = given.directory / LOGS
-    logs.mkdir(parents=True, exist_ok=True)
-    output = given.directory / LIVE_RECORDING
-    # `state`, the one that is latched, comes last: when it is heard, the tracker knows of all the others.
-    topics = [
-        *(overlay_topic(plane) for plane in PLANES),
-        OVERLAY_SURFACE,
-        DIAGNOSTICS,
-        *(topic for topic in OUTPUTS if topic is not STATE),
-        STATE,
-    ]
-    with RecordingWriter(output, compression="none", overwrite=True) as writer:
-        wire = _Wire(writer)
-        with (
-            Listener(topics, wire, domain=domain, raw=True) as listener,
-            held_signals() as interrupted,
-            Processes({"ROS_DOMAIN_ID": str(domain)}, logs) as processes,
-        ):
-            wait = partial(_wait, processes, interrupted)
-            say(f"starting tracker and overlay (ROS_DOMAIN_ID={domain}, this machine only)")
-            processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", _tracker_arguments(given))
-            processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", _overlay_arguments(given))
-            wait(
-                lambda: wire.count(STATE) > 0 and all(listener.publishers(overlay_topic(plane)) for plane in PLANES),
-                START_WAIT_S,
-                "the nodes have not come up",
-            )
-            say(f"playing {given.recording.name} in real time")
-            processes.start("player", "lasso_motion_ros.cli.main", _player_arguments(given))
-            wait(lambda: "player" in processes.ended(), None)
-            say("waiting for the last answers")
-            wait(
-                lambda: wire.unanswered(given) == 0,
-                ANSWER_WAIT_S,
-                lambda: f"{wire.unanswered(given)} of {given.whole_pairs} pairs were not answered",
-            )
-            with contextlib.suppress(_TooLateError):  # a picture that is missing shows as such in the video
-                wait(lambda: wire.has_pictures(given), PICTURE_WAIT_S)
-            statuses = processes.stop()
-    failed = {name: status for name, status in statuses.items() if status != 0}
-    if failed:
-        raise LassoMotionError(f"ended badly: {failed}; their output is in {logs}")
-    return output
+    from lasso_motion_ros.tools.live_graph import DemonstrationInput, run_graph
+
+    pairs = read_pairs(recording, load_configuration(configuration, StreamConfig))
+    truth = truth_if_any(recording)
+    surface = demo_surface(truth)
+    directory.mkdir(parents=True, exist_ok=True)
+    write_stl(directory / SURFACE, surface, "mm")
+    given = DemonstrationInput(
+        recording=recording,
+        configuration=configuration,
+        surface=directory / SURFACE,
+        whole_pairs=sum(pair.a is not None and pair.b is not None for pair in pairs),
+        pictures={plane: sum(pair.frame(plane) is not None for pair in pairs) for plane in PLANES},
+        directory=directory,
+    )
+    live = run_graph(given, say)
+    run = DemoRun(
+        name=recording.stem,
+        pairs=pairs,
+        estimates=read_estimates(live),
+        overlays=read_pictures(live),
+        surface=surface,
+        truth=truth,
+    )
+    with busy("writing video, plots and table", quiet):
+        artefacts = write_demo_artefacts(run, directory)
+    return Demonstration(run, artefacts, live)
 
 
-def _tracker_arguments(given: DemonstrationInput) -> list[str]:
-    return ["--ros-args", "--params-file", str(given.configuration)]
-
-
-def _overlay_arguments(given: DemonstrationInput) -> list[str]:
-    values = {"volume_file": str(given.surface), "units": "mm", "motion_wait_s": MOTION_WAIT_S}
-    return ["--ros-args", *(word for name, value in values.items() for word in ("-p", f"{name}:={value}"))]
-
-
-def _player_arguments(given: DemonstrationInput) -> list[str]:
-    # Tracker and overlay listen to the images.
-    return ["play", str(given.recording), "--wait", str(START_WAIT_S), "--subscribers", "2"]
-
-
-def _wait(
-    processes: Processes,
-    interrupted: threading.Event,
-    what: Callable[[], bool],
-    patience_s: float | None,
-    otherwise: Callable[[], str] | str = "",
+def demonstrate_page(
+    recording: Path,
+    configuration: Path,
+    directory: Path,
+    say: Callable[[str], None],
+    *,
+    host: str,
+    port: int,
+    quiet: bool = True,
 ) -> None:
-    """Wait until it holds; a child that fails meanwhile, a signal, or time that runs out ends the demonstration."""
-    deadline = None if patience_s is None else time.monotonic() + patience_s
-    while not what():
-        for name, status in processes.ended().items():
-            if name != "player" or status != 0:
-                raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 1)}")
-        if deadline is not None and time.monotonic() > deadline:
-            raise _TooLateError(otherwise if isinstance(otherwise, str) else otherwise())
-        if interrupted.wait(LOOK_PERIOD_S):
-            raise KeyboardInterrupt
+    """Play a recording over and over, with a page in the browser beside it, until SIGINT or SIGTERM.
+
+    Args:
+        recording: what is played.
+        configuration: the tracker's parameter file.
+        directory: where surface and logs go; made if need be.
+        say: takes a line for the user: where the page is.
+        host: address of the page.
+        port: TCP port of the page.
+        quiet: True does not say why there is no overlay.
+
+    Raises:
+        LassoMotionError: a file that cannot be read or written, or a process that failed; none is left behind.
+    """
+    from lasso_motion_ros.tools.page_demonstration import PageInput, run_page
+
+    topics = RecordingReader(recording).topics
+    check_tracking_topics(recording, topics)
+    seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
+    load_configuration(configuration, StreamConfig)
+    truth = truth_if_any(recording)
+    surface: Path | None = None
+    directory.mkdir(parents=True, exist_ok=True)
+    if truth is not None and truth.loop is not None:
+        surface = directory / SURFACE
+        write_stl(surface, demo_surface(truth), "mm")
+    elif not quiet:
+        say("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
+    run_page(PageInput(recording, configuration, surface, seeded, host, port, directory), say)
 
 
-class _Wire:
-    """What came over the wire: written down as it was, and counted."""
+def read_pairs(recording: Path, config: StreamConfig) -> list[FramePair]:
+    """The pairs in a recording, by the rule by which the node pairs them.
 
-    def __init__(self, writer: RecordingWriter) -> None:
-        self._writer = writer
-        self._counts: dict[str, int] = {}
-        self._answered = 0
+    Raises:
+        RecordingError: the recording cannot be read, lacks a topic, or was cut short.
+    """
+    reader = RecordingReader(recording)
+    check_tracking_topics(recording, reader.topics)
+    pairs = list(recorded_pairs(reader, config))
+    if reader.damage is not None:
+        raise RecordingError(f"{reader.damage}: the demonstration needs a whole recording")
+    return pairs
 
-    def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
-        self._writer.write_raw(
-            topic.recorded_name, topic.type_name, bytes(message), published_ns, latched=topic.latched
+
+def read_pictures(live: Path) -> dict[Plane, dict[int, RgbImage]]:
+    """The overlay pictures in a live recording: per plane, by the image's stamp (ns), (H, W, 3) uint8 RGB."""
+    plane_of: dict[str, Plane] = {overlay_topic(plane).recorded_name: plane for plane in PLANES}
+    pictures: dict[Plane, dict[int, RgbImage]] = {plane: {} for plane in PLANES}
+    for recorded in RecordingReader(live).messages(list(plane_of)):
+        message = recorded.message
+        picture = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
+        pictures[plane_of[recorded.topic]][stamp_to_ns(message.header.stamp)] = picture
+    return pictures
+
+
+def exceeded_limits(summary: Summary | None) -> list[str]:
+    """What in a table is above `LIMITS`, in words."""
+    if summary is None:
+        return ["there is no truth to measure against"]
+    values = asdict(summary)
+    return [
+        f"{name} is {'unknown' if values[name] is None else format(values[name], '.3g')}, at most {limit:g} is allowed"
+        for name, limit in LIMITS.items()
+        if values[name] is None or values[name] > limit
+    ]
+
+
+def describe(shown: Demonstration) -> list[str]:
+    """The table, where everything is, and the figures in a sentence."""
+    artefacts, run = shown.artefacts, shown.run
+    lines = [] if artefacts.table_text is None else [artefacts.table_text.read_text(encoding="utf-8")]
+    files = (
+        ("video", artefacts.video),
+        ("motion", artefacts.motion_plot),
+        ("2-D error", artefacts.error_plot),
+        ("table", artefacts.table_text),
+        ("table, JSON", artefacts.table_json),
+        ("what came over the wire", shown.live),
+    )
+    lines += [f"{what}: {path}" for what, path in files if path is not None]
+    poses = sum(estimate.motion_raw is not None for estimate in run.estimates)
+    line = f"{len(run.pairs)} pairs played, {len(run.estimates)} answered, {poses} with a pose"
+    summary = artefacts.summary
+    if summary is not None and summary.error_2d_a_mm is not None and summary.error_2d_b_mm is not None:
+        line += f"; 2-D error {summary.error_2d_a_mm:.2f} mm in plane A, {summary.error_2d_b_mm:.2f} mm in plane B"
+    if summary is not None and summary.target_error_mm is not None and summary.static_error_mm is not None:
+        line += (
+            f"; target error {summary.target_error_mm:.2f} mm, without compensation {summary.static_error_mm:.2f} mm"
         )
-        self._counts[topic.name] = self._counts.get(topic.name, 0) + 1
-        if topic is DIAGNOSTICS:
-            # A pair without a pose is answered by a state, which has no stamp: the tracker's own count tells.
-            self._take_diagnostics(deserialize_message(message, DiagnosticArray))
-
-    def count(self, topic: Topic) -> int:
-        return self._counts.get(topic.name, 0)
-
-    def _take_diagnostics(self, message: DiagnosticArray) -> None:
-        for status in message.status:
-            values = {entry.key: entry.value for entry in status.values}
-            if PAIRS in values:
-                self._answered = int(values[PAIRS]) - int(values[HALF_PAIRS])
-
-    def unanswered(self, given: DemonstrationInput) -> int:
-        return max(0, given.whole_pairs - self._answered)
-
-    def has_pictures(self, given: DemonstrationInput) -> bool:
-        return all(self.count(overlay_topic(plane)) >= count for plane, count in given.pictures.items())
+    return [*lines, line]

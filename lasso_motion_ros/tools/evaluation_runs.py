@@ -67,8 +67,8 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
 
 def _tracked(recording: Path, config: StreamConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
-    from lasso_motion_ros.cli.track import track_recording, why_nothing
     from lasso_motion_ros.stream.tracker_factory import create_tracker
+    from lasso_motion_ros.tools.offline_tracking import track_recording, why_nothing
 
     tracker = TimedTracker(create_tracker(config))
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:

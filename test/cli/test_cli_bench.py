@@ -14,7 +14,8 @@ from threadpoolctl import threadpool_info
 
 from lasso_motion_ros.bench.codecs import available_codec
 from lasso_motion_ros.bench.memory import _forth_and_back
-from lasso_motion_ros.cli.bench import one_thread, read_undecoded
+from lasso_motion_ros.bench.one_thread import one_thread
+from lasso_motion_ros.bench.undecoded import read_undecoded
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.ring import loop_model

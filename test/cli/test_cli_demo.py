@@ -19,11 +19,12 @@ pytest.importorskip("trimesh", reason="needs the overlay extra")
 from support.child_processes import children_of, is_running
 from support.drawn_recording import loop, write_input
 
-from lasso_motion_ros.cli.demo import LIMITS, demo_surface, exceeded_limits
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.measures import Truth, score_pairs
 from lasso_motion_ros.evaluation.summary import summarise
+from lasso_motion_ros.tools.demo_surface import demo_surface
+from lasso_motion_ros.tools.demonstration import LIMITS, exceeded_limits
 from msg_adapters.recordings.evaluation_input import read_estimates, read_truth
 
 MOTIONS_MM = [0.0, 2.0, 5.0, 3.0, 0.0]
@@ -76,7 +77,7 @@ def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
 
 @pytest.mark.ros
 def test_a_node_that_fails_ends_it_with_its_own_words(tmp_path: Path) -> None:
-    from lasso_motion_ros.tools.demonstration import DemonstrationInput, run_graph
+    from lasso_motion_ros.tools.live_graph import DemonstrationInput, run_graph
 
     given = DemonstrationInput(
         recording=tmp_path / "never_read.mcap",

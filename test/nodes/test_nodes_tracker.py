@@ -17,8 +17,8 @@ from std_srvs.srv import Trigger
 from support.drawn_recording import START_NS, stamp, write_input
 from support.node_harness import Graph, recorded
 
-from lasso_motion_ros.cli.track import track_recording
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.tools.offline_tracking import track_recording
 from msg_adapters import topics
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns

@@ -1,0 +1,24 @@
+"""One thread, so that a time measured on a machine of many cores means the same on any."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from lasso_motion_ros.core.memory import keep_freed_memory
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one, and memory as the node does."""
+    import cv2
+    from threadpoolctl import threadpool_limits
+
+    keep_freed_memory()
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        with threadpool_limits(limits=1):
+            yield
+    finally:
+        cv2.setNumThreads(before)

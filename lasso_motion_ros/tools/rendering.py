@@ -1,0 +1,166 @@
+"""Draws the overlay over a recording, offline, into a video or a directory of frames."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from lasso_motion_ros.config.overlay import OverlayConfig
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.overlay.overlay_object import OverlayObject
+from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.style import overlay_style
+from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, View, video_picture
+from lasso_motion_ros.reports.png import write_png
+from lasso_motion_ros.reports.video import VideoWriter
+from lasso_motion_ros.stream.outputs import Problem, problem_lines
+from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
+from msg_adapters.recordings.evaluation_input import read_estimates
+from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+
+CELL_PX = 768
+
+
+@dataclass(frozen=True)
+class RenderedPair:
+    """One pair that was drawn.
+
+    Attributes:
+        stamp_ns: plane A's stamp.
+        compensated: whether a motion was applied.
+        status: the words on the picture, or empty.
+    """
+
+    stamp_ns: int
+    compensated: bool
+    status: str
+
+
+@dataclass(frozen=True)
+class RenderSummary:
+    """What was drawn.
+
+    Attributes:
+        pairs: in order of time.
+        problems: what was wrong with messages, a line each.
+        damage: what is wrong with the recording as a file, or None.
+    """
+
+    pairs: tuple[RenderedPair, ...]
+    problems: tuple[str, ...]
+    damage: str | None
+
+    @property
+    def compensated(self) -> int:
+        """How many pairs were drawn with a motion."""
+        return sum(pair.compensated for pair in self.pairs)
+
+
+def render_recording(
+    recording: Path,
+    result: Path,
+    output: Path,
+    shown: OverlayObject,
+    config: OverlayConfig,
+    *,
+    view: View = "compensated",
+    rate_hz: float | None = None,
+    remap: Mapping[str, str] | None = None,
+    quiet: bool = True,
+) -> RenderSummary:
+    """Draw every pair of a recording with the motion that a tracker published on it.
+
+    Args:
+        recording: MCAP file or bag directory with the images.
+        result: what the tracker published.
+        output: OUT.mp4, or a directory for PNG frames, one a plane and pair.
+        shown: what is drawn.
+        config: the overlay's parameters.
+        view: what of it.
+        rate_hz: of the video; None: the recording's own.
+        remap: recorded topic → the name it is read as.
+        quiet: no progress bar.
+
+    Raises:
+        LassoMotionError: a file that cannot be read or written, or a recording without a pair; no output is left then.
+    """
+    reader = RecordingReader(recording, remap)
+    check_tracking_topics(reader.path, reader.topics)
+    estimates = read_estimates(result)
+    painter = OverlayPainter(shown.drawn, overlay_style(config.style))
+    overlay = OfflineOverlay(painter, config, estimates, view)
+    problems: Counter[Problem] = Counter()
+    pairs = recorded_pairs(reader, replace(StreamConfig(), sync=config.sync), problems)
+    rendered = []
+    with _Output(output, view, rate_hz) as pictures:
+        for number, pair in enumerate(progress(pairs, len(estimates) or None, "rendering", quiet)):
+            drawn = overlay.draw(pair)
+            pictures.write(number, pair, drawn)
+            rendered.append(RenderedPair(pair.stamp_ns, drawn.compensated, drawn.status))
+    lines = problem_lines(problems)
+    if not rendered:
+        raise RecordingError(f"{recording}: no image pair could be made{': ' if lines else ''}{'; '.join(lines)}")
+    return RenderSummary(tuple(rendered), tuple(lines), reader.damage)
+
+
+class _Output:
+    """The video, or the directory of frames, as a context manager."""
+
+    def __init__(self, path: Path, view: View, rate_hz: float | None) -> None:
+        self._path, self._view, self._rate_hz = path, view, rate_hz
+        self._video: VideoWriter | None = None
+        self._first: tuple[int, DrawnPair] | None = None
+        self._start_ns = 0
+        if not is_video(self._path):
+            try:
+                self._path.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise RecordingError(f"{self._path}: cannot be made: {error.strerror}") from error
+
+    def __enter__(self) -> _Output:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._path.is_dir():
+            with suppress(OSError):  # refused where a picture is in it, as it should be
+                self._path.rmdir()
+        if self._first is not None:  # a recording of one pair has no rate of its own
+            self._add_frame(*self._first, self._rate_hz or 1.0)
+        if self._video is not None:
+            self._video.close()
+
+    def write(self, number: int, pair: FramePair, drawn: DrawnPair) -> None:
+        if not is_video(self._path):
+            for plane, picture in drawn.planes.items():
+                write_png(self._path / f"plane_{plane}_{number:05d}.png", picture)
+            return
+        if self._video is None and self._first is None:
+            self._first, self._start_ns = (pair.stamp_ns, drawn), pair.stamp_ns
+            return
+        # The first two stamps tell how fast the video plays; until the second comes the first waits.
+        rate = self._rate_hz or float(np.clip(1e9 / max(pair.stamp_ns - self._start_ns, 1), 0.2, 60.0))
+        if self._first is not None:
+            first, self._first = self._first, None
+            self._add_frame(*first, rate)
+        self._add_frame(pair.stamp_ns, drawn, rate)
+
+    def _add_frame(self, stamp_ns: int, drawn: DrawnPair, rate: float) -> None:
+        if self._video is None:
+            self._video = VideoWriter(self._path, rate)
+        words = f"t = {1e-9 * (stamp_ns - self._start_ns):.2f} s   "
+        words += "compensated" if drawn.compensated else "not compensated"
+        words += f"   {drawn.status}" if drawn.status else ""
+        self._video.write(video_picture(drawn, self._view, CELL_PX, words))
+
+
+def is_video(path: Path) -> bool:
+    """Whether an output's name asks for a video."""
+    return path.suffix.lower() == ".mp4"
