@@ -30,7 +30,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSDurabilityPolicy, QoSProfile, QoSReliabilityPolicy
 from sensor_msgs.msg import CameraInfo, Image
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image

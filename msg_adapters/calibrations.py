@@ -153,7 +153,8 @@ def _published(detector: Projection, message: Any, image_shape: tuple[int, int] 
             f" the image has {image_shape[1]}×{image_shape[0]}"
         )
     try:
+        published = detector.read_out(x, y, width, height, binning_x, binning_y)
         # As strictly as any matrix: so much binning may leave it no rank.
-        return Projection(detector.read_out(x, y, columns, rows, binning_x, binning_y).matrix, columns, rows)
+        return Projection(published.matrix, columns, rows, detector_width=published.detector_width)
     except GeometryError as error:
         raise MessageError(f"p: with binning {binning_x}×{binning_y} and roi: {error}") from error

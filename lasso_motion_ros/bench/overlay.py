@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry import transforms
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.overlay.atrium import left_atrium_surface
 from lasso_motion_ros.overlay.painter import OverlayPainter
 

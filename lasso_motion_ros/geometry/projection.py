@@ -1,4 +1,4 @@
-"""Projection geometry of one X-ray plane: matrix, source, rays, planes, and a C-arm's angles.
+"""Projection geometry of one X-ray plane: matrix, source, rays, and parts of an image.
 
 A projection maps homogeneous world points (metres) to homogeneous pixels, x = P X, with P a 3×4 matrix
 known up to scale *and sign*, possibly of a mirrored display (det of its left 3×3 block negative, or
@@ -8,7 +8,8 @@ in Computer Vision*, 2nd ed. 2004, chapter 6 (camera anatomy) and section 8.1 (b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import InitVar, dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -21,15 +22,22 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """A finite projective camera, from world metres to pixels of one image.
+    """A finite projective camera, from world metres to the pixels of one image.
 
     The matrix is normalised on construction so that its third row measures depth: the distance in metres
     from the source along the central ray, positive on the side of the source where the world origin lies.
 
     Attributes:
-        matrix: (3, 4) float64, any scale and sign when given; normalised afterwards.
+        matrix: (3, 4) float64, of any scale and sign when given; normalised and read-only afterwards.
         width: image columns, pixels.
         height: image rows, pixels.
+        detector_width: columns that an image of the whole detector would have at this image's pixel size; the image's
+            own width unless given. Cropping keeps it, binning divides it, so lengths on the detector can be given as
+            shares of it.
+
+    Args:
+        derived_from: for this class's own use: the projection from which this one differs by a shift and a scale of
+            the pixels only, so that its matrix need not be checked or normalised again.
 
     Raises:
         GeometryError: wrong shape, non-finite or singular matrix, no image, or the world origin at the
@@ -39,24 +47,22 @@ class Projection:
     matrix: Array
     width: int
     height: int
+    detector_width: float = field(default=0.0, kw_only=True)
+    derived_from: InitVar[Projection | None] = field(default=None, kw_only=True)
 
-    def __post_init__(self) -> None:
-        matrix = np.asarray(self.matrix, dtype=np.float64)
-        if matrix.shape != (3, 4):
-            raise GeometryError(f"a projection matrix is 3×4, found shape {matrix.shape}")
-        if not np.all(np.isfinite(matrix)):
-            raise GeometryError("the projection matrix has entries that are not finite")
-        _require_pixels(self.width, self.height)
-        left = matrix[:, :3]
-        row_norms = np.linalg.norm(left, axis=1)
-        # Rows differ by the focal length in pixels; balanced rows make this a test of rank, not of units.
-        if np.any(row_norms == 0.0) or abs(np.linalg.det(left / row_norms[:, None])) < 1e-9:
-            raise GeometryError("the projection matrix is singular: its left 3×3 block has no inverse")
-        if matrix[2, 3] == 0.0:
-            raise GeometryError("the world origin lies at the source's depth: in front of it is undefined")
-        matrix = matrix * (np.sign(matrix[2, 3]) / row_norms[2])
+    def __post_init__(self, derived_from: Projection | None) -> None:
+        if self.width < 1 or self.height < 1:
+            raise GeometryError(f"an image has at least one pixel, found {self.width}×{self.height}")
+        if derived_from is None:
+            matrix = _normalised(np.asarray(self.matrix, dtype=np.float64))
+        else:
+            # A shift and a scale of the pixels keep rank, depth and source. Several are derived for each image pair.
+            matrix = self.matrix
+            object.__setattr__(self, "source", derived_from.source)
         matrix.setflags(write=False)
         object.__setattr__(self, "matrix", matrix)
+        if self.detector_width == 0.0:
+            object.__setattr__(self, "detector_width", float(self.width))
 
     @cached_property
     def source(self) -> Array:
@@ -126,111 +132,68 @@ class Projection:
         translation = np.linalg.solve(k, self.matrix[:, 3])
         return k / k[2, 2], rotation, translation
 
-    def read_out(
-        self, x_offset: float, y_offset: float, width: int, height: int, binning_x: int = 1, binning_y: int = 1
-    ) -> Projection:
-        """The projection of a cropped and binned read-out of this detector.
+    def shifted(self, dx: float, dy: float) -> Projection:
+        """The projection to the same image with its content moved by (dx, dy) pixels, right and down positive."""
+        return self._resampled(-dx, -dy, 1, 1, self.width, self.height)
 
-        Binned pixel i covers full pixels offset + i·b … offset + i·b + b − 1; its centre is offset + i·b
-        + (b − 1)/2.
-
-        Args:
-            x_offset: first full-resolution column read out, pixels.
-            y_offset: first full-resolution row read out, pixels.
-            width: columns of the read-out image.
-            height: rows of the read-out image.
-            binning_x: full-resolution columns per published column.
-            binning_y: full-resolution rows per published row.
+    def cropped(self, x: float, y: float, width: int, height: int) -> Projection:
+        """The projection to a part of this image, whose first pixel is this image's pixel (x, y).
 
         Raises:
-            GeometryError: no pixel is read out.
+            GeometryError: no pixel is left, or a corner that is not finite.
         """
-        _require_pixels(width, height)
+        return self._resampled(x, y, 1, 1, width, height)
+
+    def binned(self, binning_x: int, binning_y: int) -> Projection:
+        """The projection to this image with `binning_x` × `binning_y` of its pixels joined in one.
+
+        Pixel i covers this image's pixels i·b … i·b + b − 1, so its centre is at i·b + (b − 1)/2. Columns and rows
+        that fill no pixel are left out.
+
+        Raises:
+            GeometryError: no pixel is left, or a binning below one.
+        """
+        return self.read_out(0, 0, self.width, self.height, binning_x, binning_y)
+
+    def read_out(self, x: float, y: float, width: int, height: int, binning_x: int, binning_y: int) -> Projection:
+        """The projection to a part of this image, then binned: `cropped` and `binned` with one rounding.
+
+        Args:
+            x: first column of the part, in this image's pixels.
+            y: first row of the part.
+            width: columns of the part before binning.
+            height: rows of the part before binning.
+            binning_x: columns joined in one.
+            binning_y: rows joined in one.
+
+        Raises:
+            GeometryError: no pixel is left, a binning below one, or a corner that is not finite.
+        """
+        if binning_x < 1 or binning_y < 1:
+            raise GeometryError(f"binning joins at least one pixel, found {binning_x}×{binning_y}")
+        return self._resampled(x, y, binning_x, binning_y, width // binning_x, height // binning_y)
+
+    def _resampled(self, x: float, y: float, binning_x: int, binning_y: int, width: int, height: int) -> Projection:
+        """The projection to `width` × `height` binned pixels from pixel (x, y) on."""
+        if not (math.isfinite(x) and math.isfinite(y)):
+            raise GeometryError(f"expected a finite place in the image, found ({x}, {y})")
         matrix = self.matrix.copy()
-        matrix[0] = (matrix[0] - (x_offset + (binning_x - 1) / 2.0) * matrix[2]) / binning_x
-        matrix[1] = (matrix[1] - (y_offset + (binning_y - 1) / 2.0) * matrix[2]) / binning_y
-        matrix.setflags(write=False)
-        # Several a pair: what holds of the detector's matrix holds of this one, and the source is the same.
-        read_out = object.__new__(Projection)
-        read_out.__dict__.update(matrix=matrix, width=width, height=height, source=self.source)
-        return read_out
+        matrix[0] = (matrix[0] - (x + (binning_x - 1) / 2.0) * matrix[2]) / binning_x
+        matrix[1] = (matrix[1] - (y + (binning_y - 1) / 2.0) * matrix[2]) / binning_y
+        return Projection(matrix, width, height, detector_width=self.detector_width / binning_x, derived_from=self)
 
 
-def _require_pixels(width: int, height: int) -> None:
-    if width < 1 or height < 1:
-        raise GeometryError(f"an image has at least one pixel, found {width}×{height}")
-
-
-def carm_projection(
-    lao_rad: float,
-    cranial_rad: float,
-    *,
-    source_detector_m: float,
-    source_object_m: float,
-    pixel_size_m: float,
-    width: int,
-    height: int,
-    mirrored: bool = True,
-    iso_centre: npt.ArrayLike = (0.0, 0.0, 0.0),
-    roll_rad: float = 0.0,
-) -> Projection:
-    """The projection of an ideal C-arm at the usual angles.
-
-    World axes are the patient's, supine: +x to the left, +y posterior, +z cranial (LPS), metres.
-
-    Args:
-        lao_rad: rotation of the detector about the patient's long axis, LAO positive, RAO negative.
-        cranial_rad: tilt of the detector, CRAN positive, CAUD negative.
-        source_detector_m: source to detector (SID), metres.
-        source_object_m: source to iso-centre (SOD), metres.
-        pixel_size_m: detector pixel pitch, metres.
-        width: image columns.
-        height: image rows.
-        mirrored: True for the usual display as seen facing the patient (patient's left at the image's right).
-        iso_centre: (3,) iso-centre in the world frame, metres.
-        roll_rad: rotation of the image about its centre, from +x towards +y.
-
-    Raises:
-        GeometryError: a distance or size that is not positive.
-    """
-    for name, value in (
-        ("source_detector_m", source_detector_m),
-        ("source_object_m", source_object_m),
-        ("pixel_size_m", pixel_size_m),
-    ):
-        if not value > 0.0:
-            raise GeometryError(f"{name} must be positive, found {value}")
-    sin_a, cos_a = np.sin(lao_rad), np.cos(lao_rad)
-    sin_b, cos_b = np.sin(cranial_rad), np.cos(cranial_rad)
-    towards_detector = np.array([sin_a * cos_b, -cos_a * cos_b, sin_b])
-    image_right = np.array([cos_a, sin_a, 0.0]) * (1.0 if mirrored else -1.0)
-    image_down = np.array([sin_a * sin_b, -cos_a * sin_b, -cos_b])
-    cos_r, sin_r = np.cos(roll_rad), np.sin(roll_rad)
-    rows = np.stack(
-        [
-            cos_r * image_right - sin_r * image_down,
-            sin_r * image_right + cos_r * image_down,
-            towards_detector,
-        ]
-    )
-    focal = source_detector_m / pixel_size_m
-    camera = np.array([[focal, 0.0, (width - 1) / 2.0], [0.0, focal, (height - 1) / 2.0], [0.0, 0.0, 1.0]])
-    origin = np.array([0.0, 0.0, source_object_m]) - rows @ np.asarray(iso_centre, dtype=np.float64)
-    return Projection(camera @ np.column_stack([rows, origin]), width, height)
-
-
-def triangulate(projections: tuple[Projection, ...], pixels: tuple[Array, ...]) -> Array:
-    """World point (3,) in metres nearest to the rays through one pixel (2,) per view (least squares).
-
-    Raises:
-        GeometryError: the rays are parallel, so that no point is nearest.
-    """
-    normal, right = np.zeros((3, 3)), np.zeros(3)
-    for projection, pixel in zip(projections, pixels, strict=True):
-        ray = projection.rays(pixel)
-        across = np.eye(3) - np.outer(ray, ray)
-        normal += across
-        right += across @ projection.source
-    if np.linalg.cond(normal) > 1e8:
-        raise GeometryError("the rays are parallel: no point lies nearest to them")
-    return np.asarray(np.linalg.solve(normal, right))
+def _normalised(matrix: Array) -> Array:
+    """A copy of the (3, 4) matrix whose third row measures depth; checked as `Projection` says."""
+    if matrix.shape != (3, 4):
+        raise GeometryError(f"a projection matrix is 3×4, found shape {matrix.shape}")
+    if not np.all(np.isfinite(matrix)):
+        raise GeometryError("the projection matrix has entries that are not finite")
+    left = matrix[:, :3]
+    row_norms = np.linalg.norm(left, axis=1)
+    # Rows differ by the focal length in pixels; balanced rows make this a test of rank, not of units.
+    if np.any(row_norms == 0.0) or abs(np.linalg.det(left / row_norms[:, None])) < 1e-9:
+        raise GeometryError("the projection matrix is singular: its left 3×3 block has no inverse")
+    if matrix[2, 3] == 0.0:
+        raise GeometryError("the world origin lies at the source's depth: in front of it is undefined")
+    return np.asarray(matrix * (np.sign(matrix[2, 3]) / row_norms[2]))

@@ -55,7 +55,7 @@ class BodyRenderer:
         """Line integral of the attenuation through every pixel, (H, W), dimensionless."""
         binning = max(1, max(projection.width, projection.height) // COARSE_SIDE)
         width, height = -(-projection.width // binning), -(-projection.height // binning)
-        coarse = projection.read_out(0, 0, width, height, binning, binning)
+        coarse = projection.cropped(0, 0, width * binning, height * binning).binned(binning, binning)
         rays = self._prepare(coarse)
         depth = self._fixed + self._shifted_ribs(coarse, state)
         depth += self._moving(coarse, rays, state)
@@ -71,7 +71,8 @@ class BodyRenderer:
             self._fixed = depth.reshape(rays.shape) + optical_depth(coarse, self._thorax.airways, 1)
             self._ribs = optical_depth(coarse, self._thorax.ribs, 1)
             wide, high = -(-coarse.width // MOVING_BINNING), -(-coarse.height // MOVING_BINNING)
-            self._rays = pixel_rays(coarse.read_out(0, 0, wide, high, MOVING_BINNING, MOVING_BINNING))
+            covering = coarse.cropped(0, 0, wide * MOVING_BINNING, high * MOVING_BINNING)
+            self._rays = pixel_rays(covering.binned(MOVING_BINNING, MOVING_BINNING))
             self._key = key
         return self._rays
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.settings import Event, Scenario
 

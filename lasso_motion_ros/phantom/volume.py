@@ -75,7 +75,7 @@ class VolumeRenderer:
     def _on_grid(self, projection: Projection, side: int, state: BodyState | None) -> npt.NDArray[np.float32]:
         binning = max(1, max(projection.width, projection.height) // side)
         width, height = -(-projection.width // binning), -(-projection.height // binning)
-        rays = pixel_rays(projection.read_out(0, 0, width, height, binning, binning))
+        rays = pixel_rays(projection.cropped(0, 0, width * binning, height * binning).binned(binning, binning))
         if state is None:
             depth = _integrate(rays, self._volume.centre, self._volume.radius, self._volume.sample)
         else:

@@ -196,7 +196,7 @@ def _circle_centre(points: Array) -> Array:
 
 
 def _shifted(projections: dict[Plane, Projection], shifts: dict[Plane, Array]) -> dict[Plane, Projection]:
-    return {p: m.read_out(-shifts[p][0], -shifts[p][1], m.width, m.height) for p, m in projections.items()}
+    return {p: projection.shifted(*shifts[p]) for p, projection in projections.items()}
 
 
 class _Curve:

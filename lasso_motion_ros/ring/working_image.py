@@ -53,7 +53,7 @@ class WorkingImage:
         left, top = np.clip(np.floor(pixels.min(axis=0) - reach_px), 0, size - 1).astype(int)
         right, bottom = np.clip(np.ceil(pixels.max(axis=0) + reach_px), 0, size - 1).astype(int) + 1
         part = slice(top, bottom), slice(left, right)
-        projection = self.projection.read_out(left, top, right - left, bottom - top)
+        projection = self.projection.cropped(left, top, right - left, bottom - top)
         return WorkingImage(self.values[part], projection, self.noise[part], self.grey[part])
 
     def softened(self) -> WorkingImage:
@@ -91,7 +91,7 @@ def working_image(
         shift: (2,) pixels by which this plane's images lie off its calibration, absorbed at the seed.
         reach_mm: half the side of the square about the projected centre, millimetres there; None: all of it.
     """
-    projection = frame.projection.read_out(-shift[0], -shift[1], frame.projection.width, frame.projection.height)
+    projection = frame.projection.shifted(*shift)
     factor = reduction_factor(projection, centre)
     height, width = frame.pixels.shape
     left, top, right, bottom = 0, 0, width, height
@@ -110,7 +110,8 @@ def working_image(
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
     values, noise = _band_pass(reduced, bright)
-    return WorkingImage(values, projection.read_out(left, top, width, height, factor, factor), noise, reduced)
+    seen = projection.read_out(left, top, width * factor, height * factor, factor, factor)
+    return WorkingImage(values, seen, noise, reduced)
 
 
 def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:
@@ -148,4 +149,4 @@ def _blank(projection: Projection) -> WorkingImage:
     """An image too small to show a loop: nothing is found in it."""
     size = 2 * NOISE_WINDOW_PX
     nothing = np.zeros((size, size), dtype=np.float32)
-    return WorkingImage(nothing, projection.read_out(0, 0, size, size), nothing, nothing.astype(np.uint8))
+    return WorkingImage(nothing, projection.cropped(0, 0, size, size), nothing, nothing.astype(np.uint8))

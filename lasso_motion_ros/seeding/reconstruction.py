@@ -18,7 +18,8 @@ from lasso_motion_ros.core.errors import EllipseError, GeometryError, Reconstruc
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.ellipse import ellipse_from_conic, fit_ellipse, fit_line
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.projection import Projection, triangulate
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.triangulation import triangulate
 
 Array = npt.NDArray[np.float64]
 

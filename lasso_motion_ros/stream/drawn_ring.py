@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, rigid
 
 Array = npt.NDArray[np.float64]

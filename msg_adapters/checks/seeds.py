@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import GeometryError, MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.projection import Projection, triangulate
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.triangulation import triangulate
 from msg_adapters.checks.finding import Finding, Severity
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.seeds import decode_seed

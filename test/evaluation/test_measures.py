@@ -18,7 +18,7 @@ from lasso_motion_ros.evaluation.measures import (
     symmetric_mean_distance,
 )
 from lasso_motion_ros.evaluation.summary import format_table, mean_row, report, summarise
-from lasso_motion_ros.geometry.projection import carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.transforms import apply, rigid
 
 PERIOD_NS = 300_000_000

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from support.method_inputs import flip_pixels, flipped, plane
 
 from lasso_motion_ros.core.errors import GeometryError
-from lasso_motion_ros.geometry.projection import Projection, carm_projection, triangulate
+from lasso_motion_ros.geometry.projection import Projection
 
 # f = 1000 px, principal point (100, 50), camera axes = world axes, source 2 m behind the origin.
 CAMERA = np.array([[1000.0, 0.0, 100.0], [0.0, 1000.0, 50.0], [0.0, 0.0, 1.0]])
@@ -119,80 +119,61 @@ def test_decomposition_round_trip(lao, cranial, mirrored):
     np.testing.assert_allclose(-rotation.T @ translation, projection.source, atol=1e-9)
 
 
-def test_carm_angles_say_where_the_detector_is():
-    # World axes: +x the patient's left, +y posterior, +z cranial.
-    half, root = 0.5, np.sqrt(3.0) / 2.0
-    np.testing.assert_allclose(plane(0.0).viewing_direction, [0.0, -1.0, 0.0], atol=1e-12)
-    np.testing.assert_allclose(plane(-30.0).viewing_direction, [-half, -root, 0.0], atol=1e-12)  # RAO: right, anterior
-    np.testing.assert_allclose(plane(60.0).viewing_direction, [root, -half, 0.0], atol=1e-12)  # LAO: left, anterior
-    np.testing.assert_allclose(plane(0.0, 30.0).viewing_direction, [0.0, -root, half], atol=1e-12)  # CRAN: up
-    np.testing.assert_allclose(plane(0.0, -30.0).viewing_direction, [0.0, -root, -half], atol=1e-12)  # CAUD: down
+def test_a_shift_by_hand():
+    # POINT is seen at (150, −50).
+    shifted = simple().shifted(3.0, -4.5)
+    np.testing.assert_allclose(shifted.project(POINT), [153.0, -54.5])
+    assert (shifted.width, shifted.height, shifted.detector_width) == (200, 100, 200.0)
 
 
-def test_carm_source_is_opposite_the_detector():
-    # 0.785 m × −(−1/2, −√3/2, 0)
-    np.testing.assert_allclose(plane(-30.0).source, [0.3925, 0.785 * np.sqrt(3.0) / 2.0, 0.0], atol=1e-12)
+def test_a_crop_by_hand():
+    cropped = simple().cropped(100, 10, 40, 20)
+    np.testing.assert_allclose(cropped.project(POINT), [50.0, -60.0])
+    assert (cropped.width, cropped.height, cropped.detector_width) == (40, 20, 200.0)
 
 
-def test_carm_display_as_seen_facing_the_patient():
-    # 10 mm at the iso-centre is 10 × 1.2 / 0.785 / 0.2 = 76.43 px; centre (1023 / 2, 1023 / 2)
-    shift = 10.0 * 1.2 / 0.785 / 0.2
-    left, cranial = np.array([0.01, 0.0, 0.0]), np.array([0.0, 0.0, 0.01])
-    np.testing.assert_allclose(plane(0.0).project(np.zeros(3)), [511.5, 511.5])
-    np.testing.assert_allclose(plane(0.0).project(left), [511.5 + shift, 511.5])
-    np.testing.assert_allclose(plane(0.0).project(cranial), [511.5, 511.5 - shift])
-    np.testing.assert_allclose(plane(0.0, mirrored=False).project(left), [511.5 - shift, 511.5])
-    # From the left side (LAO 90) the patient's back is at the image's right.
-    np.testing.assert_allclose(plane(90.0).project(np.array([0.0, 0.01, 0.0])), [511.5 + shift, 511.5])
+def test_binning_by_hand():
+    # Binned column 3 covers columns 6 and 7, row 2 rows 8 to 11; of 200 × 102 pixels two rows fill no pixel.
+    projection = Projection(SIMPLE, 200, 102)
+    binned = projection.binned(2, 4)
+    ray = projection.rays(np.array([6.5, 9.5]))
+    np.testing.assert_allclose(binned.project(projection.source + ray), [3.0, 2.0], atol=1e-9)
+    assert (binned.width, binned.height, binned.detector_width) == (100, 25, 100.0)
+    assert simple().binned(2, 2).millimetres_per_pixel(np.zeros(3)) == pytest.approx(4.0)
 
 
-def test_carm_roll_and_iso_centre():
-    options = {
-        "source_detector_m": 1.0,
-        "source_object_m": 0.5,
-        "pixel_size_m": 1e-3,
-        "width": 101,
-        "height": 101,
-    }
-    # 10 mm to the left is 20 px to the right, after a quarter turn from +x towards +y 20 px down.
-    rolled = carm_projection(0.0, 0.0, roll_rad=np.pi / 2, **options)
-    np.testing.assert_allclose(rolled.project(np.array([0.01, 0.0, 0.0])), [50.0, 70.0], atol=1e-9)
-    np.testing.assert_allclose(rolled.project(np.array([0.0, 0.0, 0.01])), [70.0, 50.0], atol=1e-9)  # from up to right
-    moved = carm_projection(0.3, 0.1, iso_centre=(0.01, 0.02, 0.03), **options)
-    np.testing.assert_allclose(moved.project(np.array([0.01, 0.02, 0.03])), [50.0, 50.0], atol=1e-9)
+def test_a_read_out_is_cropped_then_binned():
+    steps = simple().cropped(100, 10, 40, 21).binned(2, 4)
+    at_once = simple().read_out(100, 10, 40, 21, 2, 4)
+    np.testing.assert_allclose(at_once.matrix, steps.matrix, rtol=1e-13)
+    assert (at_once.width, at_once.height, at_once.detector_width) == (20, 5, 100.0)
+    assert (steps.width, steps.height, steps.detector_width) == (20, 5, 100.0)
 
 
-def test_read_out_by_hand():
-    # Binned column 3 of a read-out from column 100 covers columns 106 and 107, row 2 from row 10 rows 18 to 21.
-    read_out = simple().read_out(100, 10, 40, 20, binning_x=2, binning_y=4)
-    ray = simple().rays(np.array([106.5, 19.5]))
-    np.testing.assert_allclose(read_out.project(simple().source + ray), [3.0, 2.0], atol=1e-9)
-    assert (read_out.width, read_out.height) == (40, 20)
-    np.testing.assert_allclose(read_out.source, simple().source, atol=1e-12)
+def test_the_detectors_width_is_kept_through_all_of_them():
+    projection = Projection(SIMPLE, 160, 100, detector_width=320.0)
+    assert projection.shifted(1.0, 2.0).cropped(10, 0, 50, 50).binned(4, 2).detector_width == 80.0
+    assert simple().binned(3, 1).detector_width == pytest.approx(200.0 / 3.0)
 
 
-def test_read_out_of_everything_is_the_same():
-    same = simple().read_out(0, 0, 200, 100)
-    np.testing.assert_allclose(same.matrix, SIMPLE, atol=1e-12)
+def test_parts_keep_source_and_depth():
+    for part in (simple().shifted(3, 4), simple().cropped(10, 20, 30, 40), simple().binned(2, 3)):
+        assert part.source is part.cropped(0, 0, 1, 1).source
+        np.testing.assert_array_equal(part.source, simple().source)
+        np.testing.assert_array_equal(part.matrix[2], simple().matrix[2])
+        assert not part.matrix.flags.writeable
 
 
-def test_pixels_grow_with_binning():
-    binned = simple().read_out(0, 0, 100, 50, 2, 2)
-    assert binned.millimetres_per_pixel(np.zeros(3)) == pytest.approx(4.0)
-
-
-def test_triangulation_finds_the_point_and_the_middle_between_skew_rays():
-    a, b = plane(0.0), plane(90.0)
-    np.testing.assert_allclose(triangulate((a, b), (a.project(POINTS[0]), b.project(POINTS[0]))), POINTS[0], atol=1e-9)
-    # Both rays are horizontal at the iso-centre's height up to 76.43 px = 10 mm in A: the middle is 5 mm up.
-    up = a.project(np.array([0.0, 0.0, 0.01]))
-    np.testing.assert_allclose(triangulate((a, b), (up, b.project(np.zeros(3)))), [0.0, 0.0, 0.005], atol=1e-4)
-
-
-def test_no_geometry_from_one_view():
-    a = plane(0.0)
-    with pytest.raises(GeometryError, match="parallel"):
-        triangulate((a, a), (np.array([500.0, 500.0]), np.array([500.0, 500.0])))
+def test_parts_that_are_refused():
+    with pytest.raises(GeometryError, match="found 0×5"):
+        simple().cropped(0, 0, 0, 5)
+    with pytest.raises(GeometryError, match="found 1×0"):
+        simple().binned(200, 101)
+    with pytest.raises(GeometryError, match="at least one pixel, found 0×1"):
+        simple().binned(0, 1)
+    for place in (np.nan, np.inf):
+        with pytest.raises(GeometryError, match="finite place"):
+            simple().shifted(0.0, place)
 
 
 @pytest.mark.parametrize(
@@ -215,7 +196,3 @@ def test_refused_matrices(matrix, text):
 def test_refused_sizes():
     with pytest.raises(GeometryError, match="found 0×100"):
         Projection(SIMPLE, 0, 100)
-    with pytest.raises(GeometryError, match="source_object_m must be positive, found -1"):
-        carm_projection(0, 0, source_detector_m=1, source_object_m=-1, pixel_size_m=1e-3, width=2, height=2)
-    with pytest.raises(GeometryError, match="pixel_size_m must be positive, found nan"):
-        carm_projection(0, 0, source_detector_m=1, source_object_m=1, pixel_size_m=np.nan, width=2, height=2)

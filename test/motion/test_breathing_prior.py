@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.breathing_prior import FRONTAL_SIGMA, LATERAL_SIGMA, breathing_shape
 
 # Of unit variance along the body (z), in a world of axes LPS: 1.3 mm to the front for every 4.9 mm to the feet.

@@ -9,7 +9,7 @@ import pytest
 from support.message_inputs import MESSAGES, projection
 
 from lasso_motion_ros.core.errors import MessageError
-from lasso_motion_ros.geometry.projection import carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
 from msg_adapters.calibrations import decode_camera_info, encode_camera_info
 
 # f = 1000 px, principal point (50, 40), looking along +z from 0.8 m before the origin.
@@ -142,6 +142,13 @@ def test_a_view_along_an_axis_is_not_taken_for_a_stereo_matrix() -> None:
     moved = HAND.copy()
     moved[0, 3] -= 100.0  # the source 0.1 m to the right
     assert decode_camera_info(info(moved)).source == pytest.approx([0.1, 0.0, -0.8])
+
+
+def test_a_crop_keeps_the_detectors_width_in_the_images_own_pixels() -> None:
+    """Of 100 detector columns, 60 are read out and joined in pairs: the whole detector would have 50."""
+    decoded = decode_camera_info(info(roi=roi(20, 10, 60, 40), binning_x=2, binning_y=2), (20, 30))
+    assert (decoded.width, decoded.detector_width) == (30, 50.0)
+    assert decode_camera_info(info()).detector_width == 100.0
 
 
 def test_binning_that_leaves_no_rank_is_refused_as_a_message() -> None:

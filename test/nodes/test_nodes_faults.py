@@ -16,7 +16,8 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from support.node_harness import Graph
 from support.ring_stream import HEARD, PERIOD_NS, SIDE, RingStream, stamp, start_tracker
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.stream.drawn_ring import DETECTOR_M, ring_projection
 

@@ -18,7 +18,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from support.node_harness import Graph
 
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.geometry.projection import carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.stream.drawn_ring import ring_image, ring_points
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns

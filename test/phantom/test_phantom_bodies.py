@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.geometry.projection import carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.transforms import rigid, rotation_from_vector
 from lasso_motion_ros.phantom.anatomy import Additive
 from lasso_motion_ros.phantom.bodies import Rays, cylinder, ellipsoid, pixel_rays, union_length

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined, optical_depth
 
 ATTENUATION = 200.0

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.core.errors import ScenarioError
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.anatomy import SOFT

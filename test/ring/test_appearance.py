@@ -189,7 +189,7 @@ def test_rendering_elsewhere_moves_the_pattern():
     strip = strip_along(CURVE, image.projection)
     kernel, first = render(strip.sample(image), strip, 2)
     # 10 pixels to the right are five cells, whatever lies in them.
-    moved = strip_along(CURVE, image.projection.read_out(-10, 4, 512, 512))
+    moved = strip_along(CURVE, image.projection.shifted(10, -4))
     same, there = render(strip.sample(image), moved, 2)
     np.testing.assert_array_equal(there - first, [5, -2])
     np.testing.assert_allclose(same, kernel, atol=1e-6)

@@ -83,7 +83,7 @@ def test_peaks_are_apart_from_each_other():
     # By more than three cells of two pixels in one direction at least, less half a cell at either end.
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(size=(256, 256)).astype(np.float32)
-        image = bare(noise, VIEWS["a"].read_out(128, 128, 256, 256))
+        image = bare(noise, VIEWS["a"].cropped(128, 128, 256, 256))
         found = find_peaks(image, APPEARANCES["a"], LOOP.centre, ARMS)
         apart = np.abs(found.pixels[:, None] - found.pixels[None]).max(axis=-1) + 100.0 * np.eye(PEAKS)
         assert apart.min() > 6.0

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from support.drawn_recording import loop, projections, stamp
 
-from lasso_motion_ros.geometry.projection import carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import header_fields

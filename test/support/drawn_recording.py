@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from support.method_inputs import draw_curve
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, rigid
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info

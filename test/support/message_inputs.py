@@ -9,8 +9,9 @@ import numpy as np
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 from msg_adapters.calibrations import encode_camera_info

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.seeding.reconstruction import Ellipse3D
 
 SOURCE_DETECTOR_M = 1.2

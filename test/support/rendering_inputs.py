@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.carm import carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.overlay.surface import TriangleMesh
 
 TORUS_RING_M, TORUS_TUBE_M = 0.022, 0.008
@@ -82,6 +83,6 @@ def views():
         "oblique": oblique,
         "oblique, sign flipped": Projection(-2.5 * oblique.matrix, 512, 512),
         "zoomed": zoomed,
-        "binned": zoomed.read_out(31, 17, 240, 230, 2, 2),
+        "binned": zoomed.cropped(31, 17, 480, 460).binned(2, 2),
         "off-centre": _carm(-20.0, -20.0, iso_centre=(0.02, 0.01, -0.015)),
     }

@@ -57,7 +57,7 @@ def test_no_truth_is_said(tmp_path: Path) -> None:
 def test_a_latched_calibration_holds_and_plane_b_takes_its_own_exposure(tmp_path: Path) -> None:
     """Plane A: one calibration for all. Plane B, exposed half a period later: its own, not the pair's before."""
     matrices = projections()
-    moved = {index: matrices["b"].read_out(10.0 * index, 0.0, 512, 512) for index in range(3)}
+    moved = {index: matrices["b"].shifted(-10.0 * index, 0.0) for index in range(3)}
     with RecordingWriter(tmp_path / "in.mcap") as writer:
         info, polygon = topics.camera_info_topic, topics.true_centreline_topic("a")
         a, b = info("a"), info("b")

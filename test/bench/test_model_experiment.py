@@ -3,9 +3,9 @@ import math
 import numpy as np
 import pytest
 
+from lasso_motion_ros.bench import model_experiment
+from lasso_motion_ros.bench.model_experiment import PAPER_DISTANCE_MM, curve_distance, run_model_experiment
 from lasso_motion_ros.core.errors import ReconstructionError
-from lasso_motion_ros.evaluation import model_experiment
-from lasso_motion_ros.evaluation.model_experiment import PAPER_DISTANCE_MM, curve_distance, run_model_experiment
 from lasso_motion_ros.seeding.reconstruction import Ellipse3D
 
 

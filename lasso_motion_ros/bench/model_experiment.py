@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import ReconstructionError
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.projection import Projection, carm_projection
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.seeding.reconstruction import Ellipse3D, reconstruct_ellipse
 
 Array = npt.NDArray[np.float64]
