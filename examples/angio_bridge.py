@@ -4,12 +4,14 @@
 
 `SimulatedAngiography` stands for the vendor's interface; put yours in its place. `Bridge` is what to keep:
 
-- Stamps: the exposure's instant, turned from the system's clock into this machine's. Never the time of arrival.
-- Geometry: with every frame one CameraInfo under the frame's own header, *before* the frame, since gantry, table and
-  zoom may move at any time. `p` maps world metres to pixels; the world is fixed to the table top.
-- Quality of service: reliable, keep the last 10; a best-effort subscriber hears it as well. The calibration is latched
-  besides (transient local), so that who joins between two frames has it at once.
-- Shared memory: the profile that holds whole images, loaded before the first participant exists.
+- Stamps: the instant of the exposure, converted from the system's clock to this machine's; never the time of arrival.
+- Geometry: one CameraInfo with every frame, under the frame's own header and published *before* it, since gantry, table
+  and zoom may move at any time. `p` maps world metres to pixels; the world is fixed to the table top.
+- Quality of service: reliable, keep the last 10; best-effort subscribers hear it as well. The calibration is also
+  latched (transient local): a subscriber that joins between two frames has it at once.
+- Shared memory: a profile with room for whole images, loaded before the first participant exists.
+
+Whether the tracker is content with it is what `lasso-motion check` tells.
 """
 
 from __future__ import annotations
@@ -37,7 +39,7 @@ from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields
 
-CLOCK_READINGS = 8
+CLOCK_READINGS = 8  # a reading may be held up; the quickest of a few is hardly off
 
 
 @dataclass(frozen=True)
@@ -87,13 +89,13 @@ class SimulatedAngiography:
 
     def exposures(self) -> Iterator[Exposure]:
         """Frames of both planes as they are exposed; blocks until the next one."""
-        data, began = self._data, self.clock_s()
-        order = sorted((t, plane, k) for plane in "ab" for k, t in enumerate(data[f"time_{plane}_s"]))
-        for seconds, plane, k in order:
-            time.sleep(max(0.0, began + seconds - self.clock_s()))
+        data, began_s = self._data, self.clock_s()
+        order = sorted((time_s, plane, k) for plane in "ab" for k, time_s in enumerate(data[f"time_{plane}_s"]))
+        for time_s, plane, k in order:
+            time.sleep(max(0.0, began_s + time_s - self.clock_s()))
             yield Exposure(
                 plane=plane,
-                time_s=began + float(seconds),
+                time_s=began_s + float(time_s),
                 pixels=data[f"frames_{plane}"][k],
                 lao_deg=float(data[f"lao_{plane}_deg"][k]),
                 cranial_deg=float(data[f"cranial_{plane}_deg"][k]),
@@ -107,7 +109,7 @@ class SimulatedAngiography:
 def projection_of(exposure: Exposure) -> Projection:
     """World metres (fixed to the table top) to pixels of the published image.
 
-    The table carries the world: where it has moved by d, the iso-centre lies at -d in world coordinates.
+    The table carries the world: when it has moved by d, the iso-centre lies at -d in world coordinates.
     """
     height, width = exposure.pixels.shape
     return carm_projection(
@@ -123,11 +125,11 @@ def projection_of(exposure: Exposure) -> Projection:
 
 
 class Bridge:
-    """Publishes exposures.
+    """Publishes exposures on the tracker's input topics.
 
     Args:
         node: the node; its namespace and remappings hold.
-        system: where the clock is read.
+        system: whose clock stamps the exposures.
     """
 
     def __init__(self, node: Node, system: SimulatedAngiography) -> None:
@@ -141,18 +143,18 @@ class Bridge:
 
     @staticmethod
     def _clock_difference(system: SimulatedAngiography) -> tuple[float, float]:
-        """(duration of the reading, this machine's clock minus the system's): the shortest reading is the truest."""
+        """Duration of one reading, and this machine's clock minus the system's by it, seconds."""
         before = time.time()
         theirs = system.clock_s()
         after = time.time()
         return after - before, 0.5 * (before + after) - theirs
 
     def subscribed(self, count: int) -> bool:
-        """Whether so many listen to each topic."""
+        """Whether each topic has this many subscribers."""
         return all(one.get_subscription_count() >= count for one in (*self._images.values(), *self._infos.values()))
 
     def publish(self, exposure: Exposure) -> None:
-        """One frame: calibration first, under the same header."""
+        """Publish one frame: first its calibration, under the same header."""
         stamp_ns = round((exposure.time_s + self._clock_offset_s) * 1e9)
         header = header_fields(stamp_ns, f"plane_{exposure.plane}_optical")
         info = encode_camera_info(projection_of(exposure), header)
@@ -167,11 +169,15 @@ class Bridge:
 
 
 def main() -> None:
-    """Bridge until the sequence ends."""
+    """Bridge the sequence to its end."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("sequence", type=Path, help="the .npz that stands for the system")
-    parser.add_argument("--wait", type=float, default=0.0, metavar="S", help="first wait, at most S, for subscribers")
-    parser.add_argument("--subscribers", type=int, default=1, metavar="N", help="so many on each topic (default 1)")
+    parser.add_argument(
+        "--wait", type=float, default=0.0, metavar="S", help="first wait for subscribers, at most S seconds"
+    )
+    parser.add_argument(
+        "--subscribers", type=int, default=1, metavar="N", help="how many to wait for on each topic (default 1)"
+    )
     arguments, ros_arguments = parser.parse_known_args()
     warning = use_image_profile()
     rclpy.init(args=ros_arguments)

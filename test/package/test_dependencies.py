@@ -1,0 +1,136 @@
+"""What the code imports is declared: in package.xml, in setup.py, and in the README where rosdep has no key."""
+
+from __future__ import annotations
+
+import ast
+import functools
+import re
+import sys
+from xml.etree import ElementTree
+
+from support.paths import ROOT
+
+OURS = {"lasso_motion_ros", "msg_adapters"}
+SHIPPED = ("lasso_motion_ros", "msg_adapters", "launch", "examples")
+# Module → its rosdep key and its name on PyPI.
+FROM_APT = {
+    "aiohttp": ("python3-aiohttp", "aiohttp"),
+    "cv2": ("python3-opencv", "opencv-python-headless"),
+    "jinja2": ("python3-jinja2", "Jinja2"),
+    "matplotlib": ("python3-matplotlib", "matplotlib"),
+    "numpy": ("python3-numpy", "numpy"),
+    "scipy": ("python3-scipy", "scipy"),
+    "tqdm": ("python3-tqdm", "tqdm"),
+    "yaml": ("python3-yaml", "PyYAML"),
+}
+FROM_PYPI = {
+    "av": "av",
+    "mcap": "mcap",
+    "rosbags": "rosbags",
+    "skfmm": "scikit-fmm",
+    "threadpoolctl": "threadpoolctl",
+    "trimesh": "trimesh",
+}
+BROUGHT_BY_MCAP = {"lz4": "lz4", "zstandard": "zstandard"}
+OPTIONAL = {"SimpleITK": "SimpleITK", "vtkmodules": "vtk"}  # of extra `volume`: said when it is missing
+PIP_NAMES = {name: pip for name, (_, pip) in FROM_APT.items()} | FROM_PYPI | BROUGHT_BY_MCAP | OPTIONAL
+# ROS packages that a Python module, or an executable in a launch file, comes from.
+ROS_PACKAGES = {"tf2_ros": {"tf2_ros", "tf2_ros_py"}}
+
+
+@functools.cache
+def nodes(folder: str) -> tuple[ast.AST, ...]:
+    """All that is written in a folder's files, as far as these tests look."""
+    kinds = (ast.Import, ast.ImportFrom, ast.Call, ast.Constant)
+    trees = (ast.parse(path.read_text(encoding="utf-8")) for path in sorted((ROOT / folder).rglob("*.py")))
+    return tuple(node for tree in trees for node in ast.walk(tree) if isinstance(node, kinds))
+
+
+def words(*folders: str) -> list[str]:
+    """All strings."""
+    constants = (node.value for folder in folders for node in nodes(folder) if isinstance(node, ast.Constant))
+    return [value for value in constants if isinstance(value, str)]
+
+
+def imported(*folders: str) -> set[str]:
+    """Top-level names of all imports, wherever in the files, but for the standard library's and our own."""
+    found: set[str] = set()
+    for folder in folders:
+        for node in nodes(folder):
+            if isinstance(node, ast.Import):
+                found |= {alias.name.split(".")[0] for alias in node.names}
+            elif isinstance(node, ast.ImportFrom) and node.module:
+                found.add(node.module.split(".")[0])
+    return found - set(sys.stdlib_module_names) - OURS
+
+
+def named_in_words(*folders: str) -> set[str]:
+    """Packages of message types, which are often made by their names: `package/msg/Name`."""
+    return {match[1] for word in words(*folders) if (match := re.match(r"(\w+)/(?:msg|srv)/\w+$", word))}
+
+
+def started() -> set[str]:
+    """Packages whose executables the launch files start."""
+    return {
+        keyword.value.value
+        for node in nodes("launch")
+        if isinstance(node, ast.Call)
+        for keyword in node.keywords
+        if keyword.arg == "package" and isinstance(keyword.value, ast.Constant)
+    }
+
+
+def declared(*kinds: str) -> set[str]:
+    root = ElementTree.parse(ROOT / "package.xml").getroot()
+    return {entry.text or "" for kind in kinds for entry in root.findall(kind)}
+
+
+def ros_packages() -> set[str]:
+    python = {*PIP_NAMES, "ament_index_python"}
+    names = (imported(*SHIPPED) | named_in_words(*SHIPPED) | started()) - python
+    return {package for name in names for package in ROS_PACKAGES.get(name, {name})}
+
+
+def test_every_ros_package_that_is_used_is_an_exec_depend() -> None:
+    assert {"rclpy", "sensor_msgs", "builtin_interfaces", "rcl_interfaces", "tf2_ros_py", "rviz2"} <= ros_packages()
+    assert ros_packages() - declared("exec_depend") == set()
+
+
+def test_no_ros_package_is_declared_that_nobody_uses() -> None:
+    by_rclpy = {"lifecycle_msgs"}  # the services of a lifecycle node
+    ros = {name for name in declared("exec_depend") if not name.startswith("python3-")}
+    assert ros - ros_packages() == by_rclpy
+
+
+def test_what_the_tests_import_of_ros_is_declared() -> None:
+    ros = {name for name in imported("test") if name.endswith(("_msgs", "_srvs", "_interfaces"))}
+    assert "lifecycle_msgs" in ros
+    assert ros - declared("exec_depend", "test_depend") == set()
+
+
+def test_every_library_has_its_rosdep_key_or_stands_in_the_readme() -> None:
+    used = imported(*SHIPPED)
+    keys = {FROM_APT[name][0] for name in used & FROM_APT.keys()}
+    assert keys == {name for name in declared("exec_depend") if name.startswith("python3-")}
+    command = re.search(r"^pip install --break-system-packages ([^#]*)", (ROOT / "README.md").read_text(), re.MULTILINE)
+    assert command
+    assert set(command[1].split()) == {FROM_PYPI[name] for name in used & FROM_PYPI.keys()}
+
+
+def test_setup_py_asks_for_every_library_that_is_used_and_no_other() -> None:
+    loaded_by_name = {name for name in OPTIONAL if any(word.startswith(name) for word in words(*SHIPPED))}
+    used = (imported(*SHIPPED) | loaded_by_name) & PIP_NAMES.keys()
+    asked = re.findall(r'"([A-Za-z0-9_-]+)>=', (ROOT / "setup.py").read_text(encoding="utf-8"))
+    assert {PIP_NAMES[name] for name in used} == set(asked)
+
+
+def test_nothing_unknown_is_imported() -> None:
+    ros = declared("exec_depend")
+    assert imported(*SHIPPED) - PIP_NAMES.keys() - {package for package in ros if "-" not in package} == set()
+
+
+def test_the_package_names_a_page_to_read_on() -> None:
+    urls = ElementTree.parse(ROOT / "package.xml").getroot().findall("url")
+    assert urls
+    assert all((url.text or "").startswith("https://") for url in urls)
+    assert {url.attrib["type"] for url in urls} <= {"website", "repository", "bugtracker"}
