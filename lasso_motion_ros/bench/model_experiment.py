@@ -17,6 +17,7 @@ from lasso_motion_ros.seeding.reconstruction import Ellipse3D, reconstruct_ellip
 Array = npt.NDArray[np.float64]
 
 PAPER_DISTANCE_MM = 3.2  # Brost et al., MICCAI 2009, for 5 mm of noise
+DEFAULT_TRIALS = 200
 PIXEL_SIZE_M = 0.2e-3
 RING_RADIUS_M = 0.010
 LARGEST_OFFSET_M = 0.03  # of the ring's centre from the iso-centre, along each axis
@@ -29,6 +30,7 @@ class ModelExperiment:
     """What the trials gave.
 
     Attributes:
+        noise_mm: standard deviation of the outlines' noise, mm on the detector, per coordinate.
         trials: rings reconstructed or refused.
         refused: trials in which no ellipse explained the noisy outlines; they enter no distance.
         mean_mm: mean over the other trials of the distance between model and truth, mm; NaN where none is left.
@@ -36,6 +38,7 @@ class ModelExperiment:
             candidates round.
     """
 
+    noise_mm: float
     trials: int
     refused: int
     mean_mm: float
@@ -43,7 +46,7 @@ class ModelExperiment:
 
 
 def run_model_experiment(
-    trials: int = 200, noise_mm: float = 5.0, points: int = 100, random_seed: int = 0
+    trials: int = DEFAULT_TRIALS, noise_mm: float = 5.0, points: int = 100, random_seed: int = 0
 ) -> ModelExperiment:
     """Reconstruct rings from noisy projections and measure how far the models are from the truth.
 
@@ -74,8 +77,19 @@ def run_model_experiment(
             continue
         distances.append(1e3 * curve_distance(ring, model))
     if not distances:
-        return ModelExperiment(trials, trials, float("nan"), float("nan"))
-    return ModelExperiment(trials, trials - len(distances), float(np.mean(distances)), float(np.median(distances)))
+        return ModelExperiment(noise_mm, trials, trials, float("nan"), float("nan"))
+    return ModelExperiment(
+        noise_mm, trials, trials - len(distances), float(np.mean(distances)), float(np.median(distances))
+    )
+
+
+def format_experiment(found: ModelExperiment) -> str:
+    """The figures in a sentence, beside the paper's."""
+    return (
+        f"{found.trials} rings from outlines with {found.noise_mm:g} mm of noise: the model is {found.mean_mm:.2f} mm "
+        f"from the truth on average (median {found.median_mm:.2f}; the paper: {PAPER_DISTANCE_MM:g} for 5 mm), "
+        f"{found.refused} refused"
+    )
 
 
 def curve_distance(first: Ellipse3D, second: Ellipse3D) -> float:

@@ -18,7 +18,7 @@ from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import bundled_recording, share_file
 from lasso_motion_ros.nodes.running import require_ros

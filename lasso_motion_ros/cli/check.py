@@ -12,7 +12,7 @@ from typing import Any
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros

@@ -9,7 +9,7 @@ from lasso_motion_ros.cli.arguments import port
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import bundled_recording, share_file
 from lasso_motion_ros.evaluation.summary import report
 from lasso_motion_ros.nodes.running import require_ros

@@ -15,7 +15,7 @@ import numpy as np
 from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file, version
 from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names

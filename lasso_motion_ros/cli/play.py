@@ -13,7 +13,7 @@ from pathlib import Path
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, not_negative, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import counting
 from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.tools.processes import LOOPBACK

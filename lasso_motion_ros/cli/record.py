@@ -11,7 +11,7 @@ from pathlib import Path
 from lasso_motion_ros.cli.arguments import CommandParser, not_negative
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recordings.repair import repair_recording

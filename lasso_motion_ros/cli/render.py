@@ -12,7 +12,7 @@ from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import configuration_from_values, configuration_values, load_configuration
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.json_output import write_json
+from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.overlay.overlay_object import read_overlay_object

@@ -10,7 +10,7 @@ import pytest
 
 from lasso_motion_ros.bench.suite.ablation import Outcome, changes, format_ablation, run_ablation
 from lasso_motion_ros.bench.suite.ideas import IDEAS, PACKAGE
-from lasso_motion_ros.bench.suite.run import Sequence, SequenceResult, render_sequence
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, render_sequence
 from lasso_motion_ros.bench.suite.traps import TRAPS
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.config.parameters import configuration_values
@@ -23,7 +23,7 @@ SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
 
 
 @cache
-def small() -> Sequence:
+def small() -> RenderedSequence:
     return render_sequence(SMALL)
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.bench.suite.moderate import altered, moderate, moderate_scenarios
-from lasso_motion_ros.bench.suite.run import Sequence, SequenceResult, render_sequence
-from lasso_motion_ros.bench.suite.sequences import edge_on_deg, suite_scenario
-from lasso_motion_ros.bench.suite.trap_summary import format_traps, trap_measures
+from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg, suite_scenario
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, render_sequence
+from lasso_motion_ros.bench.suite.trap_measures import format_traps, trap_measures
 from lasso_motion_ros.bench.suite.traps import EVENT, TRAPS, trap_scenarios
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.evaluation.measures import PairScore
@@ -25,7 +25,7 @@ SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
 
 
 @cache
-def small() -> Sequence:
+def small() -> RenderedSequence:
     return render_sequence(SMALL)
 
 

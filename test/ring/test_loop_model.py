@@ -6,7 +6,7 @@ import pytest
 from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_curve, lasso_image, lasso_pair, lasso_seed, noisy
 from support.method_inputs import angle_deg, flip_pixels, flipped
 
-from lasso_motion_ros.bench.suite.run import Sequence, render_sequence
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, render_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.evaluation.measures import symmetric_mean_distance
@@ -41,7 +41,7 @@ def one_way_mm(model, curve):
 
 
 @cache
-def rendered(turns: float, helix_mm: float) -> Sequence:
+def rendered(turns: float, helix_mm: float) -> RenderedSequence:
     return render_sequence(
         scenario_from_values(
             {

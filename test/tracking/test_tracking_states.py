@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from lasso_motion_ros.bench.suite.run import render_sequence, run_sequence
+from lasso_motion_ros.bench.suite.sequence import render_sequence, run_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom.scenario import load_scenario

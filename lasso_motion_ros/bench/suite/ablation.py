@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
+from typing import Any
 
 from lasso_motion_ros.bench.suite.ideas import Idea
-from lasso_motion_ros.bench.suite.run import Sequence as RenderedSequence
-from lasso_motion_ros.bench.suite.run import SequenceResult, run_sequence
-from lasso_motion_ros.bench.suite.summary import Measures, measures, percent, table_cell
-from lasso_motion_ros.bench.suite.trap_summary import TrapMeasures, trap_measures
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, run_sequence
+from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
+from lasso_motion_ros.bench.suite.suite_tables import percent, table_cell
+from lasso_motion_ros.bench.suite.trap_measures import TrapMeasures, trap_measures
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.tracker_factory import create_tracker
@@ -103,6 +104,19 @@ def _tracked(
         changed = config if without is None else without.configuration(config)
         tracker = TimedTracker(create_tracker(changed), time.process_time)
         return run_sequence(sequence, changed, tracker), tracker.milliseconds
+
+
+def ablation_record(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """Everything measured, as JSON values, in the order of the outcomes."""
+    return [
+        {
+            "without": outcome.idea and outcome.idea.without,
+            "ms": outcome.ms,
+            "measures": asdict(outcome.measures),
+            "traps": {name: asdict(one) for name, one in outcome.traps.items()},
+        }
+        for outcome in outcomes
+    ]
 
 
 def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:

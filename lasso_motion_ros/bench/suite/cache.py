@@ -11,8 +11,9 @@ from zipfile import BadZipFile
 
 import numpy as np
 
-from lasso_motion_ros.bench.suite.run import Sequence, render_sequence
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, render_sequence
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import make_directory
 from lasso_motion_ros.evaluation.measures import PairTruth, Truth
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
@@ -32,12 +33,9 @@ class SequenceCache:
     def __init__(self, directory: Path | None) -> None:
         self._directory = directory
         if directory is not None:
-            try:
-                directory.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise RecordingError(f"{directory}: cannot be made: {error.strerror}") from error
+            make_directory(directory)
 
-    def sequence(self, scenario: Scenario) -> Sequence:
+    def sequence(self, scenario: Scenario) -> RenderedSequence:
         """The rendered scenario.
 
         Raises:
@@ -73,7 +71,7 @@ def _simulator_code() -> bytes:
     return digest.digest()
 
 
-def _arrays(sequence: Sequence) -> dict[str, Any]:
+def _arrays(sequence: RenderedSequence) -> dict[str, Any]:
     truth = sequence.truth
     arrays: dict[str, Any] = {f"clicks_{plane}": sequence.seed.points(plane) for plane in PLANES}
     arrays["loop"], arrays["targets"] = truth.loop, truth.targets
@@ -92,7 +90,7 @@ def _arrays(sequence: Sequence) -> dict[str, Any]:
     return arrays
 
 
-def _sequence(scenario: Scenario, stored: Mapping[str, Any]) -> Sequence:
+def _sequence(scenario: Scenario, stored: Mapping[str, Any]) -> RenderedSequence:
     pairs, truths = [], []
     motions, breaths = stored["motion"], stored["respiratory"]
     for index, stamp_ns in enumerate(stored["stamps_ns"].tolist()):
@@ -107,4 +105,4 @@ def _sequence(scenario: Scenario, stored: Mapping[str, Any]) -> Sequence:
         published = {plane: frames[plane].projection for plane in PLANES if plane in frames}
         truths.append(PairTruth(stamp_ns, motions[index], breaths[index], lines, published))
     truth = Truth(tuple(truths), stored["loop"], stored["targets"])
-    return Sequence(scenario, tuple(pairs), Seed(stored["clicks_a"], stored["clicks_b"]), truth)
+    return RenderedSequence(scenario, tuple(pairs), Seed(stored["clicks_a"], stored["clicks_b"]), truth)

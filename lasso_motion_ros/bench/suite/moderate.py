@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import count
 from typing import Any
 
-from lasso_motion_ros.bench.suite.sequences import edge_on_deg, suite_scenario
+from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg, suite_scenario
 from lasso_motion_ros.phantom.settings import CalibrationSettings, ClickSettings, Scenario
 
 PAIRS = 12

@@ -9,7 +9,7 @@ from itertools import islice
 import numpy as np
 
 from lasso_motion_ros.bench.suite.moderate import PAIRS, altered, moderate_scenarios
-from lasso_motion_ros.bench.suite.summary import Measures
+from lasso_motion_ros.bench.suite.suite_measures import Measures
 from lasso_motion_ros.phantom.settings import (
     BreathingSettings,
     CalibrationSettings,

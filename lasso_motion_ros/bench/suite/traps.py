@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.bench.suite.moderate import altered, moderate_scenarios
-from lasso_motion_ros.bench.suite.sequences import MOVE_MM
+from lasso_motion_ros.bench.suite.random_scenarios import MOVE_MM
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.gantry import true_projection

@@ -14,7 +14,7 @@ from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 
 
 @dataclass(frozen=True, eq=False)
-class Sequence:
+class RenderedSequence:
     """A rendered sequence.
 
     Attributes:
@@ -49,7 +49,7 @@ class SequenceResult:
     refused: str
 
 
-def render_sequence(scenario: Scenario) -> Sequence:
+def render_sequence(scenario: Scenario) -> RenderedSequence:
     """Render a scenario."""
     simulator = Simulator(scenario)
     clicks = simulator.seeds()
@@ -59,10 +59,10 @@ def render_sequence(scenario: Scenario) -> Sequence:
         published = {plane: frame.published for plane, frame in pair.frames.items()}
         truths.append(PairTruth(pair.stamp_ns, pair.motion, pair.respiratory, pair.centrelines, published))
     truth = Truth(tuple(truths), simulator.reference_loop, simulator.targets)
-    return Sequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
+    return RenderedSequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
 
 
-def run_sequence(sequence: Sequence, config: TrackerConfig, tracker: Tracker | None = None) -> SequenceResult:
+def run_sequence(sequence: RenderedSequence, config: TrackerConfig, tracker: Tracker | None = None) -> SequenceResult:
     """Track a sequence from its seed on and score every pair.
 
     Args:

@@ -5,10 +5,12 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
-from lasso_motion_ros.bench.suite.run import SequenceResult
-from lasso_motion_ros.bench.suite.summary import Measures, measures, percent, table_cell, text_table
+from lasso_motion_ros.bench.suite.sequence import SequenceResult
+from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
+from lasso_motion_ros.bench.suite.suite_tables import percent, table_cell, text_table
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Scenario
@@ -51,6 +53,11 @@ def trap_measures(trap: Trap, results: Sequence[SequenceResult]) -> TrapMeasures
         false_poses=sum(score.false_pose for score in after),
         states=dict(Counter(score.state for score in after)),
     )
+
+
+def traps_record(found: Mapping[str, Mapping[str, TrapMeasures]]) -> dict[str, Any]:
+    """Measures by name of the trap and of the configuration, as JSON values."""
+    return {trap: {config: asdict(one) for config, one in by_config.items()} for trap, by_config in found.items()}
 
 
 def format_traps(found: Mapping[str, Mapping[str, TrapMeasures]]) -> str:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from lasso_motion_ros.bench.suite.run import SequenceResult
-from lasso_motion_ros.bench.suite.summary import Measures, measures
+from lasso_motion_ros.bench.suite.sequence import SequenceResult
+from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
 
 COLOURS = ("#0a8f4f", "#d1662b", "#1f6fb4", "#7a4fa3")
 GREY = "#888888"

@@ -10,18 +10,11 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.bench.suite.cache import SequenceCache
-from lasso_motion_ros.bench.suite.run import Sequence, SequenceResult, render_sequence, run_sequence
-from lasso_motion_ros.bench.suite.sequences import edge_on_deg, suite_scenario, suite_scenarios
-from lasso_motion_ros.bench.suite.summary import (
-    EventTiming,
-    Measures,
-    confusion,
-    event_timings,
-    format_report,
-    measures,
-    sequence_counts,
-    timing_distribution,
-)
+from lasso_motion_ros.bench.suite.event_timings import EventTiming, event_timings, timing_distribution
+from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg, suite_scenario, suite_scenarios
+from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, render_sequence, run_sequence
+from lasso_motion_ros.bench.suite.suite_measures import Measures, confusion, measures, sequence_counts
+from lasso_motion_ros.bench.suite.suite_tables import format_suite
 from lasso_motion_ros.bench.suite.sweeps import START_PAUSE_S, START_TRIALS, SWEEPS, capture_range, sweep_scenarios
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.config.tracker import TrackerConfig
@@ -39,7 +32,7 @@ SMALL = Scenario(
 
 
 @cache
-def small() -> Sequence:
+def small() -> RenderedSequence:
     return render_sequence(SMALL)
 
 
@@ -139,7 +132,7 @@ def test_events_are_timed() -> None:
     )
     (timing,) = event_timings([one])
     assert (timing.pairs_to_silence, timing.pairs_to_recovery, timing.returned) == (1, 1, True)
-    text = format_report([one])
+    text = format_suite([one])
     assert "poses before silence" in text
     assert text.splitlines()[-3:] == [
         "pairs waited                       1",
@@ -215,7 +208,7 @@ def test_the_capture_range_ends_before_the_first_failure() -> None:
 def test_what_was_rendered_is_read_back_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rendered = []
 
-    def render(scenario: Scenario) -> Sequence:
+    def render(scenario: Scenario) -> RenderedSequence:
         rendered.append(scenario)
         return small()
 

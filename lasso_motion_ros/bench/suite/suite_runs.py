@@ -1,0 +1,140 @@
+"""Runs of the suite: every sequence is rendered once and tracked with each configuration.
+
+Results are by the configuration's name, as the caller names it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from lasso_motion_ros.bench.one_thread import one_thread
+from lasso_motion_ros.bench.suite.ablation import Outcome, run_ablation
+from lasso_motion_ros.bench.suite.cache import SequenceCache
+from lasso_motion_ros.bench.suite.ideas import Idea
+from lasso_motion_ros.bench.suite.sequence import SequenceResult, run_sequence
+from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
+from lasso_motion_ros.bench.suite.sweeps import Sweep, sweep_scenarios
+from lasso_motion_ros.bench.suite.trap_measures import TrapMeasures, trap_measures
+from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.phantom import Scenario
+
+Configurations = Mapping[str, StreamConfig]
+
+
+def run_suite(
+    scenarios: Sequence[Scenario], configs: Configurations, rendered: SequenceCache, quiet: bool = True
+) -> dict[str, list[SequenceResult]]:
+    """Track random sequences.
+
+    Args:
+        scenarios: what is rendered.
+        configs: the trackers' parameters, by name.
+        rendered: renders, or reads what was rendered before.
+        quiet: no progress bar.
+
+    Returns:
+        By configuration, sequence by sequence.
+    """
+    results: dict[str, list[SequenceResult]] = {name: [] for name in configs}
+    for scenario in progress(scenarios, len(scenarios), "suite", quiet):
+        sequence = rendered.sequence(scenario)
+        for name, config in configs.items():
+            results[name].append(run_sequence(sequence, config))
+    return results
+
+
+def run_sweep(
+    sweep: Sweep, seed: int, sequences: int, configs: Configurations, rendered: SequenceCache, quiet: bool = True
+) -> dict[str, dict[float, Measures]]:
+    """Vary one property.
+
+    Args:
+        sweep: what is varied.
+        seed: of the suite that the sequences are taken from.
+        sequences: how many for each value.
+        configs: the trackers' parameters, by name.
+        rendered: renders, or reads what was rendered before.
+        quiet: no progress bar.
+
+    Returns:
+        By configuration and value.
+    """
+    scenarios = sweep_scenarios(sweep, seed, sequences)
+    todo = [(value, one) for value, many in scenarios.items() for one in many]
+    scores: dict[str, dict[float, list[PairScore]]] = {name: {} for name in configs}
+    for value, scenario in progress(todo, len(todo), sweep.name, quiet):
+        sequence = rendered.sequence(scenario)
+        for name, config in configs.items():
+            scores[name].setdefault(value, []).extend(run_sequence(sequence, config).scores)
+    return {
+        name: {value: measures(of_value) for value, of_value in by_value.items()} for name, by_value in scores.items()
+    }
+
+
+def run_traps(
+    traps: Iterable[Trap],
+    seed: int,
+    sequences: int | None,
+    configs: Configurations,
+    rendered: SequenceCache,
+    quiet: bool = True,
+) -> dict[str, dict[str, TrapMeasures]]:
+    """Track sequences that were made for one difficulty each.
+
+    Args:
+        traps: which.
+        seed: of the suite that the sequences are taken from.
+        sequences: how many of each; None: as many as each has variants.
+        configs: the trackers' parameters, by name.
+        rendered: renders, or reads what was rendered before.
+        quiet: no progress bar.
+
+    Returns:
+        By trap and configuration.
+    """
+    todo = [(trap, one) for trap in traps for one in trap_scenarios(trap, seed, sequences)]
+    results: dict[str, dict[str, list[SequenceResult]]] = {}
+    for trap, scenario in progress(todo, len(todo), "traps", quiet):
+        sequence = rendered.sequence(scenario)
+        by_config = results.setdefault(trap.name, {name: [] for name in configs})
+        for name, config in configs.items():
+            by_config[name].append(run_sequence(sequence, config))
+    return {
+        trap: {name: trap_measures(TRAPS[trap], of_config) for name, of_config in by_config.items()}
+        for trap, by_config in results.items()
+    }
+
+
+def run_ablations(
+    ideas: Iterable[Idea],
+    scenarios: Sequence[Scenario],
+    trapped: Sequence[tuple[Trap, Scenario]],
+    config: StreamConfig,
+    rendered: SequenceCache,
+    quiet: bool = True,
+) -> list[Outcome]:
+    """Track everything with all ideas, then with each switched off; on one thread, since the outcomes have times.
+
+    Args:
+        ideas: those to be switched off.
+        scenarios: random sequences.
+        trapped: the traps' sequences.
+        config: the whole tracker's parameters.
+        rendered: renders, or reads what was rendered before.
+        quiet: no progress bar.
+
+    Returns:
+        The whole tracker's outcome, then each idea's.
+    """
+    shown = progress(scenarios, len(scenarios), "ablation", quiet)
+    shown_trapped = progress(trapped, len(trapped), "traps", quiet)
+    with one_thread():
+        return run_ablation(
+            config,
+            (rendered.sequence(scenario) for scenario in shown),
+            ideas,
+            ((trap, rendered.sequence(scenario)) for trap, scenario in shown_trapped),
+        )
