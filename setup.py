@@ -58,6 +58,8 @@ setup(
             "hypothesis",
             "mcap-ros2-support",
             "mypy",
+            "pre-commit",
+            "pre-commit-hooks",
             "pytest",
             "pytest-timeout",
             "ruff",
