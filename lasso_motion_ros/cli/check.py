@@ -17,8 +17,8 @@ from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.checks.examination import Examination
-from msg_adapters.checks.finding import Finding
-from msg_adapters.checks.graph import Endpoint, TopicFacts
+from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
+from msg_adapters.checks.issue import Issue
 from msg_adapters.recordings.reader import RecordingReader
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
@@ -51,24 +51,24 @@ def run(args: argparse.Namespace) -> int:
         examination, topics, cut = _look_live(args)
     else:
         examination, topics, cut = _look_at_recording(args)
-    findings = [*cut, *examination.findings(topics)]
-    works = all(finding.severity != "error" for finding in findings)
+    issues = [*cut, *examination.issues(topics)]
+    works = all(issue.severity != "error" for issue in issues)
     facts = examination.facts()
     if not args.quiet:
         print("\n".join(_describe(facts)))
-    for finding in findings:
-        if finding.severity != "note" or not args.quiet:
-            print(finding)
+    for issue in issues:
+        if issue.severity != "note" or not args.quiet:
+            print(issue)
     if not args.quiet:
         print("nothing keeps the tracker from working" if works else "the tracker cannot work with this")
     if args.json is not None:
-        write_json(args.json, {"works": works, "facts": facts, "findings": [asdict(one) for one in findings]})
+        write_json(args.json, {"works": works, "facts": facts, "findings": [asdict(one) for one in issues]})
     if not works:
         return EXIT_BAD_INPUT
     return EXIT_PART if cut else EXIT_DONE
 
 
-def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:
+def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
     require_ros()
     from lasso_motion_ros.tools.examiner import examine
     from lasso_motion_ros.tools.processes import held_signals
@@ -85,7 +85,7 @@ def _stop_if(interrupted: threading.Event) -> None:
         raise KeyboardInterrupt
 
 
-def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Finding]]:
+def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
     reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
     examination = Examination(live=False)
     for message in progress(reader.raw_messages(), None, "looking", args.quiet):
@@ -101,7 +101,7 @@ def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[s
     }
     more = []
     if reader.damage is not None:
-        more.append(Finding("warning", "recording", reader.damage, "lasso-motion record --repair FILE"))
+        more.append(Issue("warning", "recording", reader.damage, "lasso-motion record --repair FILE"))
     return examination, topics, more
 
 

@@ -20,9 +20,9 @@ from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file, version
 from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import DETECTOR_M
+from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.evaluation.summary import format_table, report, summarise
 from lasso_motion_ros.tools.evaluation_runs import evaluated_file, evaluated_tracking, worst_frames
-from msg_adapters.recordings.evaluation_input import read_truth
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
 Millimetres are at the loop's depth; the reference pair gives the model error and is left out of the means."""
@@ -143,7 +143,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _write_report(directory: Path, results: Sequence[Evaluated], count: int, quiet: bool) -> Path:
-    from lasso_motion_ros.reports.report_page import write_report
+    from lasso_motion_ros.reports.evaluation_report import write_report
 
     worst = [worst_frames(one, count) for one in progress(results, len(results), "worst frames", quiet)]
     return write_report(

@@ -15,8 +15,8 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.overlay.overlay_object import read_overlay_object
-from lasso_motion_ros.reports.offline_overlay import VIEWS
+from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
+from lasso_motion_ros.reports.offline_overlay import OVERLAY_VIEWS
 from lasso_motion_ros.tools.rendering import is_video, render_recording
 from msg_adapters.recordings.writer import check_free
 
@@ -53,7 +53,7 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--projection", action="store_true", help="of a volume: its translucent projection, no surface")
     parser.add_argument(
         "--view",
-        choices=VIEWS,
+        choices=OVERLAY_VIEWS,
         default="compensated",
         help="both: static and compensated side by side (default %(default)s)",
     )
@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     check_free(args.output, args.overwrite)
     config = overlay_configuration(args)
     with busy(f"reading {args.volume}", args.quiet):
-        shown = read_overlay_object(config)
+        shown = read_reference_anatomy(config)
     if not args.quiet:
         print(shown.description)
     summary = render_recording(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from msg_adapters.recordings.evaluation_input import LAST_LATENCY_KEY
+from lasso_motion_ros.evaluation.recorded_input import LAST_LATENCY_KEY
 
 REMEMBERED = 1024
 PERCENTILES = (50, 95, 99)

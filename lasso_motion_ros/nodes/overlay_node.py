@@ -25,8 +25,8 @@ from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
-from lasso_motion_ros.overlay.overlay_object import read_overlay_object
 from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
 from msg_adapters.images import encode_image
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
@@ -70,7 +70,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
         self.complaints = ThrottledLog(self.get_logger())
         self._config = declare_configuration(self, OverlayConfig)
-        shown = read_overlay_object(self._config)
+        shown = read_reference_anatomy(self._config)
         self.get_logger().info(shown.description)
         self._surface = shown.surface
         # Keeps the static place's drawing from image to image; used by the thread that draws alone.

@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.overlay.tracking_view import draw_tracking
+from lasso_motion_ros.overlay.tracking_picture import draw_tracking
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import encode_image

@@ -30,7 +30,7 @@ from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live import LiveView
 from lasso_motion_ros.web.server import WebServer
-from lasso_motion_ros.web.source import Picture, TracePoint, View
+from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon
 from msg_adapters.topics import (
@@ -78,7 +78,7 @@ class WebNode(Node):  # type: ignore[misc]
         self._get_style = self.create_client(GetParameters, f"{config.overlay}/get_parameters")
         self._overlays: dict[Plane, Subscription] = {}
         self._graph: dict[str, Any] = {"tracker": False, "overlay": False, "drawing": None}
-        self._wanted: frozenset[View] = frozenset()
+        self._wanted: frozenset[PageView] = frozenset()
         self._holding = threading.Lock()
         self._unfreeze_at: float | None = None
         self._sent: dict[Plane, tuple[int, Any]] = {}
@@ -126,7 +126,7 @@ class WebNode(Node):  # type: ignore[misc]
             "clicks": MINIMUM_CLICKS,
         }
 
-    def picture(self, view: View) -> Picture | None:
+    def picture(self, view: PageView) -> Picture | None:
         """See `Source.picture`."""
         return self._view.picture(view)
 
@@ -138,7 +138,7 @@ class WebNode(Node):  # type: ignore[misc]
         """See `Source.watch`."""
         self._changed = on_change
 
-    def audience(self, views: frozenset[View]) -> None:
+    def audience(self, views: frozenset[PageView]) -> None:
         """See `Source.audience`; whoever leaves must not leave the picture standing still."""
         self._wanted = views
         if not views and self._view.held is not None:

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.drawing import (
+from lasso_motion_ros.overlay.compositing import AlphaMask, blend, surface_mask
+from lasso_motion_ros.overlay.primitives import (
     Colour,
     draw_banner,
     draw_legend,
@@ -16,17 +17,16 @@ from lasso_motion_ros.overlay.drawing import (
     line_width,
     text_scale,
 )
-from lasso_motion_ros.overlay.layers import Layer, blend, surface_layer
-from lasso_motion_ros.overlay.silhouette import Silhouette, silhouette
+from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.surface import TriangleMesh
-from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_layer
+from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_mask
 from lasso_motion_ros.overlay.windowing import GreyImage, RgbImage, grey_to_rgb, window_image
 
 Array = npt.NDArray[np.float64]
 
 LOOP_COLOUR: Colour = (255, 226, 64)
-_LAYERS_KEPT = 8
+_MASKS_KEPT = 8
 
 
 class OverlayPainter:
@@ -42,7 +42,7 @@ class OverlayPainter:
     def __init__(self, shown: TriangleMesh | VolumeCloud, style: OverlayStyle | None = None) -> None:
         self.shown = shown
         self.style = OverlayStyle() if style is None else style
-        self._still: dict[tuple[object, ...], Layer] = {}
+        self._still: dict[tuple[object, ...], AlphaMask] = {}
 
     def draw(
         self,
@@ -70,15 +70,15 @@ class OverlayPainter:
         picture = grey_to_rgb(window_image(image))
         width = line_width(picture, style.outline_width_px)
         if motion is None:
-            blend(picture, self._still_layer(projection, style, width, faint=False), style.warning)
+            blend(picture, self._still_mask(projection, style, width, faint=False), style.warning)
             draw_legend(picture, [("static, NOT compensated", style.warning)])
             draw_banner(picture, static_banner(status), style.warning)
             return picture
         legend = [("compensated", style.compensated)]
         if style.show_static:
-            blend(picture, self._still_layer(projection, style, width, faint=True), style.static)
+            blend(picture, self._still_mask(projection, style, width, faint=True), style.static)
             legend.append(("static", style.static))
-        blend(picture, self._layer(projection, motion, style, width, faint=False), style.compensated)
+        blend(picture, self._mask(projection, motion, style, width, faint=False), style.compensated)
         if loop is not None:
             draw_loop(picture, projection, loop, LOOP_COLOUR)
             legend.append(("lasso as tracked", LOOP_COLOUR))
@@ -93,53 +93,26 @@ class OverlayPainter:
         """The object at its static place alone, in that place's colour: what one has without compensation."""
         picture = grey_to_rgb(window_image(image))
         width = line_width(picture, self.style.outline_width_px)
-        blend(picture, self._still_layer(projection, self.style, width, faint=False), self.style.static)
+        blend(picture, self._still_mask(projection, self.style, width, faint=False), self.style.static)
         draw_legend(picture, [("static", self.style.static)])
         return picture
 
-    def _layer(self, projection: Projection, motion: Array, style: OverlayStyle, width: float, faint: bool) -> Layer:
+    def _mask(self, projection: Projection, motion: Array, style: OverlayStyle, width: float, faint: bool) -> AlphaMask:
         if isinstance(self.shown, VolumeCloud):
-            return cloud_layer(self.shown, projection, motion, style, width, faint)
-        return surface_layer(silhouette(self.shown, projection, motion), style, width, faint)
+            return cloud_mask(self.shown, projection, motion, style, width, faint)
+        return surface_mask(silhouette(self.shown, projection, motion), style, width, faint)
 
-    def _still_layer(self, projection: Projection, style: OverlayStyle, width: float, faint: bool) -> Layer:
+    def _still_mask(self, projection: Projection, style: OverlayStyle, width: float, faint: bool) -> AlphaMask:
         key = (projection.matrix.tobytes(), projection.width, projection.height, width, faint, style)
-        layer = self._still.get(key)
-        if layer is None:
-            if len(self._still) >= _LAYERS_KEPT:
+        mask = self._still.get(key)
+        if mask is None:
+            if len(self._still) >= _MASKS_KEPT:
                 self._still.clear()
-            layer = self._layer(projection, np.eye(4), style, width, faint)
-            self._still[key] = layer
-        return layer
-
-
-def draw_overlay(
-    image: GreyImage,
-    projection: Projection,
-    shown: TriangleMesh | VolumeCloud,
-    motion: Array | None,
-    status: str = "",
-    *,
-    loop: Array | None = None,
-    style: OverlayStyle | None = None,
-) -> RgbImage:
-    """One overlay picture; arguments and result as in `OverlayPainter`, which is faster for a sequence."""
-    return OverlayPainter(shown, style).draw(image, projection, motion, status, loop=loop)
+            mask = self._mask(projection, np.eye(4), style, width, faint)
+            self._still[key] = mask
+        return mask
 
 
 def static_banner(status: str) -> str:
     """The words over a picture that is not compensated."""
     return f"STATIC OVERLAY – motion {status}" if status else "STATIC OVERLAY – no motion"
-
-
-def draw_surface(picture: RgbImage, shape: Silhouette, colour: Colour, style: OverlayStyle, width_px: float) -> None:
-    """Blend one place of the surface into a picture, in place.
-
-    Args:
-        picture: (H, W, 3) uint8 RGB, changed.
-        shape: the surface's silhouette in this picture.
-        colour: of outline and fill.
-        style: what is drawn.
-        width_px: the outline's width in this picture, pixels.
-    """
-    blend(picture, surface_layer(shape, style, width_px, faint=False), colour)

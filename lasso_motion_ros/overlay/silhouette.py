@@ -20,7 +20,7 @@ from lasso_motion_ros.overlay.surface import TriangleMesh
 Array = npt.NDArray[np.float64]
 
 SUBLINES = 4
-LAYER_CELL_PX = 4
+WALL_CELL_PX = 4
 _NEAREST_DEPTH_M = 1e-3
 
 
@@ -32,7 +32,7 @@ class Silhouette:
         left: first column of the box that holds the visible region, pixels.
         top: its first row, pixels.
         coverage: (h, w) float32 share of each pixel covered, 0–1; (0, 0) where nothing is visible.
-        layers: (⌈h/4⌉, ⌈w/4⌉) float32 how many triangles lie over each cell of 4×4 pixels (2 for a convex body).
+        wall_count: (⌈h/4⌉, ⌈w/4⌉) float32 how many triangles lie over each cell of 4×4 pixels (2 for a convex body).
         edges: (E, 2, 2) pixels, the fold and border edges.
         centroids: (T, 2) pixels, the projected triangles' centroids.
         facing: (T,) cosine between each triangle's normal and the ray, 0 (edge-on) to 1.
@@ -42,7 +42,7 @@ class Silhouette:
     left: int
     top: int
     coverage: npt.NDArray[np.float32]
-    layers: npt.NDArray[np.float32]
+    wall_count: npt.NDArray[np.float32]
     edges: Array
     centroids: Array
     facing: Array
@@ -80,14 +80,14 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
     # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
     scale = projection.focal_length_px / centre_depth
     facing = np.abs(0.5 * doubled) / np.maximum(mesh.areas * scale * scale, 1e-30)
-    left, top, coverage, layers = _fill(
+    left, top, coverage, wall_count = _fill(
         edges, np.asarray(net[kept], dtype=np.float64), projection.width, projection.height
     )
     return Silhouette(
         left=left,
         top=top,
         coverage=coverage,
-        layers=layers,
+        wall_count=wall_count,
         edges=edges,
         centroids=np.stack([_mean_of_corners(x), _mean_of_corners(y)], axis=1),
         facing=np.minimum(facing, 1.0) * (turn != 0.0),
@@ -103,7 +103,7 @@ def _mean_of_corners(values: Array) -> Array:
 def _fill(
     edges: Array, weights: Array, width: int, height: int
 ) -> tuple[int, int, npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Box, coverage and layer count of the region with non-zero winding, by sub-scanlines with exact ends."""
+    """Box, coverage and wall count of the region with non-zero winding, by sub-scanlines with exact ends."""
     empty = np.zeros((0, 0), dtype=np.float32)
     if len(edges) == 0:
         return 0, 0, empty, empty
@@ -126,15 +126,15 @@ def _fill(
     row = line // SUBLINES
     changed = boundary != 0.0
     coverage = _integrate(row[changed], x[changed] - left, boundary[changed], rows, columns)
-    cell = LAYER_CELL_PX
-    layers = _integrate(
+    cell = WALL_CELL_PX
+    wall_count = _integrate(
         row // cell,
         (x - left + 0.5) / cell - 0.5,
         (np.abs(winding) - np.abs(before)) / (SUBLINES * cell),
         -(-rows // cell),
         -(-columns // cell),
     )
-    return left, top, coverage, layers
+    return left, top, coverage, wall_count
 
 
 def _crossings(edges: Array, weights: Array, top: int, rows: int) -> tuple[npt.NDArray[np.int64], Array, Array]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lasso_motion_ros.config.overlay import OverlayStyleConfig
-from lasso_motion_ros.overlay.drawing import Colour, parse_colour
+from lasso_motion_ros.overlay.primitives import Colour, parse_colour
 
 
 @dataclass(frozen=True)

@@ -100,13 +100,6 @@ class TriangleMesh:
         a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
         return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
-    @property
-    def is_closed(self) -> bool:
-        """Whether every edge has as many triangles running along it as against it."""
-        table = self.edges
-        balance = np.bincount(table.of_triangle.ravel(), weights=table.direction.ravel(), minlength=len(table.ends))
-        return bool(np.all(balance == 0.0))
-
     def moved(self, transform: Array) -> TriangleMesh:
         """The surface moved by a (4, 4) transform, metres."""
         return TriangleMesh(transforms.apply(transform, self.vertices), self.triangles)

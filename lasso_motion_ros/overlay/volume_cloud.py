@@ -17,7 +17,7 @@ from lasso_motion_ros.core.errors import VolumeError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.volumes import VolumeImage
-from lasso_motion_ros.overlay.layers import DENSEST, FAINT_FILL_SHARE, FAINT_LINE_SHARE, Layer, band
+from lasso_motion_ros.overlay.compositing import DENSEST, FAINT_FILL_SHARE, FAINT_LINE_SHARE, AlphaMask, band
 from lasso_motion_ros.overlay.style import OverlayStyle
 
 Array = npt.NDArray[np.float64]
@@ -77,9 +77,9 @@ def volume_cloud(image: VolumeImage, inside: npt.NDArray[np.bool_]) -> VolumeClo
     )
 
 
-def cloud_layer(
+def cloud_mask(
     cloud: VolumeCloud, projection: Projection, transform: Array, style: OverlayStyle, width_px: float, faint: bool
-) -> Layer:
+) -> AlphaMask:
     """The projection of a cloud that was moved by `transform`, as opacity.
 
     Args:
@@ -93,7 +93,7 @@ def cloud_layer(
     cell, thickness = _thickness(cloud, projection, transform)
     rows, columns = np.flatnonzero(thickness.any(axis=1)), np.flatnonzero(thickness.any(axis=0))
     if rows.size == 0:
-        return Layer(np.zeros((0, 0), dtype=np.uint8), 0, 0)
+        return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
     # Empty cells about what is seen, so that it fades out as it would in the whole picture.
     top, left = max(0, int(rows[0]) - 2), max(0, int(columns[0]) - 2)
     seen = thickness[top : int(rows[-1]) + 3, left : int(columns[-1]) + 3]
@@ -108,7 +108,7 @@ def cloud_layer(
         coverage = np.clip((full / cloud.spacing_m - _RIM_BLOCKS) * cell + 0.5, 0.0, 1.0)
         line = band(cv2.convertScaleAbs(coverage, alpha=255.0), max(1, round(width_px / 2.0)))
         opacity = cv2.max(opacity, cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE if faint else 1.0))
-    return Layer(np.asarray(opacity, dtype=np.uint8), left * cell, top * cell)
+    return AlphaMask(np.asarray(opacity, dtype=np.uint8), left * cell, top * cell)
 
 
 def _thickness(cloud: VolumeCloud, projection: Projection, transform: Array) -> tuple[int, npt.NDArray[np.float32]]:

@@ -16,12 +16,12 @@ from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, Pai
 from lasso_motion_ros.evaluation.summary import Summary, format_table, report, summarise
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
-from lasso_motion_ros.overlay.drawing import WHITE, Colour, draw_banner, draw_legend, draw_text, fit_text
-from lasso_motion_ros.overlay.painter import draw_surface
+from lasso_motion_ros.overlay.compositing import blend, surface_mask
+from lasso_motion_ros.overlay.primitives import WHITE, Colour, draw_banner, draw_legend, draw_text, fit_text
 from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.surface import TriangleMesh
-from lasso_motion_ros.overlay.tracking_view import STATE_COLOURS
+from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.overlay.windowing import RgbImage, grey_to_rgb, window_image
 from lasso_motion_ros.reports.plots import error_figure, motion_figure, save_figure
 from lasso_motion_ros.reports.video import VideoWriter
@@ -153,7 +153,8 @@ def _static_picture(pair: FramePair, plane: Plane, surface: TriangleMesh) -> Rgb
         return None
     picture = grey_to_rgb(window_image(frame.pixels))
     width = 2.0 * picture.shape[0] / CELL_PX
-    draw_surface(picture, silhouette(surface, frame.projection, np.eye(4)), _STATIC_COLOUR, OverlayStyle(), width)
+    mask = surface_mask(silhouette(surface, frame.projection, np.eye(4)), OverlayStyle(), width)
+    blend(picture, mask, _STATIC_COLOUR)
     picture = _resized(picture)
     draw_legend(picture, [("static", _STATIC_COLOUR)])
     return picture

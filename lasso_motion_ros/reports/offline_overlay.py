@@ -12,13 +12,13 @@ import numpy as np
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
-from lasso_motion_ros.overlay.drawing import WHITE, draw_banner, draw_text, fit_text
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.primitives import WHITE, draw_banner, draw_text, fit_text
 from lasso_motion_ros.overlay.windowing import RgbImage
 
-View = Literal["compensated", "static", "both"]
-VIEWS: tuple[View, ...] = ("compensated", "static", "both")
+OverlayView = Literal["compensated", "static", "both"]
+OVERLAY_VIEWS: tuple[OverlayView, ...] = ("compensated", "static", "both")
 
 _STRIP_PX = 34
 _GAP_PX = 4
@@ -50,7 +50,7 @@ class OfflineOverlay:
     """
 
     def __init__(
-        self, painter: OverlayPainter, config: OverlayConfig, estimates: Sequence[PairEstimate], view: View
+        self, painter: OverlayPainter, config: OverlayConfig, estimates: Sequence[PairEstimate], view: OverlayView
     ) -> None:
         self._painter = painter
         self._history = MotionHistory(config)
@@ -96,7 +96,7 @@ class OfflineOverlay:
         return np.concatenate([static, gap, moved], axis=1)
 
 
-def video_picture(drawn: DrawnPair, view: View, cell_px: int, words: str) -> RgbImage:
+def video_picture(drawn: DrawnPair, view: OverlayView, cell_px: int, words: str) -> RgbImage:
     """One frame of a video: both planes in cells of one size (below each other where each has two), words under them.
 
     Args:

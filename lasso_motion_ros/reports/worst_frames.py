@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
-from lasso_motion_ros.overlay.drawing import (
+from lasso_motion_ros.overlay.primitives import (
     WHITE,
     Colour,
     draw_banner,

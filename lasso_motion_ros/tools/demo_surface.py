@@ -8,9 +8,9 @@ import numpy as np
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import Truth
+from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.overlay.atrium import atrium_at_ostium, left_atrium_surface
 from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
-from msg_adapters.recordings.evaluation_input import read_truth
 
 
 def truth_if_any(recording: Path) -> Truth | None:

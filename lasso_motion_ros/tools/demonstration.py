@@ -12,6 +12,7 @@ from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import busy
+from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.evaluation.summary import Summary
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.overlay.surface import write_stl
@@ -20,7 +21,6 @@ from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, writ
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from lasso_motion_ros.tools.demo_surface import demo_surface, truth_if_any
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.recordings.evaluation_input import read_estimates
 from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
 from msg_adapters.topics import overlay_topic, seed_topic
 

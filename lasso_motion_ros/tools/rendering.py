@@ -14,16 +14,16 @@ from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.overlay.overlay_object import OverlayObject
 from lasso_motion_ros.overlay.painter import OverlayPainter
+from lasso_motion_ros.overlay.reference_anatomy import ReferenceAnatomy
 from lasso_motion_ros.overlay.style import overlay_style
-from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, View, video_picture
-from lasso_motion_ros.reports.png import write_png
+from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, OverlayView, video_picture
+from lasso_motion_ros.reports.picture_files import write_png
 from lasso_motion_ros.reports.video import VideoWriter
 from lasso_motion_ros.stream.outputs import Problem, problem_lines
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from msg_adapters.recordings.evaluation_input import read_estimates
 from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
 
 CELL_PX = 768
@@ -68,10 +68,10 @@ def render_recording(
     recording: Path,
     result: Path,
     output: Path,
-    shown: OverlayObject,
+    shown: ReferenceAnatomy,
     config: OverlayConfig,
     *,
-    view: View = "compensated",
+    view: OverlayView = "compensated",
     rate_hz: float | None = None,
     remap: Mapping[str, str] | None = None,
     quiet: bool = True,
@@ -114,7 +114,7 @@ def render_recording(
 class _Output:
     """The video, or the directory of frames, as a context manager."""
 
-    def __init__(self, path: Path, view: View, rate_hz: float | None) -> None:
+    def __init__(self, path: Path, view: OverlayView, rate_hz: float | None) -> None:
         self._path, self._view, self._rate_hz = path, view, rate_hz
         self._video: VideoWriter | None = None
         self._first: tuple[int, DrawnPair] | None = None

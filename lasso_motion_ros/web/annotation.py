@@ -16,7 +16,7 @@ from lasso_motion_ros.core.errors import MessageError, RecordingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.server import WebServer
-from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
+from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.recordings.copy import RecordingCopier
@@ -106,7 +106,7 @@ class Annotation:
                 },
             }
 
-    def picture(self, view: View) -> Picture | None:
+    def picture(self, view: PageView) -> Picture | None:
         """See `Source.picture`."""
         with self._lock:
             drawing = self._drawings[self._index]
@@ -123,7 +123,7 @@ class Annotation:
         """See `Source.watch`."""
         self._changed = on_change
 
-    def audience(self, views: frozenset[View]) -> None:
+    def audience(self, views: frozenset[PageView]) -> None:
         """See `Source.audience`."""
 
     def command(self, name: str, body: Mapping[str, Any]) -> str:

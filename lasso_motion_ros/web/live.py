@@ -18,9 +18,9 @@ from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.overlay.tracking_view import STATE_COLOURS
+from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.tracking.tracker import TrackerState
-from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
+from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -289,7 +289,7 @@ class LiveView:
             begin = self._clock() - TRACE_S
             return [point for point in self._trace if point.number > after and point.time_s >= begin]
 
-    def picture(self, view: View) -> Picture | None:
+    def picture(self, view: PageView) -> Picture | None:
         """The newest picture that may be shown."""
         with self._lock:
             if self._held is not None:

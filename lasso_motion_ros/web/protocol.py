@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.web.source import VIEWS, View
+from lasso_motion_ros.web.source import PAGE_VIEWS, PageView
 
 Array = npt.NDArray[np.float64]
 
@@ -38,10 +38,10 @@ class Window:
 
 
 @dataclass(frozen=True)
-class Look:
+class DisplaySettings:
     """What a page wants to see."""
 
-    view: View
+    view: PageView
     window: Window
 
 
@@ -59,7 +59,7 @@ class Request:
     body: Mapping[str, Any]
 
 
-def parse(text: str) -> Look | Shown | Request:
+def parse(text: str) -> DisplaySettings | Shown | Request:
     """A message from the page.
 
     Raises:
@@ -77,9 +77,9 @@ def parse(text: str) -> Look | Shown | Request:
         return Shown()
     if kind == "look":
         view = message.get("view")
-        if view not in VIEWS:
-            raise MessageError(f"view: expected one of {', '.join(VIEWS)}, found {view!r}")
-        return Look(
+        if view not in PAGE_VIEWS:
+            raise MessageError(f"view: expected one of {', '.join(PAGE_VIEWS)}, found {view!r}")
+        return DisplaySettings(
             view, Window(_number(message, "brightness", -1.0, 1.0), _number(message, "contrast", 0.2, 5.0))
         )  # fmt: skip
     if kind in COMMANDS:
@@ -142,7 +142,7 @@ class EncodedPlane:
     """Whether an overlay is drawn in it."""
 
 
-def encode_picture(number: int, held: bool, view: View, planes: Mapping[Plane, EncodedPlane]) -> bytes:
+def encode_picture(number: int, held: bool, view: PageView, planes: Mapping[Plane, EncodedPlane]) -> bytes:
     """A binary message: length of the JSON header (little-endian uint32), header, the planes' files one after another.
 
     Stamps are strings: nanoseconds since 1970 are beyond what a JavaScript number holds exactly.

@@ -14,9 +14,9 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from lasso_motion_ros.core.errors import LassoMotionError, MessageError
-from lasso_motion_ros.web.pictures import PictureEncoder
-from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, Look, Request, Shown, Window, encode, parse
-from lasso_motion_ros.web.source import Source, View
+from lasso_motion_ros.web.picture_encoder import PictureEncoder
+from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, DisplaySettings, Request, Shown, Window, encode, parse
+from lasso_motion_ros.web.source import PageView, Source
 
 try:
     from aiohttp import WSCloseCode, WSMsgType, web
@@ -52,10 +52,10 @@ class _Page:
     """One page that is connected, and what it has been sent."""
 
     socket: web.WebSocketResponse
-    look: Look = field(default_factory=lambda: Look("film", Window()))
+    look: DisplaySettings = field(default_factory=lambda: DisplaySettings("film", Window()))
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     can_take: bool = True
-    sent: tuple[int, View, Window] | None = None
+    sent: tuple[int, PageView, Window] | None = None
     status: str = ""
     trace: int = 0
     work: set[asyncio.Task[None]] = field(default_factory=set)
@@ -255,7 +255,7 @@ class WebServer:
             return
         if isinstance(message, Shown):
             page.can_take = True
-        elif isinstance(message, Look):
+        elif isinstance(message, DisplaySettings):
             page.look = message
             self._tell_audience()
         else:

@@ -12,8 +12,8 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.frames import Plane
 
 Array = npt.NDArray[np.float64]
-View = Literal["film", "overlay"]
-VIEWS: tuple[View, ...] = ("film", "overlay")
+PageView = Literal["film", "overlay"]
+PAGE_VIEWS: tuple[PageView, ...] = ("film", "overlay")
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ class Source(Protocol):
     def status(self) -> dict[str, Any]:
         """All that the page says in words and numbers, ready for JSON."""
 
-    def picture(self, view: View) -> Picture | None:
+    def picture(self, view: PageView) -> Picture | None:
         """The newest picture; None before the first."""
 
     def trace(self, after: int) -> list[TracePoint]:
@@ -87,5 +87,5 @@ class Source(Protocol):
     def watch(self, on_change: Callable[[], None]) -> None:
         """Have a function called, from any thread, when there is something new."""
 
-    def audience(self, views: frozenset[View]) -> None:
+    def audience(self, views: frozenset[PageView]) -> None:
         """Be told which views somebody looks at; empty when the last page has gone."""

@@ -9,12 +9,12 @@ from typing import Any
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
-from msg_adapters.checks.calibration import CalibrationSamples, check_calibration, check_planes
-from msg_adapters.checks.finding import SEVERITIES, Finding
-from msg_adapters.checks.graph import TopicFacts, check_graph
-from msg_adapters.checks.images import ImageSamples, check_images
-from msg_adapters.checks.seeds import check_seeds
-from msg_adapters.checks.stamps import PlaneStamps, check_stamps, pairs_of
+from msg_adapters.checks.calibration_checks import CalibrationSamples, check_calibration, check_planes
+from msg_adapters.checks.graph_checks import TopicFacts, check_graph
+from msg_adapters.checks.image_checks import ImageSamples, check_images
+from msg_adapters.checks.issue import SEVERITIES, Issue
+from msg_adapters.checks.seed_checks import check_seeds
+from msg_adapters.checks.stamp_checks import PlaneStamps, check_stamps, pairs_of
 from msg_adapters.messages import NANOSECONDS, jazzy_types
 from msg_adapters.topics import (
     STATE,
@@ -94,7 +94,7 @@ class Examination:
         else:
             self._state = message.data
 
-    def findings(self, topics: Mapping[str, TopicFacts]) -> list[Finding]:
+    def issues(self, topics: Mapping[str, TopicFacts]) -> list[Issue]:
         """What is wrong, the worst first.
 
         Args:
@@ -102,7 +102,7 @@ class Examination:
         """
         found = list(check_graph(topics, live=self._live))
         found += [
-            Finding(
+            Issue(
                 "error", topic, f"{count} messages cannot be decoded", "see that publisher and type are ROS 2 Jazzy's"
             )
             for topic, count in self._undecodable.items()
@@ -123,7 +123,7 @@ class Examination:
         found += check_planes(projections)
         pairs, _ = pairs_of(self._stamps)
         found += check_seeds(self._seeds, pairs, projections, live=self._live)
-        return sorted(found, key=lambda finding: SEVERITIES.index(finding.severity))
+        return sorted(found, key=lambda issue: SEVERITIES.index(issue.severity))
 
     def facts(self) -> dict[str, Any]:
         """What was seen, for a summary: per plane images, rate, size, encoding, calibrations; the pairs; the state."""

@@ -22,10 +22,10 @@ from support.drawn_recording import loop, write_input
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.measures import Truth, score_pairs
+from lasso_motion_ros.evaluation.recorded_input import read_estimates, read_truth
 from lasso_motion_ros.evaluation.summary import summarise
 from lasso_motion_ros.tools.demo_surface import demo_surface
 from lasso_motion_ros.tools.demonstration import LIMITS, exceeded_limits
-from msg_adapters.recordings.evaluation_input import read_estimates, read_truth
 
 MOTIONS_MM = [0.0, 2.0, 5.0, 3.0, 0.0]
 

@@ -14,7 +14,7 @@ from support.rendering_inputs import ellipsoid_mesh
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.overlay.painter import OverlayPainter, draw_overlay
+from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.surface import read_surface, write_stl
 from msg_adapters.images import decode_image
 from msg_adapters.recordings.reader import RecordingReader
@@ -57,10 +57,9 @@ def test_frames_are_what_the_painter_draws(inputs: list[str], tmp_path: Path) ->
     for (plane, pair), image in images(inputs[2]).items():
         z_mm = MOTIONS[pair]
         status = {1: "DEGRADED", 2: "LOST"}.get(pair, "")
-        expected = draw_overlay(
+        expected = OverlayPainter(mesh).draw(
             image,
             projections()[plane],
-            mesh,
             None if z_mm is None else shift(z_mm),
             status,
             loop=None if z_mm is None else apply(shift(z_mm), loop()),

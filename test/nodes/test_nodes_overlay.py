@@ -24,7 +24,7 @@ from support.node_harness import Graph
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.nodes.overlay_node import OverlayNode
-from lasso_motion_ros.overlay.painter import draw_overlay
+from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.surface import TriangleMesh, read_surface, write_stl
 from lasso_motion_ros.tools.processes import free_domain
 from msg_adapters import topics
@@ -102,7 +102,7 @@ class Bench:
         """What must be drawn: the surface at its registration, moved, or static with words."""
         surface = read_surface(self._surface, "mm").moved(REGISTRATION)
         motion = None if z_mm is None else shift(z_mm)
-        return draw_overlay(IMAGE, projections()[plane], surface, motion, status, loop=loop)
+        return OverlayPainter(surface).draw(IMAGE, projections()[plane], motion, status, loop=loop)
 
 
 @pytest.fixture

@@ -18,12 +18,12 @@ from support.drawn_recording import START_NS, stamp, write_input
 from support.node_harness import Graph, recorded
 
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.tools.offline_tracking import track_recording
 from msg_adapters import topics
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
-from msg_adapters.recordings.evaluation_input import read_estimates
 
 pytestmark = pytest.mark.ros
 

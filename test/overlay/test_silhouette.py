@@ -14,8 +14,8 @@ from support.rendering_inputs import (
 
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.painter import draw_surface
-from lasso_motion_ros.overlay.silhouette import LAYER_CELL_PX, silhouette
+from lasso_motion_ros.overlay.compositing import blend, surface_mask
+from lasso_motion_ros.overlay.silhouette import WALL_CELL_PX, silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.surface import TriangleMesh
 
@@ -32,7 +32,7 @@ def full_coverage(shape, projection):
 
 def drawn_outline(shape, projection, width_px=2.0):
     picture = np.zeros((projection.height, projection.width, 3), dtype=np.uint8)
-    draw_surface(picture, shape, (255, 255, 255), OverlayStyle(fill=False), width_px)
+    blend(picture, surface_mask(shape, OverlayStyle(fill=False), width_px), (255, 255, 255))
     return picture[..., 0].astype(np.float64)
 
 
@@ -112,7 +112,7 @@ def test_any_heap_of_triangles_is_covered_as_if_painted_one_by_one(seed):
     clear = edges == 0
     assert clear.sum() > 10_000
     np.testing.assert_allclose(full[clear], painted[clear] > 0, atol=1e-4)
-    assert shape.layers.max() <= painted.max() + 1e-3
+    assert shape.wall_count.max() <= painted.max() + 1e-3
 
 
 def test_orientation_of_the_triangles_does_not_matter():
@@ -122,10 +122,10 @@ def test_orientation_of_the_triangles_does_not_matter():
     expected = silhouette(mesh, projection, np.eye(4))
     found = silhouette(TriangleMesh(mesh.vertices, flipped), projection, np.eye(4))
     np.testing.assert_array_equal(found.coverage, expected.coverage)
-    np.testing.assert_array_equal(found.layers, expected.layers)
+    np.testing.assert_array_equal(found.wall_count, expected.wall_count)
 
 
-def test_layers_count_the_walls():
+def test_the_walls_along_a_ray_are_counted():
     """A ray through a sphere meets two walls, through two spheres behind each other four."""
     front, back = ellipsoid_mesh((0.01,) * 3, (0.0, -0.03, 0.0)), ellipsoid_mesh((0.01,) * 3, (0.0, 0.03, 0.0))
     both = TriangleMesh(
@@ -136,8 +136,8 @@ def test_layers_count_the_walls():
     for mesh, walls in ((front, 2.0), (both, 4.0)):
         shape = silhouette(mesh, projection, np.eye(4))
         x, y = projection.project(np.zeros(3))
-        row, column = int(y - shape.top) // LAYER_CELL_PX, int(x - shape.left) // LAYER_CELL_PX
-        assert shape.layers[row, column] == pytest.approx(walls, abs=1e-3)
+        row, column = int(y - shape.top) // WALL_CELL_PX, int(x - shape.left) // WALL_CELL_PX
+        assert shape.wall_count[row, column] == pytest.approx(walls, abs=1e-3)
 
 
 def test_motion_moves_the_silhouette_as_it_moves_the_surface():
@@ -157,7 +157,7 @@ def test_what_is_outside_the_image_is_cut_and_nothing_breaks():
     away = silhouette(ellipsoid_mesh((0.01,) * 3, (0.0, 0.0, 0.3)), projection, np.eye(4))
     assert away.coverage.size == 0
     picture = np.zeros((512, 512, 3), dtype=np.uint8)
-    draw_surface(picture, away, (255, 255, 255), OverlayStyle(), 2.0)
+    blend(picture, surface_mask(away, OverlayStyle(), 2.0), (255, 255, 255))
     assert not picture.any()
 
 

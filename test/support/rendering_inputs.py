@@ -22,6 +22,13 @@ def grid_mesh(points, closed_v):
     return TriangleMesh(flat, triangles[area > 0.0].astype(np.int32))
 
 
+def is_closed(mesh):
+    """Whether every edge has as many triangles running along it as against it."""
+    table = mesh.edges
+    balance = np.bincount(table.of_triangle.ravel(), weights=table.direction.ravel(), minlength=len(table.ends))
+    return bool(np.all(balance == 0.0))
+
+
 def ellipsoid_mesh(radii_m, centre_m=(0.0, 0.0, 0.0), rows=160, columns=81):
     u = np.linspace(0.0, 2.0 * np.pi, rows, endpoint=False)[:, None]
     v = np.linspace(0.0, np.pi, columns)[None, :]

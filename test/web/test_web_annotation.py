@@ -15,11 +15,11 @@ pytest.importorskip("aiohttp", reason="needs the web extra")
 from support.drawn_recording import SIDE, loop, projections, shift, stamp, write_input
 
 from lasso_motion_ros.core.errors import MessageError, RecordingError
+from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.web.annotation import Annotation
 from msg_adapters import topics
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.recordings.evaluation_input import read_truth
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
 

@@ -15,7 +15,7 @@ pytest.importorskip("selenium", reason="needs the dev extra")
 from support.browser import open_page, require_browser
 
 from lasso_motion_ros.web.server import WebServer
-from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
+from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -35,7 +35,7 @@ class Laggard:
         seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "tracker": True}
         return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
 
-    def picture(self, view: View) -> Picture:
+    def picture(self, view: PageView) -> Picture:
         pixels = np.full((SIDE, SIDE), 90, np.uint8)
         planes = {plane: PlanePicture(1, pixels, None) for plane in "ab"}
         return Picture(2 if self.let else 1, self.let, planes)
@@ -50,7 +50,7 @@ class Laggard:
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
 
-    def audience(self, views: frozenset[View]) -> None:
+    def audience(self, views: frozenset[PageView]) -> None:
         pass
 
     def let_it_come(self) -> None:

@@ -11,8 +11,8 @@ import pytest
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.web.protocol import (
     MAX_POINTS,
+    DisplaySettings,
     EncodedPlane,
-    Look,
     Request,
     Shown,
     Window,
@@ -26,7 +26,9 @@ from lasso_motion_ros.web.protocol import (
 
 def test_the_three_kinds() -> None:
     assert parse('{"type":"shown"}') == Shown()
-    assert parse('{"type":"look","view":"film","brightness":-1,"contrast":5}') == Look("film", Window(-1.0, 5.0))
+    assert parse('{"type":"look","view":"film","brightness":-1,"contrast":5}') == DisplaySettings(
+        "film", Window(-1.0, 5.0)
+    )
     request = parse('{"type":"go","id":7,"index":2}')
     assert isinstance(request, Request)
     assert (request.id, request.name, request.body["index"]) == (7, "go", 2)

@@ -20,7 +20,7 @@ import aiohttp
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES
 from lasso_motion_ros.web.server import FILES, MAX_PAGES, STATIC, WebServer
-from lasso_motion_ros.web.source import Picture, PlanePicture, TracePoint, View
+from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 
 PATIENCE_S = 10.0
 
@@ -32,7 +32,7 @@ class Drawn:
         self.number = 0
         self.held = False
         self.commands: list[tuple[str, Any]] = []
-        self.views: frozenset[View] = frozenset()
+        self.views: frozenset[PageView] = frozenset()
         self.no_audience = threading.Event()
         self._changed: Callable[[], None] = lambda: None
 
@@ -43,7 +43,7 @@ class Drawn:
     def status(self) -> dict[str, Any]:
         return {"state": f"number {self.number}"}
 
-    def picture(self, view: View) -> Picture | None:
+    def picture(self, view: PageView) -> Picture | None:
         if self.number == 0:
             return None
         pixels = np.full((4, 6), self.number, np.uint8)
@@ -66,7 +66,7 @@ class Drawn:
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
 
-    def audience(self, views: frozenset[View]) -> None:
+    def audience(self, views: frozenset[PageView]) -> None:
         self.views = views
         if not views:
             self.no_audience.set()

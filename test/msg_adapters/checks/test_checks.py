@@ -34,18 +34,18 @@ from support.drawn_recording import PERIOD_NS, projections, stamp
 
 from lasso_motion_ros.cli.main import main
 from msg_adapters.calibrations import encode_camera_info
-from msg_adapters.checks.finding import Finding
+from msg_adapters.checks.issue import Issue
 from msg_adapters.seeds import encode_polygon
 
 
-def check(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[Finding]]:
+def check(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[Issue]]:
     figures = path.with_suffix(".json")
     status = main(["check", str(path), "--json", str(figures), "--quiet", *arguments])
     answer = json.loads(figures.read_text(encoding="utf-8"))
     assert answer["works"] == (status != 2)
     shown = [one for one in answer["findings"] if one["severity"] != "note"]
     assert len(capsys.readouterr().out.splitlines()) == len(shown)
-    return status, [Finding(**one) for one in answer["findings"]]
+    return status, [Issue(**one) for one in answer["findings"]]
 
 
 def test_of_a_sound_stream_nothing_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -229,13 +229,13 @@ def test_what_is_wrong_is_named_with_its_cure(case: str, tmp_path: Path, capsys:
     """A change returns True for a message to be left out."""
     change, severity, subject, text = WRONG[case]
     entries = [one for one in sound_stream() if change(one) is not True]
-    status, findings = check(write(tmp_path / "r.mcap", entries), capsys)
-    (found,) = [one for one in findings if one.subject == subject and text in one.problem]
+    status, issues = check(write(tmp_path / "r.mcap", entries), capsys)
+    (found,) = [one for one in issues if one.subject == subject and text in one.problem]
     assert found.severity == severity
     assert found.cure or severity == "note"
-    assert status == (2 if any(one.severity == "error" for one in findings) else 0)
-    assert [one.severity for one in findings] == sorted(
-        (one.severity for one in findings), key=["error", "warning", "note"].index
+    assert status == (2 if any(one.severity == "error" for one in issues) else 0)
+    assert [one.severity for one in issues] == sorted(
+        (one.severity for one in issues), key=["error", "warning", "note"].index
     )
 
 
@@ -251,9 +251,9 @@ def test_the_cure_for_a_misnamed_topic_works(tmp_path: Path, capsys: pytest.Capt
     for one in entries:
         one["topic"] = {A_IMAGE: "/cath/frontal", B_IMAGE: "/cath/lateral"}.get(one["topic"], one["topic"])
     path = write(tmp_path / "r.mcap", entries)
-    status, findings = check(path, capsys)
+    status, issues = check(path, capsys)
     assert status == 2
-    rules = [one.cure.removeprefix("--remap ") for one in findings if one.cure.startswith("--remap")]
+    rules = [one.cure.removeprefix("--remap ") for one in issues if one.cure.startswith("--remap")]
     assert rules == ["/cath/frontal:=/plane_a/image_raw", "/cath/lateral:=/plane_b/image_raw"]
     assert check(path, capsys, "--remap", *rules) == (0, [])
 
@@ -261,8 +261,8 @@ def test_the_cure_for_a_misnamed_topic_works(tmp_path: Path, capsys: pytest.Capt
 def test_a_cut_recording_is_said_to_be_cut(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(tmp_path / "r.mcap", sound_stream())
     path.write_bytes(path.read_bytes()[:-5000])
-    status, findings = check(path, capsys)
-    assert (status, findings[0].severity, findings[0].cure) == (3, "warning", "lasso-motion record --repair FILE")
+    status, issues = check(path, capsys)
+    assert (status, issues[0].severity, issues[0].cure) == (3, "warning", "lasso-motion record --repair FILE")
 
 
 def test_the_period_is_as_the_tests_say() -> None:

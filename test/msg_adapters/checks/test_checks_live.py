@@ -6,13 +6,13 @@ import pytest
 from support.drawn_recording import stamp
 
 from lasso_motion_ros.geometry.frames import PLANES
-from msg_adapters.checks.finding import Finding
-from msg_adapters.checks.graph import Endpoint, TopicFacts, check_graph
-from msg_adapters.checks.stamps import PlaneStamps, check_stamps
+from msg_adapters.checks.graph_checks import Endpoint, TopicFacts, check_graph
+from msg_adapters.checks.issue import Issue
+from msg_adapters.checks.stamp_checks import PlaneStamps, check_stamps
 from msg_adapters.topics import INPUTS
 
 
-def live_stamps(age_s: float) -> list[Finding]:
+def live_stamps(age_s: float) -> list[Issue]:
     """Of both planes at 10 pairs/s that come so long after their stamps."""
     stamps = [stamp(0) + k * 100_000_000 for k in range(20)]
     arrivals = [at + round(age_s * 1e9) for at in stamps]
@@ -32,7 +32,7 @@ def test_stamps_of_the_future_and_of_long_ago() -> None:
 RELIABLE, BEST_EFFORT = Endpoint("/bridge", True, False), Endpoint("/bridge", False, False)
 
 
-def live_graph(**changes: TopicFacts) -> list[Finding]:
+def live_graph(**changes: TopicFacts) -> list[Issue]:
     """Of a graph in which all inputs are reliable, but for the changes (by name, / as __)."""
     topics = {topic.recorded_name: TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
     topics.update({f"/{name.replace('__', '/')}": facts for name, facts in changes.items()})
@@ -46,28 +46,28 @@ def test_a_reliable_graph_is_fine() -> None:
 @pytest.mark.parametrize(("lost", "severity"), [(1, "warning"), (50, "error")])
 def test_lost_frames_of_a_best_effort_publisher_name_the_profile(lost: int, severity: str) -> None:
     facts = TopicFacts("sensor_msgs/msg/Image", (BEST_EFFORT,), (), 50, lost)
-    (finding,) = live_graph(plane_a__image_raw=facts)
-    assert finding.severity == severity
-    assert finding.problem.startswith(f"{lost} of {50 + lost} messages were lost; /bridge publishes best effort")
-    assert "FASTRTPS_DEFAULT_PROFILES_FILE=…/config/fastdds.xml" in finding.cure
+    (issue,) = live_graph(plane_a__image_raw=facts)
+    assert issue.severity == severity
+    assert issue.problem.startswith(f"{lost} of {50 + lost} messages were lost; /bridge publishes best effort")
+    assert "FASTRTPS_DEFAULT_PROFILES_FILE=…/config/fastdds.xml" in issue.cure
 
 
 def test_two_publishers_on_one_image_topic() -> None:
     facts = TopicFacts("sensor_msgs/msg/Image", (RELIABLE, Endpoint("/player", True, False)), (), 10)
-    (finding,) = live_graph(plane_a__image_raw=facts)
-    assert finding.problem == "2 publishers (/bridge, /player)"
+    (issue,) = live_graph(plane_a__image_raw=facts)
+    assert issue.problem == "2 publishers (/bridge, /player)"
 
 
 def test_a_subscription_that_hears_nothing_is_named_unless_its_node_has_another() -> None:
     deaf, latched = Endpoint("/viewer", True, False), Endpoint("/lasso_tracker", True, True)
     subscriptions = (deaf, latched, Endpoint("/lasso_tracker", False, False))
     facts = TopicFacts("sensor_msgs/msg/CameraInfo", (BEST_EFFORT,), subscriptions, 10)
-    (finding,) = live_graph(plane_a__camera_info=facts)
-    assert finding.problem == "/viewer asks for reliable delivery, which no publisher offers: it hears nothing"
+    (issue,) = live_graph(plane_a__camera_info=facts)
+    assert issue.problem == "/viewer asks for reliable delivery, which no publisher offers: it hears nothing"
 
 
 def test_a_graph_in_a_namespace_is_recognised() -> None:
     topics = {f"/lab{topic.recorded_name}": TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
-    findings = list(check_graph(topics, live=True))
-    assert {finding.problem for finding in findings} == {"it is in the namespace /lab"}
-    assert all(finding.cure.endswith("this command with --namespace /lab") for finding in findings)
+    issues = list(check_graph(topics, live=True))
+    assert {issue.problem for issue in issues} == {"it is in the namespace /lab"}
+    assert all(issue.cure.endswith("this command with --namespace /lab") for issue in issues)

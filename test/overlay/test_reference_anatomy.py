@@ -13,11 +13,11 @@ from lasso_motion_ros.core.errors import ConfigurationError, SurfaceError, Volum
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.volumes import VolumeImage
-from lasso_motion_ros.overlay.overlay_object import read_overlay_object
+from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.surface import write_stl
-from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_layer, volume_cloud
+from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_mask, volume_cloud
 
 VIEWS = views()
 LEVEL = VolumeConfig(level=125.0)
@@ -30,18 +30,18 @@ def contour_of(mask):
     return max(contours, key=len)[:, 0, :].astype(float)
 
 
-def whole_opacity(layer, projection):
-    """A layer's opacity in the whole picture."""
+def whole_opacity(mask, projection):
+    """A mask's opacity in the whole picture."""
     whole = np.zeros((projection.height + 64, projection.width + 64), np.uint8)
-    rows, columns = layer.opacity.shape
-    whole[layer.top : layer.top + rows, layer.left : layer.left + columns] = layer.opacity
+    rows, columns = mask.opacity.shape
+    whole[mask.top : mask.top + rows, mask.left : mask.left + columns] = mask.opacity
     return whole[: projection.height, : projection.width]
 
 
 def drawn_contour(shown, projection):
     if isinstance(shown, VolumeCloud):
-        layer = cloud_layer(shown, projection, np.eye(4), OverlayStyle(fill=False), 2.0, faint=False)
-        contour = np.argwhere(whole_opacity(layer, projection) > 200)[:, ::-1].astype(float)
+        mask = cloud_mask(shown, projection, np.eye(4), OverlayStyle(fill=False), 2.0, faint=False)
+        contour = np.argwhere(whole_opacity(mask, projection) > 200)[:, ::-1].astype(float)
     else:
         mask = np.zeros((projection.height, projection.width), bool)
         shape = silhouette(shown, projection, np.eye(4))
@@ -64,7 +64,7 @@ def test_a_volumes_outline_lies_within_a_voxel_of_the_surfaces(tmp_path, view, c
     volume = BY_LABEL if "label" in case else LEVEL
     if case == "projection":
         volume = VolumeConfig(level=125.0, display="projection")
-    shown = read_overlay_object(OverlayConfig(volume_file=str(path), volume=volume)).drawn
+    shown = read_reference_anatomy(OverlayConfig(volume_file=str(path), volume=volume)).drawn
     projection = VIEWS[view]
     conic = ellipsoid_outline(projection, RADII_M, CENTRE_M, count=2000)
     contour = drawn_contour(shown, projection)
@@ -81,7 +81,7 @@ def test_only_the_label_asked_for_is_shown(tmp_path):
     path = write_ellipsoid(tmp_path / "labels.nii.gz", label=True)
     for display in ("surface", "projection"):
         volume = VolumeConfig(label=LABEL, display=display)
-        shown = read_overlay_object(OverlayConfig(volume_file=str(path), volume=volume)).drawn
+        shown = read_reference_anatomy(OverlayConfig(volume_file=str(path), volume=volume)).drawn
         points = shown.points if isinstance(shown, VolumeCloud) else shown.vertices
         assert (np.abs(points - CENTRE_M) < np.array(RADII_M) + 2e-3).all()
 
@@ -91,7 +91,7 @@ def test_units_scale_the_file_not_the_registration(tmp_path, units, scale):
     pytest.importorskip("trimesh")
     write_stl(tmp_path / "ball.stl", ellipsoid_mesh((0.01,) * 3, rows=20, columns=11), "mm")
     config = OverlayConfig(volume_file=str(tmp_path / "ball.stl"), units=units, registration="0.1 0 0 0 0 0 1")
-    vertices = read_overlay_object(config).surface.vertices
+    vertices = read_reference_anatomy(config).surface.vertices
     middle = (vertices.min(axis=0) + vertices.max(axis=0)) / 2.0
     assert middle[0] == pytest.approx(0.1, abs=2e-3 * scale)
     assert np.ptp(vertices[:, 2]) == pytest.approx(0.02 * scale, rel=1e-5)
@@ -101,7 +101,7 @@ def test_triangles_are_reduced_to_what_is_asked_and_stay_within_a_voxel(tmp_path
     pytest.importorskip("vtkmodules")
     path = write_ellipsoid(tmp_path / "heart.nrrd")
     fine, coarse = (
-        read_overlay_object(OverlayConfig(volume_file=str(path), volume=VolumeConfig(level=125.0, triangles=most)))
+        read_reference_anatomy(OverlayConfig(volume_file=str(path), volume=VolumeConfig(level=125.0, triangles=most)))
         for most in (500_000, 1_000)
     )
     assert len(fine.surface.triangles) > 3_000
@@ -122,14 +122,14 @@ def test_thickness_of_a_projected_block():
     cloud = volume_cloud(VolumeImage(inside, to_lps), inside)
     assert cloud.sizes.sum() == pytest.approx(0.04 * 0.04 * 0.06, rel=1e-6)
     style = OverlayStyle(outline=False, fill_opacity=0.3, projection_depth_m=0.04)
-    layer = cloud_layer(cloud, projection, np.eye(4), style, 2.0, faint=False)
+    mask = cloud_mask(cloud, projection, np.eye(4), style, 2.0, faint=False)
     x, y = np.rint(projection.project(np.zeros(3))).astype(int)
-    opacity = whole_opacity(layer, projection)
+    opacity = whole_opacity(mask, projection)
     assert opacity[y - 10 : y + 11, x - 10 : x + 11].mean() == pytest.approx(0.3 * 255, rel=0.03)
     moved = transforms.rigid((0, 0, 0), (0.0, 0.0, 0.2))
-    assert not whole_opacity(cloud_layer(cloud, projection, moved, style, 2.0, faint=False), projection)[y, x]
+    assert not whole_opacity(cloud_mask(cloud, projection, moved, style, 2.0, faint=False), projection)[y, x]
     away = transforms.rigid((0, 0, 0), (0.0, 0.0, 2.0))
-    assert cloud_layer(cloud, projection, away, style, 2.0, faint=False).opacity.size == 0
+    assert cloud_mask(cloud, projection, away, style, 2.0, faint=False).opacity.size == 0
 
 
 def test_blocks_are_joined_where_there_are_many_voxels():
@@ -155,4 +155,4 @@ def test_what_cannot_be_shown_is_said(tmp_path, changes, error, reason):
     pytest.importorskip("vtkmodules")
     path = write_ellipsoid(tmp_path / "heart.nrrd")
     with pytest.raises(error, match=reason):
-        read_overlay_object(OverlayConfig(**({"volume_file": str(path)} | changes)))
+        read_reference_anatomy(OverlayConfig(**({"volume_file": str(path)} | changes)))

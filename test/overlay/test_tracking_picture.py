@@ -6,7 +6,7 @@ from support.rendering_inputs import views
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.tracking_view import CLICK_COLOUR, STATE_COLOURS, draw_tracking
+from lasso_motion_ros.overlay.tracking_picture import CLICK_COLOUR, STATE_COLOURS, draw_tracking
 from lasso_motion_ros.overlay.windowing import window_image
 from lasso_motion_ros.tracking.tracker import TrackerState
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from lasso_motion_ros.geometry.frames import Plane
-from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.checks.issue import Issue, Severity
 from msg_adapters.sync.pairing import NEW_RUN_NS, Pair, PairSynchroniser
 from msg_adapters.topics import image_topic
 
@@ -64,7 +64,7 @@ def pairs_of(planes: Mapping[Plane, PlaneStamps]) -> tuple[list[Pair[int]], dict
     return pairs, {"a": synchroniser.counts["a"].paired, "b": synchroniser.counts["b"].paired}
 
 
-def check_stamps(planes: Mapping[Plane, PlaneStamps], *, live: bool) -> Iterator[Finding]:
+def check_stamps(planes: Mapping[Plane, PlaneStamps], *, live: bool) -> Iterator[Issue]:
     """Everything about the stamps of both planes' images.
 
     Args:
@@ -78,11 +78,11 @@ def check_stamps(planes: Mapping[Plane, PlaneStamps], *, live: bool) -> Iterator
         yield from _check_together(planes)
 
 
-def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Finding]:
+def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Issue]:
     count = len(stream.stamps)
     zeros = stream.stamps.count(0)
     if zeros:
-        yield Finding(
+        yield Issue(
             "error",
             name,
             f"{zeros} of {count} stamps are zero",
@@ -91,52 +91,50 @@ def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Find
     steps = list(zip(stream.stamps[:-1], stream.stamps[1:], strict=True))
     repeated = sum(after == before for before, after in steps if before)
     if repeated:
-        yield Finding(
-            "error", name, f"{repeated} stamps repeat the one before", "give each image its own exposure time"
-        )
+        yield Issue("error", name, f"{repeated} stamps repeat the one before", "give each image its own exposure time")
     runs = sum(after < before - NEW_RUN_NS for before, after in steps if after)
     if runs:
         text = f"the stamps start again {runs} times, by more than 1 s: as many new runs"
-        yield Finding("note", name, text, "give each run its own clicks")
+        yield Issue("note", name, text, "give each run its own clicks")
     back = sum(before - NEW_RUN_NS <= after < before for before, after in steps if after)
     if back:
         severity: Severity = "error" if back > count / 10 else "warning"
-        yield Finding(severity, name, f"{back} stamps go back in time", "publish in order of exposure, from one clock")
+        yield Issue(severity, name, f"{back} stamps go back in time", "publish in order of exposure, from one clock")
     intervals = stream.intervals_s
     if len(intervals) < 3:
         return
     period = statistics.median(intervals)
     if 1.0 / period < SLOWEST_HZ * 0.99:
-        yield Finding("warning", name, f"{1.0 / period:.2g} images/s are too few to follow breathing", "1/s or more")
+        yield Issue("warning", name, f"{1.0 / period:.2g} images/s are too few to follow breathing", "1/s or more")
     gaps = sum(interval > 1.5 * period for interval in intervals)
     if gaps:
-        yield Finding("warning", name, f"{gaps} gaps of more than 1.5 periods ({period:.3g} s)", "see what is lost")
+        yield Issue("warning", name, f"{gaps} gaps of more than 1.5 periods ({period:.3g} s)", "see what is lost")
     near = sorted(abs(interval - period) for interval in intervals if interval <= 1.5 * period)
     jitter = near[int(0.95 * (len(near) - 1))]
     if jitter > _IRREGULAR * period:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"the stamps jitter by {jitter * 1e3:.0f} ms (period {period * 1e3:.0f} ms)",
             "stamp the exposure, not the arrival",
         )
     if live and stream.age_s < -JITTER_S:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"the stamps are {-stream.age_s:.3f} s in the future of this machine's clock",
             "synchronise the clocks (chrony, PTP)",
         )
     elif live and stream.age_s > _OLD_S:
-        yield Finding("note", name, f"the stamps are {_duration(stream.age_s)} old: a recording, or another clock")
+        yield Issue("note", name, f"the stamps are {_duration(stream.age_s)} old: a recording, or another clock")
 
 
-def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Finding]:
+def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Issue]:
     a, b = planes["a"], planes["b"]
     apart = a.age_s - b.age_s
     clocks_apart = abs(apart) > _CLOCKS_APART_S
     if clocks_apart:
-        yield Finding(
+        yield Issue(
             "error",
             "planes",
             f"clocks that disagree: images that come together are stamped {_duration(abs(apart))} apart"
@@ -145,7 +143,7 @@ def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Finding]:
         )
     rates = a.rate_hz, b.rate_hz
     if rates[0] and rates[1] and not 1 / _RATES_APART < rates[0] / rates[1] < _RATES_APART:
-        yield Finding(
+        yield Issue(
             "warning",
             "planes",
             f"plane a has {rates[0]:.3g} images/s, plane b {rates[1]:.3g}",
@@ -155,7 +153,7 @@ def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Finding]:
     share = min(paired["a"] / len(a.stamps), paired["b"] / len(b.stamps))
     alone = max(len(a.stamps) - paired["a"], len(b.stamps) - paired["b"])
     if share < _PAIRED_ENOUGH and alone > _AT_THE_ENDS and not clocks_apart:
-        yield Finding(
+        yield Issue(
             "warning" if share >= _PAIRED_AT_ALL else "error",
             "planes",
             f"{paired['a']} of {len(a.stamps)} images of plane a and {paired['b']} of {len(b.stamps)} of plane b"

@@ -13,7 +13,7 @@ from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.calibrations import decode_camera_info
-from msg_adapters.checks.finding import Finding
+from msg_adapters.checks.issue import Issue
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.topics import camera_info_topic
 
@@ -85,7 +85,7 @@ def check_calibration(
     sizes: Collection[tuple[int, int]],
     *,
     latched: bool,
-) -> Iterator[Finding]:
+) -> Iterator[Issue]:
     """What the calibrations of one plane say, beside its images.
 
     Args:
@@ -98,22 +98,22 @@ def check_calibration(
     name = camera_info_topic(plane).recorded_name
     for refusal, count in seen.refusals.items():
         cure = next((cure for start, cure in _CURES.items() if refusal.startswith(start)), "")
-        yield Finding("error", name, f"{refusal} ({count} of {len(seen.stamps)})", cure)
+        yield Issue("error", name, f"{refusal} ({count} of {len(seen.stamps)})", cure)
     if seen.inconsistent:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"k·r is not the left 3×3 of p ({seen.inconsistent} of {len(seen.stamps)}); p is what is used",
             "send k and r from the decomposition of p, or the p that belongs to them",
         )
     if seen.without_k:
-        yield Finding("note", name, "k is all zero; p is what is used")
+        yield Issue("note", name, "k is all zero; p is what is used")
     if seen.projection is None:
         return
     shape = (seen.projection.height, seen.projection.width)
     if sizes and shape not in sizes:
         found = ", ".join(f"{width}×{height}" for height, width in sizes)
-        yield Finding(
+        yield Issue(
             "error",
             name,
             f"it is for an image of {shape[1]}×{shape[0]}, the images have {found}",
@@ -123,29 +123,29 @@ def check_calibration(
     yield from _check_origin(name, seen.projection)
 
 
-def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latched: bool) -> Iterator[Finding]:
+def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latched: bool) -> Iterator[Issue]:
     own = images & set(seen.stamps)
     if len(images) - len(own) <= _AT_THE_ENDS:
         return
     per_frame = len(seen.stamps) > len(images) / 2
     if per_frame and len(own) >= len(seen.stamps) / 2:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"{len(images) - len(own)} of {len(images)} images have no calibration of their own stamp",
             "publish one with each image, with the image's header",
         )
     elif per_frame and any(seen.stamps):
-        yield Finding("warning", name, "its stamps are no image's stamps", "copy the image's header.stamp into it")
+        yield Issue("warning", name, "its stamps are no image's stamps", "copy the image's header.stamp into it")
     elif not latched:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"{len(seen.stamps)} for {len(images)} images, and not latched: a node that starts later has none",
             "publish it with each image, or transient local (latched)",
         )
     if seen.changes and not per_frame:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             "it changes, and does not come with the images: the instant of the change is not known",
@@ -153,10 +153,10 @@ def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latche
         )
 
 
-def _check_origin(name: str, projection: Projection) -> Iterator[Finding]:
+def _check_origin(name: str, projection: Projection) -> Iterator[Issue]:
     x, y = projection.project(np.zeros(3))
     if not (-projection.width <= x < 2 * projection.width and -projection.height <= y < 2 * projection.height):
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"the world origin (the iso-centre) is seen at ({x:.0f}, {y:.0f}), far outside {projection.width}×"
@@ -165,7 +165,7 @@ def _check_origin(name: str, projection: Projection) -> Iterator[Finding]:
         )
 
 
-def check_planes(projections: Mapping[Plane, Projection | None]) -> Iterator[Finding]:
+def check_planes(projections: Mapping[Plane, Projection | None]) -> Iterator[Issue]:
     """What both planes' calibrations say together."""
     a, b = projections.get("a"), projections.get("b")
     if a is None or b is None:
@@ -173,7 +173,7 @@ def check_planes(projections: Mapping[Plane, Projection | None]) -> Iterator[Fin
     cosine = abs(float(a.viewing_direction @ b.viewing_direction))
     angle = float(np.degrees(np.arccos(min(1.0, cosine))))
     if angle < _PARALLEL_DEG:
-        yield Finding(
+        yield Issue(
             "error" if angle < 5.0 else "warning",
             "planes",
             f"the planes look along nearly one line ({angle:.1f}° apart): depth is badly known",

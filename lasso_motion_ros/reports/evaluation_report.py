@@ -21,8 +21,8 @@ from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters,
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Values, mean_row, summarise
 from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.reports.picture_files import jpeg_bytes, write_png
 from lasso_motion_ros.reports.plots import error_figure, motion_figure, save_figure, share_scale
-from lasso_motion_ros.reports.png import jpeg_bytes, write_png
 from lasso_motion_ros.reports.report_figures import axis_figure, comparison_figure, compensation_figure, timing_figure
 from lasso_motion_ros.reports.worst_frames import WorstFrame, error_mm
 

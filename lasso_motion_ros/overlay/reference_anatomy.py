@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
-class OverlayObject:
+class ReferenceAnatomy:
     """The object at the reference pair, in the world.
 
     Attributes:
@@ -39,7 +39,7 @@ class OverlayObject:
         return self.surface if self.cloud is None else self.cloud
 
 
-def read_overlay_object(config: OverlayConfig) -> OverlayObject:
+def read_reference_anatomy(config: OverlayConfig) -> ReferenceAnatomy:
     """Read the file that `volume_file` names and place it by `registration`.
 
     Raises:
@@ -57,7 +57,7 @@ def read_overlay_object(config: OverlayConfig) -> OverlayObject:
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         axes = f"taken as {config.axes.upper()}" if config.axes else "axes as the file states them, else LPS"
         words = f"{path.name}: surface, coordinates in {config.units}, {axes}"
-        return OverlayObject(mesh.moved(to_world), None, f"{words}, {_extent(high - low)}, {_triangles(mesh)}")
+        return ReferenceAnatomy(mesh.moved(to_world), None, f"{words}, {_extent(high - low)}, {_triangles(mesh)}")
     if config.axes:
         raise ConfigurationError(f"axes: {path.name} states its own axes; axes is for surfaces")
     try:
@@ -68,7 +68,7 @@ def read_overlay_object(config: OverlayConfig) -> OverlayObject:
         raise type(error)(f"{path}: {error}") from error
 
 
-def _from_volume(path: Path, config: OverlayConfig, to_world: Array) -> OverlayObject:
+def _from_volume(path: Path, config: OverlayConfig, to_world: Array) -> ReferenceAnatomy:
     from lasso_motion_ros.overlay.vtk_bridge import label_surface, level_surface
 
     units = config.units or "mm"
@@ -94,7 +94,7 @@ def _from_volume(path: Path, config: OverlayConfig, to_world: Array) -> OverlayO
         f"{_extent(image.spacing_m * np.array(image.values.shape[::-1]))}"
     )
     shown = _triangles(mesh) if cloud is None else f"{len(cloud.points)} blocks"
-    return OverlayObject(mesh, cloud, f"{words}, {shown}")
+    return ReferenceAnatomy(mesh, cloud, f"{words}, {shown}")
 
 
 def _placed(image: VolumeImage, index: Array, triangles: npt.NDArray[np.int64]) -> TriangleMesh:

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.overlay.drawing import Colour
-from lasso_motion_ros.overlay.silhouette import LAYER_CELL_PX, Silhouette
+from lasso_motion_ros.overlay.primitives import Colour
+from lasso_motion_ros.overlay.silhouette import WALL_CELL_PX, Silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.windowing import RgbImage
 
@@ -21,7 +21,7 @@ DENSEST = 0.75
 
 
 @dataclass(frozen=True, eq=False)
-class Layer:
+class AlphaMask:
     """Opacity (h, w) uint8 of one drawing, and where its first column and row lie in the picture."""
 
     opacity: npt.NDArray[np.uint8]
@@ -29,7 +29,7 @@ class Layer:
     top: int
 
 
-def surface_layer(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool = False) -> Layer:
+def surface_mask(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool = False) -> AlphaMask:
     """A surface's drawing.
 
     Args:
@@ -39,7 +39,7 @@ def surface_layer(shape: Silhouette, style: OverlayStyle, width_px: float, faint
         faint: drawn thinner, to stand behind another.
     """
     if shape.coverage.size == 0:
-        return Layer(np.zeros((0, 0), dtype=np.uint8), 0, 0)
+        return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
     coverage = cv2.convertScaleAbs(shape.coverage, alpha=255.0)
     opacity = np.zeros_like(coverage)
     if style.fill:
@@ -54,7 +54,7 @@ def surface_layer(shape: Silhouette, style: OverlayStyle, width_px: float, faint
         if faint:
             line = cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE)
         opacity = cv2.max(opacity, line)
-    return Layer(opacity, shape.left - margin, shape.top - margin)
+    return AlphaMask(opacity, shape.left - margin, shape.top - margin)
 
 
 def band(coverage: npt.NDArray[np.uint8], margin: int) -> npt.NDArray[np.uint8]:
@@ -76,8 +76,8 @@ def _outline(coverage: npt.NDArray[np.uint8], shape: Silhouette, margin: int) ->
 def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
     """Like glass: clear where the wall faces the viewer, denser towards the rim and where walls overlap."""
     rows, columns = shape.coverage.shape
-    height, width = shape.layers.shape
-    at = ((shape.centroids - (shape.left, shape.top) + 0.5) / LAYER_CELL_PX).astype(np.int32)
+    height, width = shape.wall_count.shape
+    at = ((shape.centroids - (shape.left, shape.top) + 0.5) / WALL_CELL_PX).astype(np.int32)
     seen = np.flatnonzero(
         (at[:, 0] >= 0) & (at[:, 1] >= 0) & (at[:, 0] < width) & (at[:, 1] < height) & (shape.facing > 0.0)
     )
@@ -89,21 +89,21 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
         cv2.GaussianBlur(np.bincount(flat, weights=w, minlength=width * height).reshape(height, width), (0, 0), 2.0)
         for w in (weight, weight * (1.0 - shape.facing[seen]))
     )
-    shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.layers, 1.0) / 2.0)
+    shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.wall_count, 1.0) / 2.0)
     shade = np.minimum(255.0 * opacity * shade, DENSEST * 255.0).astype(np.float32)
-    full = cv2.resize(shade, (width * LAYER_CELL_PX, height * LAYER_CELL_PX), interpolation=cv2.INTER_LINEAR)
+    full = cv2.resize(shade, (width * WALL_CELL_PX, height * WALL_CELL_PX), interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.convertScaleAbs(cv2.multiply(full[:rows, :columns], shape.coverage)), dtype=np.uint8)
 
 
-def blend(picture: RgbImage, layer: Layer, colour: Colour) -> None:
-    """Paint one colour into a picture (H, W, 3) uint8, in place, by a layer's opacity."""
-    rows, columns = layer.opacity.shape
-    top, left = layer.top, layer.left
+def blend(picture: RgbImage, mask: AlphaMask, colour: Colour) -> None:
+    """Paint one colour into a picture (H, W, 3) uint8, in place, by a mask's opacity."""
+    rows, columns = mask.opacity.shape
+    top, left = mask.top, mask.left
     y0, x0 = max(top, 0), max(left, 0)
     y1, x1 = min(top + rows, picture.shape[0]), min(left + columns, picture.shape[1])
     if y1 <= y0 or x1 <= x0:
         return
-    part = layer.opacity[y0 - top : y1 - top, x0 - left : x1 - left]
+    part = mask.opacity[y0 - top : y1 - top, x0 - left : x1 - left]
     weights = cv2.merge((part, part, part))
     target = picture[y0:y1, x0:x1]
     paint = cv2.multiply(weights, np.array([*colour, 0.0]), scale=1.0 / 255.0)

@@ -5,7 +5,7 @@ import colorsys
 import numpy as np
 import pytest
 
-from lasso_motion_ros.web.pictures import relit, windowed
+from lasso_motion_ros.web.picture_encoder import relit, windowed
 from lasso_motion_ros.web.protocol import Window
 
 

@@ -12,7 +12,7 @@ from lasso_motion_ros.core.errors import GeometryError, MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.triangulation import triangulate
-from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.checks.issue import Issue, Severity
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.seeds import decode_seed
 from msg_adapters.sync.pairing import Pair
@@ -40,7 +40,7 @@ def check_seeds(
     projections: Mapping[Plane, Projection | None],
     *,
     live: bool,
-) -> Iterator[Finding]:
+) -> Iterator[Issue]:
     """Everything about the clicks.
 
     Args:
@@ -52,7 +52,7 @@ def check_seeds(
     counts = {plane: len(messages.get(plane, ())) for plane in PLANES}
     if not any(counts.values()):
         severity: Severity = "note" if live else "warning"
-        yield Finding(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
+        yield Issue(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
         return
     pair_of = {
         plane: {pair.a if plane == "a" else pair.b: number for number, pair in enumerate(pairs)} for plane in PLANES
@@ -61,21 +61,21 @@ def check_seeds(
     for plane in PLANES:
         name = seed_topic(plane).recorded_name
         if not counts[plane]:
-            yield Finding("error", name, "clicks in the other plane only", "click both planes of one pair")
+            yield Issue("error", name, "clicks in the other plane only", "click both planes of one pair")
             continue
         message = messages[plane][0]
         try:
             points = decode_seed(message)
         except MessageError as error:
-            yield Finding("error", name, str(error), "click 6 points or more along the loop, in order")
+            yield Issue("error", name, str(error), "click 6 points or more along the loop, in order")
             continue
         stamp = stamp_to_ns(message.header.stamp)
         number = pair_of[plane].get(stamp)
         if stamp and number is None and not live:
-            yield Finding("error", name, "its stamp is no image's", "copy the clicked image's stamp, or send 0")
+            yield Issue("error", name, "its stamp is no image's", "copy the clicked image's stamp, or send 0")
         projection = projections.get(plane)
         if projection is not None and _outside(points, projection):
-            yield Finding(
+            yield Issue(
                 "error",
                 name,
                 f"clicks outside the image of {projection.width}×{projection.height}",
@@ -85,7 +85,7 @@ def check_seeds(
     if len(clicks) == 2:
         numbers = {number for _, number in clicks.values() if number is not None}
         if len(numbers) > 1:
-            yield Finding("error", "seeds", "the planes' clicks belong to two pairs", "click both images of one pair")
+            yield Issue("error", "seeds", "the planes' clicks belong to two pairs", "click both images of one pair")
         a, b = projections.get("a"), projections.get("b")
         if a is not None and b is not None:
             yield from _check_geometry(clicks["a"][0], clicks["b"][0], a, b)
@@ -99,7 +99,7 @@ def _outside(points: Array, projection: Projection) -> bool:
     return bool(np.any(points < -0.5) or np.any(points > np.array([projection.width, projection.height]) - 0.5))
 
 
-def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projection) -> Iterator[Finding]:
+def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projection) -> Iterator[Issue]:
     middles = points_a.mean(axis=0), points_b.mean(axis=0)
     found = _meeting(middles[0], middles[1], a, b)
     if found is None:
@@ -108,7 +108,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
     if gap_mm > MEET_MM:
         better = _mirrors_that_fit(middles[0], middles[1], a, b)
         hint = f"; with {' or '.join(better)} they would meet" if better else ""
-        yield Finding(
+        yield Issue(
             "error",
             "seeds",
             f"the rays through the clicks of the two planes pass {gap_mm:.0f} mm apart{hint}",
@@ -116,7 +116,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
         )
         return
     if np.linalg.norm(point) > _FAR_M:
-        yield Finding(
+        yield Issue(
             "warning",
             "seeds",
             f"the loop lies {np.linalg.norm(point):.2f} m from the world origin",
@@ -125,7 +125,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
     for plane, points, projection in (("a", points_a, a), ("b", points_b, b)):
         size = float(np.ptp(points, axis=0).max()) * projection.millimetres_per_pixel(point)
         if not _LOOP_MM[0] <= size <= _LOOP_MM[1]:
-            yield Finding(
+            yield Issue(
                 "warning",
                 seed_topic(plane).recorded_name,
                 f"the clicked loop would be {size:.0f} mm wide, a lasso has 10 to 30",

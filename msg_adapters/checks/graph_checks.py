@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from msg_adapters.checks.finding import Finding
+from msg_adapters.checks.issue import Issue
 from msg_adapters.topics import (
     CATHETER,
     COMPRESSED_IMAGE_TYPE,
@@ -78,7 +78,7 @@ class TopicFacts:
     lost: int = 0
 
 
-def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Finding]:
+def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Issue]:
     """Names, types and quality of service.
 
     Args:
@@ -102,20 +102,20 @@ def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Fin
                 yield from _check_subscriptions(topic, facts)
 
 
-def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: str, *, live: bool) -> Iterator[Finding]:
+def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: str, *, live: bool) -> Iterator[Issue]:
     name = topic.recorded_name
     facts = topics.get(name)
     if facts is not None and (not live or facts.publishers):
         yield from _check_type(topic, topics)
         if facts.type_name == topic.type_name and facts.messages == 0:
-            yield Finding("error", name, "nothing was heard on it", "see that its publisher sends, and that it is one")
+            yield Issue("error", name, "nothing was heard on it", "see that its publisher sends, and that it is one")
         return
     candidate = _near_match(topic, topics, plane)
     if candidate is None:
         wanted = f"publish {topic.type_name} there"
-        yield Finding("error", name, "nobody publishes it" if live else "it is missing", wanted)
+        yield Issue("error", name, "nobody publishes it" if live else "it is missing", wanted)
     elif candidate.endswith(name):
-        yield Finding(
+        yield Issue(
             "error",
             name,
             f"it is in the namespace {candidate.removesuffix(name)}",
@@ -125,9 +125,7 @@ def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: str, *,
         cure = (
             f"start the node with --ros-args -r {topic.name}:={candidate}" if live else f"--remap {candidate}:={name}"
         )
-        yield Finding(
-            "error", name, f"{'nobody publishes it' if live else 'it is missing'}; {candidate} may be it", cure
-        )
+        yield Issue("error", name, f"{'nobody publishes it' if live else 'it is missing'}; {candidate} may be it", cure)
 
 
 def _namespace_cure(namespace: str, candidate: str, name: str, *, live: bool) -> str:
@@ -154,10 +152,10 @@ def _near_match(topic: Topic, topics: Mapping[str, TopicFacts], plane: str) -> s
     return max(scores, key=lambda name: scores[name]) if scores else None
 
 
-def _check_type(topic: Topic, topics: Mapping[str, TopicFacts]) -> Iterator[Finding]:
+def _check_type(topic: Topic, topics: Mapping[str, TopicFacts]) -> Iterator[Issue]:
     facts = topics.get(topic.recorded_name)
     if facts is not None and facts.type_name != topic.type_name:
-        yield Finding(
+        yield Issue(
             "error",
             topic.recorded_name,
             f"its type is {facts.type_name}, expected {topic.type_name}",
@@ -165,17 +163,17 @@ def _check_type(topic: Topic, topics: Mapping[str, TopicFacts]) -> Iterator[Find
         )
 
 
-def _check_publishers(topic: Topic, facts: TopicFacts) -> Iterator[Finding]:
+def _check_publishers(topic: Topic, facts: TopicFacts) -> Iterator[Issue]:
     name = topic.recorded_name
     nodes = sorted({publisher.node for publisher in facts.publishers})
     best_effort = sorted({publisher.node for publisher in facts.publishers if not publisher.reliable})
     if len(facts.publishers) > 1 and topic.type_name == IMAGE_TYPE:
-        yield Finding("error", name, f"{len(facts.publishers)} publishers ({', '.join(nodes)})", "leave one running")
+        yield Issue("error", name, f"{len(facts.publishers)} publishers ({', '.join(nodes)})", "leave one running")
     if best_effort and topic.name in {seed_topic(plane).name for plane in PLANE_NAMES}:
-        yield Finding("error", name, f"{', '.join(best_effort)} publishes best effort: not heard", "publish reliably")
+        yield Issue("error", name, f"{', '.join(best_effort)} publishes best effort: not heard", "publish reliably")
     if facts.lost and best_effort:
         share = facts.lost / (facts.lost + facts.messages)
-        yield Finding(
+        yield Issue(
             "warning" if share < 0.2 else "error",
             name,
             f"{facts.lost} of {facts.lost + facts.messages} messages were lost; {', '.join(best_effort)} publishes best"
@@ -183,7 +181,7 @@ def _check_publishers(topic: Topic, facts: TopicFacts) -> Iterator[Finding]:
             f"start it with FASTRTPS_DEFAULT_PROFILES_FILE=…/{PROFILE}, or publish reliably",
         )
     elif facts.lost:
-        yield Finding(
+        yield Issue(
             "warning",
             name,
             f"{facts.lost} of {facts.lost + facts.messages} messages were lost on the way",
@@ -191,7 +189,7 @@ def _check_publishers(topic: Topic, facts: TopicFacts) -> Iterator[Finding]:
         )
 
 
-def _check_subscriptions(topic: Topic, facts: TopicFacts) -> Iterator[Finding]:
+def _check_subscriptions(topic: Topic, facts: TopicFacts) -> Iterator[Issue]:
     """Subscriptions that no publisher matches, of nodes that have no other one that does."""
     heard = {
         subscription.node
@@ -205,7 +203,7 @@ def _check_subscriptions(topic: Topic, facts: TopicFacts) -> Iterator[Finding]:
             continue
         heard.add(subscription.node)
         asked = "reliable delivery" if subscription.reliable else "latched messages"
-        yield Finding(
+        yield Issue(
             "warning",
             topic.recorded_name,
             f"{subscription.node} asks for {asked}, which no publisher offers: it hears nothing",

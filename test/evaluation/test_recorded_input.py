@@ -9,10 +9,10 @@ import pytest
 from support.drawn_recording import PERIOD_NS, START_NS, loop, projections, shift, stamp, write_input, write_result
 
 from lasso_motion_ros.core.errors import MessageError, RecordingError
+from lasso_motion_ros.evaluation.recorded_input import read_estimates, read_truth
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.messages import header_fields
-from msg_adapters.recordings.evaluation_input import read_estimates, read_truth
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
 

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Frame, UncalibratedFrame
-from lasso_motion_ros.overlay.drawing import (
+from lasso_motion_ros.overlay.primitives import (
     WHITE,
     Colour,
     draw_loop,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.core.errors import MessageError
-from msg_adapters.checks.finding import Finding, Severity
+from msg_adapters.checks.issue import Issue, Severity
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 
 SMALLEST_SIDE_PX = 256
@@ -79,17 +79,17 @@ def _looks_swapped(pixels: Pixels) -> bool:
     return bool(np.any(swapped < pixels)) and roughness(swapped) < _SWAPPED * roughness(pixels)
 
 
-def check_images(name: str, seen: ImageSamples) -> Iterator[Finding]:
+def check_images(name: str, seen: ImageSamples) -> Iterator[Issue]:
     """What the samples of one topic say."""
     for refusal, count in seen.refusals.items():
         cure = next((cure for field_name, cure in _CURES.items() if refusal.startswith(field_name)), "")
-        yield Finding("error", name, f"{refusal} ({count} of {seen.samples} images looked at)", cure)
+        yield Issue("error", name, f"{refusal} ({count} of {seen.samples} images looked at)", cure)
     if len(seen.sizes) > 1:
         sizes = ", ".join(f"{width}×{height}" for height, width in seen.sizes)
-        yield Finding("note", name, f"the size changes: {sizes}", "let the calibration come with each image")
+        yield Issue("note", name, f"the size changes: {sizes}", "let the calibration come with each image")
     for height, width in seen.sizes:
         if min(height, width) < SMALLEST_SIDE_PX:
-            yield Finding(
+            yield Issue(
                 "warning", name, f"{width}×{height} pixels are few for a lasso's wire", "publish the full read-out"
             )
     mostly_swapped: Severity = "error" if seen.swapped > seen.samples / 2 else "warning"
@@ -100,4 +100,4 @@ def check_images(name: str, seen: ImageSamples) -> Iterator[Finding]:
     )
     for count, severity, what, cure in suspicions:
         if count:
-            yield Finding(severity, name, f"{count} of {seen.samples} images looked at {what}", cure)
+            yield Issue(severity, name, f"{count} of {seen.samples} images looked at {what}", cure)

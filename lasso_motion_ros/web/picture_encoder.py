@@ -12,7 +12,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.windowing import window_image, window_limits
 from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
-from lasso_motion_ros.web.source import Picture, PlanePicture, View
+from lasso_motion_ros.web.source import PageView, Picture, PlanePicture
 
 JPEG_QUALITY = 88
 PNG_COMPRESSION = 1
@@ -24,9 +24,9 @@ class PictureEncoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[int, View, Window], bytes] = OrderedDict()
+        self._kept: OrderedDict[tuple[int, PageView, Window], bytes] = OrderedDict()
 
-    def encode(self, picture: Picture, view: View, window: Window) -> bytes:
+    def encode(self, picture: Picture, view: PageView, window: Window) -> bytes:
         """The binary message of a picture (see `encode_picture`)."""
         key = (picture.number, view, window)
         with self._lock:
