@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-PLANE_NAMES = ("a", "b")
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+
 IMAGE_TYPE = "sensor_msgs/msg/Image"
 COMPRESSED_IMAGE_TYPE = "sensor_msgs/msg/CompressedImage"
 
@@ -31,37 +32,37 @@ class Topic:
         return self.name if self.name.startswith("/") else "/" + self.name
 
 
-def image_topic(plane: str) -> Topic:
-    """The X-ray images of one plane (`a` or `b`)."""
+def image_topic(plane: Plane) -> Topic:
+    """The X-ray images of one plane."""
     return Topic(f"plane_{plane}/image_raw", IMAGE_TYPE)
 
 
-def compressed_image_topic(plane: str) -> Topic:
+def compressed_image_topic(plane: Plane) -> Topic:
     """The same images as image_transport's `compressed` plugin publishes them (offline input only)."""
     return Topic(f"plane_{plane}/image_raw/compressed", COMPRESSED_IMAGE_TYPE)
 
 
-def camera_info_topic(plane: str) -> Topic:
+def camera_info_topic(plane: Plane) -> Topic:
     """The calibration of one plane, per frame or latched."""
     return Topic(f"plane_{plane}/camera_info", "sensor_msgs/msg/CameraInfo")
 
 
-def seed_topic(plane: str) -> Topic:
+def seed_topic(plane: Plane) -> Topic:
     """The user's clicks in one plane."""
     return Topic(f"plane_{plane}/seed", "geometry_msgs/msg/PolygonStamped")
 
 
-def tracking_topic(plane: str) -> Topic:
+def tracking_topic(plane: Plane) -> Topic:
     """One plane's picture with what is tracked drawn in."""
     return Topic(f"plane_{plane}/tracking", IMAGE_TYPE)
 
 
-def click_topic(plane: str) -> Topic:
+def click_topic(plane: Plane) -> Topic:
     """Clicks on the picture of `tracking_topic`, pixels without a stamp, as rqt_image_view publishes them."""
     return Topic(f"plane_{plane}/tracking_mouse_left", "geometry_msgs/msg/Point")
 
 
-def overlay_topic(plane: str) -> Topic:
+def overlay_topic(plane: Plane) -> Topic:
     """One plane's picture with the compensated volume drawn in."""
     return Topic(f"plane_{plane}/overlay", IMAGE_TYPE)
 
@@ -83,22 +84,22 @@ TRUE_CATHETER = Topic("/ground_truth/catheter", "visualization_msgs/msg/Marker",
 TRUE_TARGETS = Topic("/ground_truth/targets", "visualization_msgs/msg/Marker", latched=True, depth=1)
 
 
-def true_centreline_topic(plane: str) -> Topic:
+def true_centreline_topic(plane: Plane) -> Topic:
     """The loop's true centreline in one plane's pixels, at plane A's exposure."""
     return Topic(f"/ground_truth/plane_{plane}/catheter", "geometry_msgs/msg/PolygonStamped")
 
 
 INPUTS: tuple[Topic, ...] = (
-    *(image_topic(plane) for plane in PLANE_NAMES),
-    *(camera_info_topic(plane) for plane in PLANE_NAMES),
-    *(seed_topic(plane) for plane in PLANE_NAMES),
+    *(image_topic(plane) for plane in PLANES),
+    *(camera_info_topic(plane) for plane in PLANES),
+    *(seed_topic(plane) for plane in PLANES),
     R_PEAK,
 )
 OUTPUTS: tuple[Topic, ...] = (MOTION, MOTION_RAW, MOTION_WITH_COVARIANCE, REFERENCE, CATHETER, STATE)
 GROUND_TRUTH: tuple[Topic, ...] = (
     TRUE_MOTION,
     TRUE_RESPIRATORY_MOTION,
-    *(true_centreline_topic(plane) for plane in PLANE_NAMES),
+    *(true_centreline_topic(plane) for plane in PLANES),
     TRUE_CATHETER,
     TRUE_TARGETS,
 )

@@ -65,7 +65,7 @@ class Brost2009Tracker:
         try:
             projections = require_both_planes(pair)
         except SeedError:
-            missing = "A" if pair.a is None else "B"
+            missing = pair.missing[0].upper()
             return TrackResult(
                 stamp_ns=pair.stamp_ns,
                 state=TrackerState.LOST,
@@ -83,8 +83,7 @@ class Brost2009Tracker:
                     frame.pixels, projections[plane].project(centre), self._config.features, bright=self._bright
                 ),
             )
-            for plane in PLANES
-            if (frame := pair.frame(plane)) is not None
+            for plane, frame in pair.frames.items()
         )
         self._motion, residuals = register(self._model, self._motion, views, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))

@@ -13,6 +13,7 @@ from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy, counting
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
@@ -21,7 +22,6 @@ from msg_adapters.topics import (
     GROUND_TRUTH,
     INPUTS,
     OUTPUTS,
-    PLANE_NAMES,
     camera_info_topic,
     click_topic,
     image_topic,
@@ -32,8 +32,8 @@ it is published) as they come over the wire, until Ctrl-C. Every half second all
 system: killed at any moment, the file is read by our commands up to there, and --repair makes it whole for other
 readers. Exit status: 0 done; 2 nothing came, or the file cannot be written; 3 recorded, but messages were lost."""
 
-RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANE_NAMES), *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
-NEEDED = tuple(make(plane) for plane in PLANE_NAMES for make in (image_topic, camera_info_topic))
+RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANES), *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
+NEEDED = tuple(make(plane) for plane in PLANES for make in (image_topic, camera_info_topic))
 
 
 def add_arguments(parser: CommandParser) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Generic, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,8 @@ from lasso_motion_ros.geometry.projection import Projection
 
 Plane = Literal["a", "b"]
 PLANES: tuple[Plane, Plane] = ("a", "b")
+
+Item = TypeVar("Item")
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +33,7 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class UncalibratedFrame:
-    """An image of which it is not known where it looks: to be shown only.
+    """An image without a projection: good for display only.
 
     Attributes:
         stamp_ns: time of exposure, nanoseconds.
@@ -43,22 +45,46 @@ class UncalibratedFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class FramePair:
-    """Plane A's frame and the plane B frame that belongs to it; either may be missing.
+class Pair(Generic[Item]):
+    """What plane A and plane B have of one instant; either may be missing.
+
+    Pairing is decided by stamps alone, so the item may be less than a `Frame`: a stamp, or an image whose calibration
+    has not come yet.
 
     Attributes:
         stamp_ns: the pair's time: plane A's exposure (or what it would have been, if A is missing).
-        a: plane A's frame, or None.
-        b: plane B's frame, or None.
+        a: plane A's item, or None.
+        b: plane B's item, or None.
+        new_run: the first pair after both planes' stamps went back.
     """
 
     stamp_ns: int
-    a: Frame | None
-    b: Frame | None
+    a: Item | None
+    b: Item | None
+    new_run: bool = False
 
-    def frame(self, plane: Plane) -> Frame | None:
-        """The frame of one plane, or None where it is missing."""
+    def frame(self, plane: Plane) -> Item | None:
+        """One plane's item, or None where it is missing."""
         return self.a if plane == "a" else self.b
+
+    @property
+    def frames(self) -> dict[Plane, Item]:
+        """The items that are there, plane A's first."""
+        return {plane: frame for plane in PLANES if (frame := self.frame(plane)) is not None}
+
+    @property
+    def missing(self) -> tuple[Plane, ...]:
+        """The planes whose item is not there."""
+        return tuple(plane for plane in PLANES if self.frame(plane) is None)
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether both planes are there."""
+        return self.a is not None and self.b is not None
+
+
+FramePair: TypeAlias = Pair[Frame]
+"""A pair of X-ray images: what the tracker takes."""
 
 
 @dataclass(frozen=True, eq=False)

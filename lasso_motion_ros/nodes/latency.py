@@ -10,15 +10,15 @@ import numpy as np
 
 from lasso_motion_ros.evaluation.recorded_input import LAST_LATENCY_KEY
 
-REMEMBERED = 1024
 PERCENTILES = (50, 95, 99)
+REMEMBERED = 1024
 LONGEST_AGE_S = 60.0
-"""Stamps further from the clock are a recording's, or another clock's: they tell no latency."""
+"""Stamps further from the clock are a recording's, or another clock's, and tell no latency."""
 
 
 @dataclass
 class Latencies:
-    """Latencies of the last pairs; written by the worker, read by the diagnostics.
+    """Latencies of the last pairs: begun where images are received, ended by the worker, read by the diagnostics.
 
     Attributes:
         receipt_s: from the receipt of the pair's last image to the publication (steady clock).
@@ -27,12 +27,34 @@ class Latencies:
 
     receipt_s: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
     stamp_s: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    _received_s: dict[int, float] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
-    def add(self, receipt_s: float, stamp_s: float) -> None:
-        """Take one pair's, seconds."""
+    def begin(self, number: int, now_s: float) -> None:
+        """A pair has all its images.
+
+        Args:
+            number: of its task.
+            now_s: steady clock, seconds.
+        """
         with self._lock:
-            self.receipt_s.append(receipt_s)
+            self._received_s[number] = now_s
+            while len(self._received_s) > REMEMBERED:
+                del self._received_s[next(iter(self._received_s))]
+
+    def end(self, number: int, now_s: float, stamp_s: float) -> None:
+        """A pair has been published.
+
+        Args:
+            number: of its task, as in `begin`.
+            now_s: steady clock, seconds.
+            stamp_s: how long after the pair's stamp this is, by the clock that stamps messages.
+        """
+        with self._lock:
+            received_s = self._received_s.pop(number, None)
+            if received_s is None:
+                return
+            self.receipt_s.append(now_s - received_s)
             if 0.0 <= stamp_s <= LONGEST_AGE_S:
                 self.stamp_s.append(stamp_s)
 

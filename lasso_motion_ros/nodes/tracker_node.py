@@ -6,7 +6,6 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -26,7 +25,7 @@ from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -39,14 +38,6 @@ WAITING_PAIRS = 12
 """Pairs that may wait for the tracker. Ten come at once where calibrations were sent again."""
 DIAGNOSTICS_PERIOD_S = 1.0
 STREAM_COMPLAINT_PERIOD_S = 30.0
-
-
-@dataclass(frozen=True)
-class _Received:
-    """A pair, and when (steady clock, seconds) the last of its images had come."""
-
-    ready: ReadyPair
-    at_s: float
 
 
 class TrackerNode(LifecycleNode):  # type: ignore[misc]
@@ -62,7 +53,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._live = LiveParameters(self, declare_configuration(self, StreamConfig), self._on_tuning)
         self._messages = RosMessages()
         self._pipeline: TrackingPipeline | None = None
-        self._worker: Worker[_Received] | None = None
+        self._worker: Worker[PairTask] | None = None
         self._inputs: TrackerInputs | None = None
         # Answers are published in the order in which they came about: nothing of before a reset comes after it.
         self._answering = threading.Lock()
@@ -145,7 +136,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             capacity=WAITING_PAIRS,
             # A model is built, all pairs since the clicked one are gone through, and new ones come meanwhile.
             burst_capacity=config.seed_buffer_pairs,
-            takes_long=lambda received: received.ready.seed is not None,
+            takes_long=lambda task: task.seed is not None,
             on_error=self.complaints.error,
             name="tracker",
         )
@@ -226,23 +217,25 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             raise TrackingError("the node is not active")
         return self._pipeline
 
-    def _enqueue(self, pairs: Sequence[ReadyPair]) -> None:
-        if pairs and self._worker is not None:
-            self._worker.put([_Received(pair, time.monotonic()) for pair in pairs])
+    def _enqueue(self, tasks: Sequence[PairTask]) -> None:
+        if tasks and self._worker is not None:
+            for task in tasks:
+                if not task.answered:  # else it waited for clicks, not for us
+                    self._latencies.begin(task.number, time.monotonic())
+            self._worker.put(tasks)
         self._complain()
 
-    def _track(self, received: _Received) -> None:
-        pipeline, ready = self._active(), received.ready
+    def _track(self, task: PairTask) -> None:
+        pipeline = self._active()
         refusal = "the tracker failed on these clicks; its log says why"
         try:
             with self._answering:
-                self._outlets.publish(pipeline.process(ready))
+                self._outlets.publish(pipeline.process(task))
             refusal = pipeline.last_refusal
         finally:
-            self._calls.seeded(ready, refusal)
-        if not ready.answered:  # one that was answered before waited for clicks, not for us
-            age_s = (self.get_clock().now().nanoseconds - ready.pair.stamp_ns) / NANOSECONDS
-            self._latencies.add(time.monotonic() - received.at_s, age_s)
+            self._calls.seeded(task, refusal)
+        age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
+        self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
         self._show()
 
@@ -258,9 +251,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         result, statistics = pipeline.last_result, pipeline.statistics()
         loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
         clicks = {plane: board.clicks(plane) for plane in PLANES}
-        frames: dict[Plane, Frame | UncalibratedFrame] = {
-            plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None
-        }
+        frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
         ids, held = dict(self._frame_ids), pair is board.pair
         self._outlets.show(View(frames, loop, statistics.state, statistics.reason, clicks, ids, held))
 

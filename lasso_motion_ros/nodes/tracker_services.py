@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 
 RESET_MEANWHILE = "reset meanwhile"
@@ -24,7 +24,7 @@ class TrackerServices:
     Args:
         node: the node.
         active: gives the pipeline, or raises LassoMotionError while the node is not active.
-        enqueue: has pairs tracked.
+        enqueue: has tasks worked on.
         reset: forgets the model.
         show: has the pictures drawn anew.
     """
@@ -33,7 +33,7 @@ class TrackerServices:
         self,
         node: Node,
         active: Callable[[], TrackingPipeline],
-        enqueue: Callable[[Sequence[ReadyPair]], None],
+        enqueue: Callable[[Sequence[PairTask]], None],
         reset: Callable[[], None],
         show: Callable[[], None],
     ) -> None:
@@ -48,11 +48,11 @@ class TrackerServices:
         # It is answered when the model stands, and must not keep images from being received until then.
         node.create_service(Trigger, "~/initialize", self._on_initialize, callback_group=ReentrantCallbackGroup())
 
-    def seeded(self, ready: ReadyPair, refusal: str) -> None:
+    def seeded(self, task: PairTask, refusal: str) -> None:
         """Tell the caller of `~/initialize` what became of the clicks; called by the worker after each pair."""
         with self._lock:
             awaited = self._awaited
-            if awaited is None or ready.number < awaited[0]:
+            if awaited is None or task.number < awaited[0]:
                 return
             self._awaited = None
         if not refusal:
@@ -109,9 +109,9 @@ class TrackerServices:
             with self._lock:
                 if self._awaited is not None:
                     raise LassoMotionError("the clicks before these are still being worked on")
-                ready = pipeline.seed_frozen(seed)
-                self._awaited = (ready[0].number, future)
-            self._enqueue(ready)
+                tasks = pipeline.seed_frozen(seed)
+                self._awaited = (tasks[0].number, future)
+            self._enqueue(tasks)
             refusal = await future
         except LassoMotionError as error:
             refusal = str(error)

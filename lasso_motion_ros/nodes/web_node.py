@@ -204,10 +204,7 @@ class WebNode(Node):  # type: ignore[misc]
         if pair is None:
             raise TrackingError("no pair is held: hold one, then click")
         clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
-        for plane in PLANES:
-            frame = pair.frame(plane)
-            if frame is not None:
-                self._sent[plane] = frame.stamp_ns, clicks[plane]
+        self._sent |= {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
         self._publish_clicks()
         self._waits_for_answer, self._again, self._taken = True, False, False
         self._view.release()

@@ -6,11 +6,10 @@ message; `lasso-motion synth` writes what the simulator yields into a recording.
 
 from lasso_motion_ros.phantom.scenario import available_scenarios, load_scenario, scenario_directory
 from lasso_motion_ros.phantom.settings import Scenario
-from lasso_motion_ros.phantom.simulator import SimulatedFrame, SimulatedPair, Simulator
+from lasso_motion_ros.phantom.simulator import SimulatedPair, Simulator
 
 __all__ = [
     "Scenario",
-    "SimulatedFrame",
     "SimulatedPair",
     "Simulator",
     "available_scenarios",

@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, inverse, rigid
 from lasso_motion_ros.phantom.anatomy import Thorax, build_thorax
@@ -51,30 +51,13 @@ class BodySource(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class SimulatedFrame:
-    """One plane's picture.
-
-    Attributes:
-        stamp_ns: time of its own exposure.
-        pixels: (H, W) uint8 or uint16.
-        published: the projection to be published with it.
-        rendered: the projection it was rendered with.
-    """
-
-    stamp_ns: int
-    pixels: Pixels
-    published: Projection
-    rendered: Projection
-
-
-@dataclass(frozen=True, eq=False)
 class SimulatedPair:
     """One pair with its truth.
 
     Attributes:
         index: number of the pair.
-        stamp_ns: plane A's exposure.
-        frames: the pictures; a dropped plane is missing.
+        images: what the tracker gets, with the published projections; a dropped plane is missing.
+        rendered: plane → the projection with which the image was rendered.
         motion: (4, 4) of the atrium since pair 0 at A's exposure, breathing and heartbeat.
         respiratory: (4, 4) of breathing alone.
         centrelines: plane → (90, 2) the loop's centreline in pixels at A's exposure; missing where it is not in view.
@@ -82,8 +65,8 @@ class SimulatedPair:
     """
 
     index: int
-    stamp_ns: int
-    frames: dict[Plane, SimulatedFrame]
+    images: FramePair
+    rendered: dict[Plane, Projection]
     motion: Array
     respiratory: Array
     centrelines: dict[Plane, Array]
@@ -155,7 +138,8 @@ class Simulator:
             yield self._pair(index)
 
     def _pair(self, index: int) -> SimulatedPair:
-        frames: dict[Plane, SimulatedFrame] = {}
+        frames: dict[Plane, Frame] = {}
+        rendered: dict[Plane, Projection] = {}
         centrelines: dict[Plane, Array] = {}
         at_a = self.time_s(index, "a")
         loop = None if self._absent(index) else self._loop_at(at_a, index)
@@ -164,7 +148,8 @@ class Simulator:
             pixels = self._expose(plane, index, projection)
             if not self._dropped(plane, index):
                 published = published_projection(self.scenario, plane, index)
-                frames[plane] = SimulatedFrame(self.stamp_ns(index, plane), pixels, published, projection)
+                frames[plane] = Frame(self.stamp_ns(index, plane), pixels, published)
+                rendered[plane] = projection
             if loop is not None:
                 line = projection.project(loop)
                 inside = np.all((line >= 0.0) & (line <= self.scenario.geometry.size_px - 1.0), axis=1)
@@ -172,8 +157,8 @@ class Simulator:
                     centrelines[plane] = line
         return SimulatedPair(
             index=index,
-            stamp_ns=self.stamp_ns(index, "a"),
-            frames=frames,
+            images=FramePair(self.stamp_ns(index, "a"), frames.get("a"), frames.get("b")),
+            rendered=rendered,
             motion=self.motion.atrium(at_a),
             respiratory=self.motion.respiratory(at_a),
             centrelines=centrelines,

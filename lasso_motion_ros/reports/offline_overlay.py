@@ -62,10 +62,7 @@ class OfflineOverlay:
         self._take_estimates(pair.stamp_ns)
         pictures: dict[Plane, RgbImage] = {}
         choices: list[Choice] = []
-        for plane in PLANES:
-            frame = pair.frame(plane)
-            if frame is None:
-                continue
+        for plane, frame in pair.frames.items():
             self._history.add_image(plane, frame.stamp_ns)
             choice = self._history.choose(plane, frame.stamp_ns)
             choices.append(choice)

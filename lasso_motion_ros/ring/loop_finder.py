@@ -109,7 +109,7 @@ class LoopFinder:
     ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
         """Images to look at, and the places where they may show the loop."""
         model = self._model
-        frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
+        frames = pair.frames
         expected: dict[Plane, Array] = {}
         foreseen = respiration.predict(self.seconds(pair.stamp_ns))
         if "a" in times:

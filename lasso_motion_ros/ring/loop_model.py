@@ -125,19 +125,17 @@ def _contrast(pair: FramePair, model: LoopModel) -> float:
 def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, Array]) -> Array:
     """(N,) the same, point by point of a curve (N, 3)."""
     contrasts = []
-    for plane in PLANES:
-        frame = pair.frame(plane)
-        if frame is not None:
-            image = working_image(frame, curve.mean(axis=0), bright=bright, shift=shifts[plane])
-            strip = strip_along(curve, image.projection).sample(image)
-            beside = 0.5 * (strip[:, :3].mean(axis=1) + strip[:, -3:].mean(axis=1))
-            contrasts.append(strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1) - beside)
+    for plane, frame in pair.frames.items():
+        image = working_image(frame, curve.mean(axis=0), bright=bright, shift=shifts[plane])
+        strip = strip_along(curve, image.projection).sample(image)
+        beside = 0.5 * (strip[:, :3].mean(axis=1) + strip[:, -3:].mean(axis=1))
+        contrasts.append(strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1) - beside)
     return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
 
 
 def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> LoopModel:
     projections = require_both_planes(pair)
-    frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
+    frames = pair.frames
     paths = outlines(pair, seed, config, bright=bright)
     simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < SIMULTANEOUS_S * 1e9
     share_of_a = 0.5 if simultaneous else 0.0

@@ -56,7 +56,7 @@ class AppearanceTracker:
             ReconstructionError: no 3-D loop explains the clicks.
         """
         model = build_loop_model(pair, seed, self._config)
-        frames = {plane: frame for plane in PLANES if (frame := pair.frame(plane)) is not None}
+        frames = pair.frames
         appearances = {}
         for plane, frame in frames.items():
             image = working_image(frame, model.centre, bright=model.bright, shift=model.shifts[plane])

@@ -25,7 +25,7 @@ def refusal_of(finding: Finding, pair: FramePair, *, followed: bool) -> str:
     if len(finding.seen) == 2:
         return ""
     other = _other_plane(finding)
-    if pair.frame(other) is not None:
+    if other not in pair.missing:
         # What the other plane shows cannot tell which.
         text = f"plane {other.upper()} does not show the lasso"
         return f"{text}: hidden there, or moved C-arm without a new calibration?"
@@ -51,7 +51,7 @@ def state_of(
     """
     if len(finding.seen) == 1:
         other = _other_plane(finding)
-        missing = "missing" if pair.frame(other) is None else "without a sight of the lasso"
+        missing = "missing" if other in pair.missing else "without a sight of the lasso"
         if alone_s > config.one_plane_s:
             return TrackerState.LOST, f"plane {other.upper()} {missing} for {alone_s:.1f} s"
         return TrackerState.DEGRADED, f"plane {other.upper()} {missing}: depth from the breathing so far"

@@ -25,10 +25,10 @@ def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
     Raises:
         SeedError: a plane is missing, so that no 3-D model can be built on this pair.
     """
-    missing = [plane.upper() for plane in PLANES if pair.frame(plane) is None]
+    missing = [plane.upper() for plane in pair.missing]
     if missing:
         raise SeedError(f"the clicked pair lacks plane {' and '.join(missing)}; both planes are needed for a seed")
-    return {plane: frame.projection for plane in PLANES if (frame := pair.frame(plane)) is not None}
+    return {plane: frame.projection for plane, frame in pair.frames.items()}
 
 
 def line_sigma_px(projection: Projection, sigma_mm: float) -> float:
@@ -41,10 +41,7 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
     if config.polarity != "auto":
         return config.polarity == "bright"
     evidence = 0.0
-    for plane in PLANES:
-        frame = pair.frame(plane)
-        if frame is None:
-            continue
+    for plane, frame in pair.frames.items():
         sigma = line_sigma_px(frame.projection, config.path.line_sigma_mm)
         height, width = frame.pixels.shape
         for x, y in np.rint(seed.points(plane)).astype(int):

@@ -17,24 +17,27 @@ _NEXT = 0
 
 
 @dataclass(frozen=True, eq=False)
-class ReadyPair:
-    """A pair whose turn it is.
+class PairTask:
+    """A pair for the tracker to answer, and the clicks on it, if any.
 
     Attributes:
         pair: the images.
         seed: clicks on this pair: the model is built here.
-        new_run: the first pair after the stamps went back.
-        answered: this pair was given out before, and comes again because clicks on it came later.
-        later: the pairs given out since, oldest first, to be gone through again after it.
-        number: counts up from pair to pair given out.
+        answered: the pair was answered before, and comes again because its clicks came late.
+        later: the pairs since then, oldest first, to be answered again after it.
+        number: counts up from task to task.
     """
 
     pair: FramePair
     seed: Seed | None = None
-    new_run: bool = False
     answered: bool = False
     later: tuple[FramePair, ...] = ()
     number: int = 0
+
+    @property
+    def begins_run(self) -> bool:
+        """Whether the stamps went back here; when the pair comes again, that has been dealt with."""
+        return self.pair.new_run and not self.answered
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +54,7 @@ class ClickedPairs:
         capacity: pairs remembered.
 
     Attributes:
-        number: of the last pair given out.
+        number: of the last task given out.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -73,7 +76,7 @@ class ClickedPairs:
 
     def hold(self) -> FramePair | None:
         """Keep the last pair with both planes for clicks, however many come after it; None where there is none."""
-        whole = [pair for pair in self._pairs if pair.a is not None and pair.b is not None]
+        whole = [pair for pair in self._pairs if pair.is_whole]
         if whole:
             self._held = whole[-1]
         return self._held
@@ -82,12 +85,12 @@ class ClickedPairs:
         """Hold no pair any more."""
         self._held = None
 
-    def seed_held(self, seed: Seed) -> ReadyPair | None:
+    def seed_held(self, seed: Seed) -> PairTask | None:
         """The held pair with clicks on it, and those that came after it, to be gone through again."""
         if self._held is None:
             return None
         _, *later = (pair for pair in self._known() if pair.stamp_ns >= self._held.stamp_ns)
-        return self._numbered(ReadyPair(self._held, seed, answered=True, later=tuple(later)))
+        return self._numbered(PairTask(self._held, seed, answered=True, later=tuple(later)))
 
     def _known(self) -> list[FramePair]:
         """The pairs that may be clicked, oldest first."""
@@ -98,7 +101,7 @@ class ClickedPairs:
 
     def add_clicks(
         self, plane: Plane, stamp_ns: int, points: npt.NDArray[np.float64], hold: bool = False
-    ) -> ReadyPair | None:
+    ) -> PairTask | None:
         """Take one plane's clicks.
 
         Args:
@@ -116,40 +119,40 @@ class ClickedPairs:
         if index is None:
             return None
         first, *later = self._known()[index:]
-        return self._numbered(ReadyPair(first, self._take_seed(), answered=True, later=tuple(later)))
+        return self._numbered(PairTask(first, self._take_seed(), answered=True, later=tuple(later)))
 
-    def add_pair(self, pair: FramePair, new_run: bool, hold: bool = False) -> list[ReadyPair]:
-        """Remember the next pair; it carries the seed if it is the one that was clicked.
+    def add_pair(self, pair: FramePair, hold: bool = False) -> list[PairTask]:
+        """Remember the next pair; its task carries the seed if it is the one that was clicked.
 
         Args:
             pair: the next pair.
-            new_run: the first pair after the stamps went back.
             hold: the stamps may be about to start anew, as in `add_clicks`: clicks are not judged by this pair.
 
         Returns:
-            The pair; before it the one that clicks are on which were held back until now, as from `add_clicks`.
+            The pair's task; before it, where clicks were held back until now, that of the clicked pair, as from
+            `add_clicks`.
         """
-        if new_run:
+        if pair.new_run:
             self._pairs.clear()
             self._held = None  # its stamp is of the old run
             self._clicks = {plane: clicks for plane, clicks in self._clicks.items() if clicks.held}
         self._pairs.append(pair)
         if hold:
-            return [self._numbered(ReadyPair(pair, None, new_run))]
+            return [self._numbered(PairTask(pair))]
         known = self._known()
         index = len(known) - 1 if self._is_next_clicked(pair) else self._clicked_index()
         if index is None:
-            return [self._numbered(ReadyPair(pair, None, new_run))]
+            return [self._numbered(PairTask(pair))]
         seed = self._take_seed()
         if index == len(known) - 1:
-            return [self._numbered(ReadyPair(pair, seed, new_run))]
+            return [self._numbered(PairTask(pair, seed))]
         first, *later = known[index:-1]
-        clicked = ReadyPair(first, seed, answered=True, later=tuple(later))
-        return [self._numbered(clicked), self._numbered(ReadyPair(pair, None, new_run))]
+        clicked = PairTask(first, seed, answered=True, later=tuple(later))
+        return [self._numbered(clicked), self._numbered(PairTask(pair))]
 
-    def _numbered(self, ready: ReadyPair) -> ReadyPair:
+    def _numbered(self, task: PairTask) -> PairTask:
         self.number += 1
-        return dataclasses.replace(ready, number=self.number)
+        return dataclasses.replace(task, number=self.number)
 
     def _take_seed(self) -> Seed:
         clicks, self._clicks = self._clicks, {}
@@ -159,7 +162,7 @@ class ClickedPairs:
         """Whether the clicks wait for the next pair and this is one they fit."""
         if len(self._clicks) < 2 or all(clicks.stamp_ns != _NEXT for clicks in self._clicks.values()):
             return False
-        if pair.a is None or pair.b is None:
+        if not pair.is_whole:
             return False
         stamped = [plane for plane in PLANES if self._clicks[plane].stamp_ns != _NEXT]
         if not stamped:

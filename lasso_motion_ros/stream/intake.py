@@ -7,14 +7,14 @@ from functools import partial
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.topics import R_PEAK, camera_info_topic, compressed_image_topic, image_topic, seed_topic
 
 
 def recorded_intake(
     pipeline: TrackingPipeline, topics: Mapping[str, str], *, seeds: bool = True, calibrations: bool = True
-) -> dict[str, Callable[[Any], list[ReadyPair]]]:
+) -> dict[str, Callable[[Any], list[PairTask]]]:
     """Recorded topic → what takes its messages and gives back the pairs whose turn it is.
 
     Args:
@@ -23,7 +23,7 @@ def recorded_intake(
         seeds: False leaves its clicks out.
         calibrations: False leaves its calibrations out.
     """
-    intake: dict[str, Callable[[Any], list[ReadyPair]]] = {}
+    intake: dict[str, Callable[[Any], list[PairTask]]] = {}
     for plane in PLANES:
         raw, compressed = image_topic(plane), compressed_image_topic(plane)
         images = raw if topics.get(raw.recorded_name) == raw.type_name else compressed

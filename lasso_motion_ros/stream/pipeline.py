@@ -16,8 +16,8 @@ import numpy as np
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, PairTask
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem
 from lasso_motion_ros.stream.result_messages import ResultMessages
@@ -26,7 +26,6 @@ from msg_adapters.calibrations import Extrinsics
 from msg_adapters.messages import MessageFactory, stamp_to_ns
 from msg_adapters.seeds import decode_seed
 from msg_adapters.sync.frame_pairs import FramePairs
-from msg_adapters.sync.pairing import Pair
 from msg_adapters.topics import Topic, camera_info_topic, image_topic, seed_topic
 
 _MAX_PROBLEMS = 64
@@ -67,7 +66,7 @@ class TrackingPipeline:
         self._intake, self._tracking, self._reporting = threading.Lock(), threading.Lock(), threading.Lock()
         self._state, self._reason = TrackerState.WAITING_FOR_CALIBRATION, "no calibration yet"
         self._has_model = False
-        self._indispensable: deque[ReadyPair] = deque()
+        self._indispensable: deque[PairTask] = deque()
         self._forgotten_seeds = 0  # seeds up to this number were clicked before a reset
         self._said_calibrated = False
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
@@ -84,18 +83,18 @@ class TrackingPipeline:
 
     # What comes in.
 
-    def add_image(self, plane: Plane, message: Any) -> list[ReadyPair]:
+    def add_image(self, plane: Plane, message: Any) -> list[PairTask]:
         """Take an Image (or CompressedImage) of one plane; give back the pairs whose turn it is."""
         with self._intake:
             return self._issued(self._pairs.add_image(plane, message), plane, image_topic(plane))
 
-    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[ReadyPair]:
+    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[PairTask]:
         """Take a CameraInfo of one plane, from a publisher that latches or not; give back the pairs now due."""
         with self._intake:
             pairs = self._pairs.add_camera_info(plane, message, latched=latched)
             return self._issued(pairs, plane, camera_info_topic(plane))
 
-    def add_seed(self, plane: Plane, message: Any) -> list[ReadyPair]:
+    def add_seed(self, plane: Plane, message: Any) -> list[PairTask]:
         """Take the clicks in one plane; give back the pairs to go through (again), see `ClickedPairs`."""
         with self._intake:
             try:
@@ -126,7 +125,7 @@ class TrackingPipeline:
         with self._intake:
             self._clicked.release()
 
-    def seed_frozen(self, seed: Seed) -> list[ReadyPair]:
+    def seed_frozen(self, seed: Seed) -> list[PairTask]:
         """Take clicks on the pair that is held; give back what is to be gone through.
 
         Raises:
@@ -138,13 +137,13 @@ class TrackingPipeline:
                 raise TrackingError("no pair is held: call ~/freeze, and click on the picture")
             return self._registered([ready])
 
-    def add_r_peak(self, message: Any) -> list[ReadyPair]:
+    def add_r_peak(self, message: Any) -> list[PairTask]:
         """Take the stamp of an R peak; it brings no pair."""
         with self._intake:
             self._heartbeat.add_r_peak(stamp_to_ns(message.stamp))
         return []
 
-    def flush(self) -> list[ReadyPair]:
+    def flush(self) -> list[PairTask]:
         """The pairs that are left when nothing more will come."""
         with self._intake:
             pairs = self._pairs.flush()
@@ -152,22 +151,22 @@ class TrackingPipeline:
                 self._report_frames(plane, image_topic(plane))
             return self._given_out(pairs)
 
-    def _issued(self, pairs: list[Pair[Frame]], plane: Plane, topic: Topic) -> list[ReadyPair]:
+    def _issued(self, pairs: list[FramePair], plane: Plane, topic: Topic) -> list[PairTask]:
         self._report_frames(plane, topic)
         return self._given_out(pairs)
 
-    def _given_out(self, pairs: list[Pair[Frame]]) -> list[ReadyPair]:
-        ready: list[ReadyPair] = []
+    def _given_out(self, pairs: list[FramePair]) -> list[PairTask]:
+        ready: list[PairTask] = []
         for place, pair in enumerate(pairs, start=1):
             self._heartbeat.add_pair(pair.stamp_ns, new_run=pair.new_run)
             hold = self._pairs.pairing.restarting or any(later.new_run for later in pairs[place:])
-            ready += self._clicked.add_pair(FramePair(pair.stamp_ns, pair.a, pair.b), pair.new_run, hold)
+            ready += self._clicked.add_pair(pair, hold)
         self._report_clicks()
         return self._registered(ready)
 
-    def _registered(self, ready: list[ReadyPair]) -> list[ReadyPair]:
+    def _registered(self, ready: list[PairTask]) -> list[PairTask]:
         """Remember those that must not be lost, though a busy node may skip pairs: seeds and new runs."""
-        self._indispensable.extend(one for one in ready if one.seed is not None or one.new_run)
+        self._indispensable.extend(one for one in ready if one.seed is not None or one.begins_run)
         return ready
 
     def _report_frames(self, plane: Plane, topic: Topic) -> None:
@@ -205,7 +204,7 @@ class TrackingPipeline:
             self._set_state(TrackerState.WAITING_FOR_SEED, "no seed yet")
             return [self._state_output(0)]
 
-    def process(self, ready: ReadyPair) -> list[Output]:
+    def process(self, ready: PairTask) -> list[Output]:
         """Answer one pair: reference (where it changes), state, poses, catheter, in this order.
 
         Pairs may be left out when there is no time for them, but not come out of order. A seed or a new run that
@@ -285,9 +284,9 @@ class TrackingPipeline:
                 calibrated=self.calibrated,
             )
 
-    def _answer(self, ready: ReadyPair) -> list[Output]:
+    def _answer(self, ready: PairTask) -> list[Output]:
         outputs: list[Output] = []
-        if ready.new_run:
+        if ready.begins_run:
             self._report("", "the stamps of both planes went back: a new run, which needs a seed of its own")
             outputs += self._forget(ready.pair.stamp_ns)
         seed = ready.seed if ready.number > self._forgotten_seeds else None
@@ -336,7 +335,7 @@ class TrackingPipeline:
         if before is not None:
             self._states[before] -= 1
         else:
-            self._half_pairs += pair.a is None or pair.b is None
+            self._half_pairs += not pair.is_whole
         self._states[self._state] += 1
         self._answers[pair.stamp_ns] = self._state
         while len(self._answers) > self._config.seed_buffer_pairs:

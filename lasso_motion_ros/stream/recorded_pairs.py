@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.outputs import Problem
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
@@ -27,7 +27,7 @@ def recorded_pairs(
     """
     pipeline = TrackingPipeline(config, RecordedMessages())
     intake = recorded_intake(pipeline, reader.topics, seeds=False)
-    ready: list[ReadyPair]
+    ready: list[PairTask]
     for recorded in reader.messages(intake):
         ready = intake[recorded.topic](recorded.message)
         if problems is not None:

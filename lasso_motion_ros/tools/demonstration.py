@@ -78,8 +78,8 @@ def demonstrate(
         recording=recording,
         configuration=configuration,
         surface=directory / SURFACE,
-        whole_pairs=sum(pair.a is not None and pair.b is not None for pair in pairs),
-        pictures={plane: sum(pair.frame(plane) is not None for pair in pairs) for plane in PLANES},
+        whole_pairs=sum(pair.is_whole for pair in pairs),
+        pictures={plane: sum(plane not in pair.missing for pair in pairs) for plane in PLANES},
         directory=directory,
     )
     live = run_graph(given, say)

@@ -14,7 +14,7 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem, problem_lines
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
@@ -152,7 +152,7 @@ class _Session:
         self._time_ns = 0
         self.problems: Counter[Problem] = Counter()
 
-    def take(self, ready: list[ReadyPair]) -> None:
+    def take(self, ready: list[PairTask]) -> None:
         self.publish(self._pipeline.pending_outputs())
         for pair in ready:
             self._time_ns = pair.pair.stamp_ns

@@ -16,6 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.tools.later_stamps import is_stamped, with_later_stamp
@@ -28,7 +29,6 @@ from msg_adapters.topics import (
     INPUTS,
     OUTPUTS,
     OVERLAY_SURFACE,
-    PLANE_NAMES,
     image_topic,
     overlay_topic,
     seed_topic,
@@ -47,12 +47,12 @@ OUTPUT_NAMES = frozenset(
     for topic in (
         *OUTPUTS,
         OVERLAY_SURFACE,
-        *(make(plane) for make in (tracking_topic, overlay_topic) for plane in "ab"),
+        *(make(plane) for make in (tracking_topic, overlay_topic) for plane in PLANES),
     )
 )
 LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
-IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANE_NAMES)
-SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANE_NAMES)
+IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANES)
+SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
 
 
 @dataclass(frozen=True)

@@ -117,7 +117,7 @@ def write_recording(path: Path, simulator: Simulator, pairs: Iterable[SimulatedP
             messages = _pair_messages(pair)
             if pair.index == 0:
                 messages += _first_messages(simulator)
-            before = [peak for peak in peaks if peak <= pair.stamp_ns]
+            before = [peak for peak in peaks if peak <= pair.images.stamp_ns]
             peaks = peaks[len(before) :]
             messages += [(peak, topics.R_PEAK, header_fields(peak, "ecg")) for peak in before]
             for stamp_ns, topic, fields in sorted(messages, key=lambda message: message[0]):
@@ -126,18 +126,19 @@ def write_recording(path: Path, simulator: Simulator, pairs: Iterable[SimulatedP
 
 def _pair_messages(pair: SimulatedPair) -> list[tuple[int, topics.Topic, dict[str, Any]]]:
     messages: list[tuple[int, topics.Topic, dict[str, Any]]] = []
-    for plane, frame in pair.frames.items():
+    stamp_ns = pair.images.stamp_ns
+    for plane, frame in pair.images.frames.items():
         header = header_fields(frame.stamp_ns, f"plane_{plane}")
         # The calibration first: whoever takes messages in order then has it with the image.
-        messages.append((frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.published, header)))
+        messages.append((frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.projection, header)))
         messages.append((frame.stamp_ns, topics.image_topic(plane), encode_image(frame.pixels, header)))
-    world = header_fields(pair.stamp_ns, WORLD_FRAME)
-    messages.append((pair.stamp_ns, topics.TRUE_MOTION, encode_pose_stamped(pair.motion, world)))
+    world = header_fields(stamp_ns, WORLD_FRAME)
+    messages.append((stamp_ns, topics.TRUE_MOTION, encode_pose_stamped(pair.motion, world)))
     respiratory = encode_pose_stamped(pair.respiratory, world)
-    messages.append((pair.stamp_ns, topics.TRUE_RESPIRATORY_MOTION, respiratory))
+    messages.append((stamp_ns, topics.TRUE_RESPIRATORY_MOTION, respiratory))
     for plane, line in pair.centrelines.items():
-        header = header_fields(pair.stamp_ns, f"plane_{plane}")
-        messages.append((pair.stamp_ns, topics.true_centreline_topic(plane), encode_polygon(line, header)))
+        header = header_fields(stamp_ns, f"plane_{plane}")
+        messages.append((stamp_ns, topics.true_centreline_topic(plane), encode_polygon(line, header)))
     return messages
 
 

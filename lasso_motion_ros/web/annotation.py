@@ -207,13 +207,7 @@ class Annotation:
         pairs += pairing.flush()
         if not pairs:
             raise RecordingError(f"{self._reader.path} has no images")
-        return [
-            _Drawing(
-                pair.stamp_ns,
-                {plane: stamp for plane in PLANES if (stamp := pair.a if plane == "a" else pair.b) is not None},
-            )
-            for pair in pairs
-        ]
+        return [_Drawing(pair.stamp_ns, pair.frames) for pair in pairs]
 
     def _load_centrelines(self) -> None:
         topics = {true_centreline_topic(plane).recorded_name: plane for plane in PLANES}

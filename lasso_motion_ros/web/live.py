@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -25,7 +25,6 @@ from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
 from msg_adapters.sync.frame_pairs import FramePairs
-from msg_adapters.sync.pairing import Pair
 
 Array = npt.NDArray[np.float64]
 
@@ -120,7 +119,7 @@ class LiveView:
             self._take_pairs(self._intake.add_camera_info(plane, message, latched=latched))
             return self._intake.frames[plane].take_complaints()
 
-    def _take_pairs(self, pairs: list[Pair[Frame]]) -> None:
+    def _take_pairs(self, pairs: list[FramePair]) -> None:
         for pair in pairs:
             if pair.new_run:
                 self.new_runs += 1
@@ -129,7 +128,7 @@ class LiveView:
                 self._pairs.clear()
             self._number += 1
             self.pairs_of_run += 1
-            self._pairs.append(_Seen(FramePair(pair.stamp_ns, pair.a, pair.b), self._number, self._clock()))
+            self._pairs.append(_Seen(pair, self._number, self._clock()))
 
     def add_state(self, state: str) -> None:
         """Take a `state`."""
@@ -218,7 +217,7 @@ class LiveView:
     def whole_pairs(self) -> list[FramePair]:
         """The last pairs with images of both planes, oldest first."""
         with self._lock:
-            return [seen.pair for seen in self._pairs if seen.pair.a is not None and seen.pair.b is not None]
+            return [seen.pair for seen in self._pairs if seen.pair.is_whole]
 
     def hold(self, pairs: Sequence[FramePair], stamps: Mapping[Plane, int] | None = None) -> None:
         """Keep one of some pairs on show: the one with these stamps, if it is there, else the last.
@@ -310,8 +309,7 @@ class LiveView:
         loop = None if held or not self.has_pose else self._loops.get(seen.pair.stamp_ns)
         planes = {
             plane: PlanePicture(frame.stamp_ns, frame.pixels, None if loop is None else frame.projection.project(loop))
-            for plane in PLANES
-            if (frame := seen.pair.frame(plane)) is not None
+            for plane, frame in seen.pair.frames.items()
         }
         return Picture(4 * seen.number + (loop is not None), held, planes)
 
@@ -320,7 +318,7 @@ class LiveView:
         for seen in reversed(self._pairs):
             if self._pairs[-1].pair.stamp_ns - seen.pair.stamp_ns > 1e9 * STOPPED_S:
                 return None
-            frames = {plane: frame for plane in PLANES if (frame := seen.pair.frame(plane)) is not None}
+            frames = seen.pair.frames
             if not all(frame.stamp_ns in self._overlays[plane] for plane, frame in frames.items()):
                 continue
             loop = self._loops.get(seen.pair.stamp_ns) if self.has_pose else None

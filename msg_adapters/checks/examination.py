@@ -128,7 +128,7 @@ class Examination:
     def facts(self) -> dict[str, Any]:
         """What was seen, for a summary: per plane images, rate, size, encoding, calibrations; the pairs; the state."""
         pairs, _ = pairs_of(self._stamps)
-        whole = [pair for pair in pairs if pair.a is not None and pair.b is not None]
+        whole = [pair for pair in pairs if pair.is_whole]
         offsets = sorted(pair.b - pair.a for pair in whole if pair.a is not None and pair.b is not None)
         facts: dict[str, Any] = {
             "pairs": len(whole),

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from lasso_motion_ros.geometry.frames import PLANES
 from msg_adapters.checks.issue import Issue
 from msg_adapters.topics import (
     CATHETER,
@@ -16,7 +17,6 @@ from msg_adapters.topics import (
     INPUTS,
     MOTION,
     OUTPUTS,
-    PLANE_NAMES,
     Topic,
     camera_info_topic,
     compressed_image_topic,
@@ -33,7 +33,7 @@ _OURS = frozenset(
         *INPUTS,
         *OUTPUTS,
         *GROUND_TRUTH,
-        *(make(plane) for plane in PLANE_NAMES for make in (tracking_topic, overlay_topic, compressed_image_topic)),
+        *(make(plane) for plane in PLANES for make in (tracking_topic, overlay_topic, compressed_image_topic)),
     )
 )
 # What people call the planes.
@@ -85,7 +85,7 @@ def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Iss
         topics: contract name (absolute) → facts; all topics, also those that are not the contract's.
         live: a running graph, not a recording.
     """
-    for plane in PLANE_NAMES:
+    for plane in PLANES:
         compressed = topics.get(compressed_image_topic(plane).recorded_name)
         if live or compressed is None or compressed.type_name != COMPRESSED_IMAGE_TYPE:
             yield from _check_needed(image_topic(plane), topics, plane, live=live)
@@ -169,7 +169,7 @@ def _check_publishers(topic: Topic, facts: TopicFacts) -> Iterator[Issue]:
     best_effort = sorted({publisher.node for publisher in facts.publishers if not publisher.reliable})
     if len(facts.publishers) > 1 and topic.type_name == IMAGE_TYPE:
         yield Issue("error", name, f"{len(facts.publishers)} publishers ({', '.join(nodes)})", "leave one running")
-    if best_effort and topic.name in {seed_topic(plane).name for plane in PLANE_NAMES}:
+    if best_effort and topic.name in {seed_topic(plane).name for plane in PLANES}:
         yield Issue("error", name, f"{', '.join(best_effort)} publishes best effort: not heard", "publish reliably")
     if facts.lost and best_effort:
         share = facts.lost / (facts.lost + facts.messages)

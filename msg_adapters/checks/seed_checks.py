@@ -9,13 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import GeometryError, MessageError
-from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Pair, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.triangulation import triangulate
 from msg_adapters.checks.issue import Issue, Severity
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.seeds import decode_seed
-from msg_adapters.sync.pairing import Pair
 from msg_adapters.topics import seed_topic
 
 Array = npt.NDArray[np.float64]
@@ -54,9 +53,7 @@ def check_seeds(
         severity: Severity = "note" if live else "warning"
         yield Issue(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
         return
-    pair_of = {
-        plane: {pair.a if plane == "a" else pair.b: number for number, pair in enumerate(pairs)} for plane in PLANES
-    }
+    pair_of = {plane: {pair.frame(plane): number for number, pair in enumerate(pairs)} for plane in PLANES}
     clicks: dict[Plane, tuple[Array, int | None]] = {}
     for plane in PLANES:
         name = seed_topic(plane).recorded_name
@@ -122,7 +119,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
             f"the loop lies {np.linalg.norm(point):.2f} m from the world origin",
             "see the units and the origin of p",
         )
-    for plane, points, projection in (("a", points_a, a), ("b", points_b, b)):
+    for plane, points, projection in zip(PLANES, (points_a, points_b), (a, b), strict=True):
         size = float(np.ptp(points, axis=0).max()) * projection.millimetres_per_pixel(point)
         if not _LOOP_MM[0] <= size <= _LOOP_MM[1]:
             yield Issue(

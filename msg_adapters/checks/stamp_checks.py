@@ -6,9 +6,9 @@ import statistics
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.frames import Pair, Plane
 from msg_adapters.checks.issue import Issue, Severity
-from msg_adapters.sync.pairing import NEW_RUN_NS, Pair, PairSynchroniser
+from msg_adapters.sync.pairing import NEW_RUN_NS, PairSynchroniser
 from msg_adapters.topics import image_topic
 
 NANOSECONDS = 1e9

@@ -14,6 +14,7 @@ from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.core.errors import ConfigurationError, RecordingError
 from lasso_motion_ros.core.plain_yaml import parse_plain_yaml, read_plain_yaml
+from lasso_motion_ros.geometry.frames import PLANES
 from msg_adapters.messages import jazzy_types
 from msg_adapters.recordings.mcap_segments import (
     CHANNEL,
@@ -30,7 +31,7 @@ from msg_adapters.recordings.mcap_segments import (
     read_segment,
     walk_file,
 )
-from msg_adapters.topics import PLANE_NAMES, camera_info_topic, compressed_image_topic, image_topic
+from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic
 
 # Unpacked messages held while waiting for their turn in time. Chunks that overlap more than this (writers put
 # messages down nearly in order) come out in file order instead of filling the memory.
@@ -310,7 +311,7 @@ def check_tracking_topics(recording: Path, topics: Mapping[str, str], calibrated
         RecordingError: names what is missing, what has another type, and what is there instead.
     """
     missing: list[str] = []
-    for plane in PLANE_NAMES:
+    for plane in PLANES:
         image, compressed = image_topic(plane), compressed_image_topic(plane)
         if topics.get(compressed.recorded_name) != compressed.type_name:
             missing += _missing(topics, image.recorded_name, image.type_name)

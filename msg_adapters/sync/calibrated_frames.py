@@ -1,7 +1,7 @@
 """Gives each image of one plane its calibration, per frame or latched, whichever message arrives first.
 
-Per frame, an image uses the calibration with its own stamp and waits for it a little. Latched, the last one
-holds. Which of the two it is shows in the stamps, so that a recording is read as the live stream was.
+Per frame, an image uses the calibration with its own stamp and waits a little for it. Latched, the last calibration
+holds. The stamps tell which of the two it is, so a recording is read as the live stream was.
 """
 
 from __future__ import annotations
@@ -19,17 +19,33 @@ from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 
-# Images (and time between their stamps) that may pass while one waits for its calibration; stamps remembered. A
-# reliable publisher whose small messages were pushed out by large images sends them again after up to ten frames.
-_PATIENCE = 2
-_LAG_NS = 700_000_000
-_MAX_WAITING = 32
-_REMEMBERED = 64
+
+@dataclass(frozen=True)
+class _Patience:
+    """How long an image waits for its calibration, and how much is remembered.
+
+    An image is given up only when both `images` and `lag_ns` are exceeded.
+
+    Attributes:
+        images: further images that may pass.
+        lag_ns: time between their stamps, nanoseconds. A reliable publisher whose small messages were pushed out by
+            large images sends them again after up to ten frames.
+        most_waiting: images that wait at most.
+        calibrations: stamps of calibrations that are remembered.
+    """
+
+    images: int = 2
+    lag_ns: int = 700_000_000
+    most_waiting: int = 32
+    calibrations: int = 64
+
+
+_PATIENCE = _Patience()
 
 
 @dataclass(frozen=True, eq=False)
 class _WithoutPose:
-    """A CameraInfo with a plain camera matrix: where the camera stands is asked for with each image's stamp."""
+    """A CameraInfo with a plain camera matrix: the camera's pose is looked up at each image's stamp."""
 
     message: Any
 
@@ -38,12 +54,14 @@ _Calibration = Projection | _WithoutPose
 
 
 @dataclass(eq=False)
-class _Waiting:
-    """An image that waits for its calibration.
+class PendingFrame:
+    """An image, and what has been decided about its calibration.
 
     Attributes:
         stamp_ns: its stamp.
         pixels: its grey values.
+        settled: whether its calibration is decided.
+        frame: the image with its calibration; None before that, and where there is none for it.
         elsewhere: images of the other plane that came since.
         first_elsewhere_ns: stamp of the first of them.
         last_elsewhere_ns: stamp of the last of them.
@@ -51,6 +69,8 @@ class _Waiting:
 
     stamp_ns: int
     pixels: Pixels
+    settled: bool = False
+    frame: Frame | None = None
     elsewhere: int = 0
     first_elsewhere_ns: int = 0
     last_elsewhere_ns: int = 0
@@ -85,7 +105,7 @@ class CalibratedFrames:
     def __init__(self, extrinsics: Extrinsics | None = None) -> None:
         self._extrinsics = extrinsics
         self.counts = CalibrationCounts()
-        self._waiting: deque[_Waiting] = deque()
+        self._waiting: deque[PendingFrame] = deque()
         self._own: dict[int, _Calibration | None] = {}  # None: refused
         self._latest: _Calibration | None = None
         self._heard = False
@@ -93,8 +113,8 @@ class CalibratedFrames:
         self._per_frame: bool | None = None  # None: the stamps have not shown it yet
         self._latched = False
         self._matched: set[int] = set()  # the first two stamps that an image and a calibration shared
-        self._recent_images: deque[int] = deque(maxlen=_MAX_WAITING)
-        self._settled: list[tuple[int, Frame | None]] = []
+        self._recent_images: deque[int] = deque(maxlen=_PATIENCE.most_waiting)
+        self._complete: list[Frame] = []
         self._last_message: tuple[bytes, _Calibration] | None = None
         self._complaints: list[str] = []
 
@@ -114,7 +134,7 @@ class CalibratedFrames:
         One that breaks the contract is a complaint.
         """
         self.take_image(message)
-        return _frames_of(self.settled())
+        return self.settle()
 
     def add_camera_info(self, message: Any, *, latched: bool = False) -> list[Frame]:
         """Take a CameraInfo, give back the frames that are complete now.
@@ -123,18 +143,18 @@ class CalibratedFrames:
 
         Args:
             message: the CameraInfo.
-            latched: it is known to come from a publisher that latches: it holds until the next, though it may have an
+            latched: it is known to come from a publisher that latches: it holds until the next, even if it has an
                 image's stamp, and no image waits for another.
         """
         self.take_camera_info(message, latched=latched)
-        return _frames_of(self.settled())
+        return self.settle()
 
     def flush(self) -> list[Frame]:
         """The frames that are left when nothing more will come."""
-        return _frames_of(self.settled(final=True))
+        return self.settle(final=True)
 
-    def take_image(self, message: Any) -> int | None:
-        """Take an image; its stamp, or None where it is refused. Once settled it is among `settled()`."""
+    def take_image(self, message: Any) -> PendingFrame | None:
+        """Take an image, which `settle` completes; None where it is refused."""
         self.counts.images += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
@@ -152,11 +172,12 @@ class CalibratedFrames:
                 self._own.clear()
                 self._newest_ns = 0
         self._recent_images.append(stamp)
-        self._waiting.append(_Waiting(stamp, pixels))
-        return stamp
+        pending = PendingFrame(stamp, pixels)
+        self._waiting.append(pending)
+        return pending
 
     def note_elsewhere(self, stamp_ns: int) -> None:
-        """Take note of the other plane's image: this plane may have stopped, and its images must not wait for ever."""
+        """Note the other plane's image: this plane may have stopped, and its images must not wait forever."""
         for waiting in self._waiting:
             if waiting.elsewhere == 0:
                 waiting.first_elsewhere_ns = stamp_ns
@@ -164,7 +185,7 @@ class CalibratedFrames:
             waiting.last_elsewhere_ns = stamp_ns
 
     def take_camera_info(self, message: Any, *, latched: bool = False) -> None:
-        """Take a calibration; what it settles is among `settled()`. See `add_camera_info`."""
+        """Take a calibration, with which `settle` completes images. See `add_camera_info`."""
         self.counts.calibrations += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
@@ -183,23 +204,23 @@ class CalibratedFrames:
         elif stamp == 0 and self._per_frame is None:
             self._per_frame = False
         self._own[stamp] = projection
-        while len(self._own) > _REMEMBERED:
+        while len(self._own) > _PATIENCE.calibrations:
             del self._own[next(iter(self._own))]
         self._latest, self._heard = projection, True
         self._newest_ns = max(self._newest_ns, stamp)
 
-    def settled(self, final: bool = False) -> list[tuple[int, Frame | None]]:
-        """The images settled since the last call, in the order in which they were taken.
+    def settle(self, final: bool = False) -> list[Frame]:
+        """Decide on the waiting images, in the order in which they came.
 
         Args:
-            final: nothing more will come: all that wait are settled.
+            final: nothing more will come: decide on all of them.
 
         Returns:
-            Stamp, and the frame, or None where the image is left out for want of a calibration.
+            The frames completed since the last call; an image without a calibration is left out.
         """
-        self._settle(final)
-        settled, self._settled = self._settled, []
-        return settled
+        self._settle_waiting(final)
+        complete, self._complete = self._complete, []
+        return complete
 
     def _decoded(self, message: Any) -> _Calibration:
         roi = message.roi
@@ -228,9 +249,9 @@ class CalibratedFrames:
             self._complaints.append(str(error))
             return None
 
-    def _settle(self, final: bool) -> None:
+    def _settle_waiting(self, final: bool) -> None:
         while self._waiting:
-            stamp, pixels = self._waiting[0].stamp_ns, self._waiting[0].pixels
+            stamp = self._waiting[0].stamp_ns
             if stamp in self._own:
                 self._per_frame = self._shows_per_frame(stamp)
                 projection = self._own[stamp]
@@ -240,8 +261,13 @@ class CalibratedFrames:
                 break
             else:
                 projection = self._standing_in(stamp)
-            self._waiting.popleft()
-            self._settled.append((stamp, self._frame(stamp, pixels, projection)))
+            self._settle_oldest(projection)
+
+    def _settle_oldest(self, calibration: _Calibration | None) -> None:
+        oldest = self._waiting.popleft()
+        oldest.settled, oldest.frame = True, self._frame(oldest.stamp_ns, oldest.pixels, calibration)
+        if oldest.frame is not None:
+            self._complete.append(oldest.frame)
 
     def _shows_per_frame(self, stamp: int) -> bool | None:
         """Whether a stamp that image and calibration share shows that each image has one: of a latched one, two do."""
@@ -252,20 +278,19 @@ class CalibratedFrames:
     def _leave_behind(self) -> None:
         """Settle the images before a step back in time: what comes now says nothing about them."""
         while self._waiting:
-            waiting = self._waiting.popleft()
-            stamp = waiting.stamp_ns
-            projection = self._own.get(stamp, None if self._per_frame else self._latest)
-            self._settled.append((stamp, self._frame(stamp, waiting.pixels, projection)))
+            stamp = self._waiting[0].stamp_ns
+            self._settle_oldest(self._own.get(stamp, None if self._per_frame else self._latest))
 
     def _must_wait(self, stamp: int, final: bool) -> bool:
         """Whether this image's own calibration, or any at all, may still come."""
-        if final or len(self._waiting) > _MAX_WAITING:
+        if final or len(self._waiting) > _PATIENCE.most_waiting:
             return False
         first = self._waiting[0]
-        if len(self._waiting) > _PATIENCE and self._waiting[-1].stamp_ns - stamp >= _LAG_NS:
+        if len(self._waiting) > _PATIENCE.images and self._waiting[-1].stamp_ns - stamp >= _PATIENCE.lag_ns:
             return False
         # The planes' clocks may differ: only stamps of one plane are compared.
-        if first.elsewhere > _PATIENCE and first.last_elsewhere_ns - first.first_elsewhere_ns >= _LAG_NS:
+        elsewhere_ns = first.last_elsewhere_ns - first.first_elsewhere_ns
+        if first.elsewhere > _PATIENCE.images and elsewhere_ns >= _PATIENCE.lag_ns:
             return False
         if not self._heard:
             return True
@@ -309,7 +334,3 @@ class CalibratedFrames:
             )
             return None
         return Frame(stamp, pixels, projection)
-
-
-def _frames_of(settled: list[tuple[int, Frame | None]]) -> list[Frame]:
-    return [frame for _, frame in settled if frame is not None]

@@ -13,10 +13,9 @@ import statistics
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Generic, Literal, TypeVar
+from typing import Generic, Literal
 
-Item = TypeVar("Item")
-PlaneName = Literal["a", "b"]
+from lasso_motion_ros.geometry.frames import Item, Pair, Plane
 
 NEW_RUN_NS = 1_000_000_000
 # The slowest sequence is 1 frame/s: a longer interval is a pause, and says nothing about the period.
@@ -29,23 +28,6 @@ _LAG_NS = 500_000_000
 _SILENT_LAG_NS = 200_000_000
 _MAX_WAITING = 32
 _MAX_BACKWARD = 16
-
-
-@dataclass(frozen=True, eq=False)
-class Pair(Generic[Item]):
-    """Two items of one instant, or one where the other plane's is missing.
-
-    Attributes:
-        stamp_ns: plane A's stamp (where A is missing: B's, less the time from A's to B's exposure).
-        a: plane A's item, or None.
-        b: plane B's item, or None.
-        new_run: the first pair after both planes' stamps went back.
-    """
-
-    stamp_ns: int
-    a: Item | None
-    b: Item | None
-    new_run: bool = False
 
 
 @dataclass
@@ -66,7 +48,7 @@ class PlaneCounts:
 
 
 @dataclass(eq=False)
-class _Waiting(Generic[Item]):
+class _Unpaired(Generic[Item]):
     stamp_ns: int
     item: Item
     interval_ns: int | None = None
@@ -84,7 +66,7 @@ class _PlaneQueue(Generic[Item]):
         silent: frames of the other plane have waited for it in vain since it was heard last.
     """
 
-    waiting: deque[_Waiting[Item]] = field(default_factory=deque)
+    waiting: deque[_Unpaired[Item]] = field(default_factory=deque)
     newest_ns: int | None = None
     backward: list[tuple[int, Item]] = field(default_factory=list)
     silent: bool = False
@@ -108,7 +90,7 @@ class PairSynchroniser(Generic[Item]):
         self._jitter_ns = round(jitter_s * 1e9)
         self._known_offset_ns = round(plane_b_offset_s * 1e9) if plane_b_offset_s >= 0.0 else None
         self._patience = patience
-        self.counts: dict[PlaneName, PlaneCounts] = {"a": PlaneCounts(), "b": PlaneCounts()}
+        self.counts: dict[Plane, PlaneCounts] = {"a": PlaneCounts(), "b": PlaneCounts()}
         self._start_run()
 
     @property
@@ -123,7 +105,7 @@ class PairSynchroniser(Generic[Item]):
             return self._known_offset_ns
         return round(statistics.median(self._offsets)) if self._offsets else 0
 
-    def add(self, plane: PlaneName, stamp_ns: int, item: Item) -> list[Pair[Item]]:
+    def add(self, plane: Plane, stamp_ns: int, item: Item) -> list[Pair[Item]]:
         """Take one item, give back the pairs that are decided now."""
         queue, counts = self._queues[plane], self.counts[plane]
         counts.received += 1
@@ -149,13 +131,13 @@ class PairSynchroniser(Generic[Item]):
         self._start_run()
 
     def _start_run(self) -> None:
-        self._queues: dict[PlaneName, _PlaneQueue[Item]] = {"a": _PlaneQueue(), "b": _PlaneQueue()}
+        self._queues: dict[Plane, _PlaneQueue[Item]] = {"a": _PlaneQueue(), "b": _PlaneQueue()}
         self._intervals: deque[int] = deque(maxlen=RECENT)
         self._offsets: deque[int] = deque(maxlen=RECENT)
         self._last_pair_ns: int | None = None
         self._new_run = False
 
-    def _add_backward(self, plane: PlaneName, stamp_ns: int, item: Item) -> list[Pair[Item]]:
+    def _add_backward(self, plane: Plane, stamp_ns: int, item: Item) -> list[Pair[Item]]:
         backward = self._queues[plane].backward
         if backward and stamp_ns <= backward[-1][0]:
             # Back once more before the other plane followed: what came first belongs to no run.
@@ -168,7 +150,7 @@ class PairSynchroniser(Generic[Item]):
         if not (self._queues["a"].backward and self._queues["b"].backward):
             return []
         pairs = self.flush()
-        restart: dict[PlaneName, list[tuple[int, Item]]] = {
+        restart: dict[Plane, list[tuple[int, Item]]] = {
             "a": self._queues["a"].backward,
             "b": self._queues["b"].backward,
         }
@@ -181,9 +163,9 @@ class PairSynchroniser(Generic[Item]):
             pairs.extend(self._decide())
         return pairs
 
-    def _append(self, plane: PlaneName, stamp_ns: int, item: Item) -> None:
+    def _append(self, plane: Plane, stamp_ns: int, item: Item) -> None:
         queue = self._queues[plane]
-        entry = _Waiting(stamp_ns, item)
+        entry = _Unpaired(stamp_ns, item)
         if plane == "a" and queue.newest_ns is not None:
             interval = min(stamp_ns - queue.newest_ns, MAX_PERIOD_NS)
             self._intervals.append(interval)
@@ -216,7 +198,7 @@ class PairSynchroniser(Generic[Item]):
                     None if verdict == "a alone" else waiting_b.popleft(),
                 )
 
-    def _has_waited(self, plane: PlaneName) -> bool:
+    def _has_waited(self, plane: Plane) -> bool:
         """Whether a plane's oldest frame has waited for its partner as long as it may."""
         waiting, other = self._queues[plane].waiting, self._queues["b" if plane == "a" else "a"]
         if len(waiting) <= 1 + self._patience:
@@ -225,7 +207,7 @@ class PairSynchroniser(Generic[Item]):
         return waiting[-1].stamp_ns - waiting[0].stamp_ns >= lag_ns or len(waiting) > _MAX_WAITING
 
     def _verdict(
-        self, waiting_a: deque[_Waiting[Item]], waiting_b: deque[_Waiting[Item]], final: bool
+        self, waiting_a: deque[_Unpaired[Item]], waiting_b: deque[_Unpaired[Item]], final: bool
     ) -> Literal["wait", "pair", "a alone", "b alone"]:
         """What the oldest undecided A and B are to each other."""
         first, after = waiting_a[0], waiting_b[0].stamp_ns - waiting_a[0].stamp_ns
@@ -266,29 +248,27 @@ class PairSynchroniser(Generic[Item]):
             return "a alone" if beyond else "wait"
         return "pair" if limit is not None and after <= limit else "a alone"
 
-    def _give(self, a: _Waiting[Item] | None, b: _Waiting[Item] | None) -> Iterator[Pair[Item]]:
+    def _give(self, a: _Unpaired[Item] | None, b: _Unpaired[Item] | None) -> Iterator[Pair[Item]]:
         if a is not None:
             stamp = a.stamp_ns
         elif b is not None:
             stamp = b.stamp_ns - self.offset_ns
-        present: list[PlaneName] = [name for name, entry in (("a", a), ("b", b)) if entry is not None]  # type: ignore[misc]
-        whole = len(present) == 2
+        pair = Pair(stamp, a.item if a else None, b.item if b else None, self._new_run)
         # A frame whose partner was given out alone before: its instant has been answered.
-        margin = 0 if whole else self._late_margin_ns()
+        margin = 0 if pair.is_whole else self._late_margin_ns()
         if self._last_pair_ns is not None and stamp <= self._last_pair_ns + margin:
-            for name in present:
-                self.counts[name].dropped += 1
+            for plane in pair.frames:
+                self.counts[plane].dropped += 1
             return
-        for name in present:
-            if whole:
-                self.counts[name].paired += 1
+        for plane in pair.frames:
+            if pair.is_whole:
+                self.counts[plane].paired += 1
             else:
-                self.counts[name].alone += 1
+                self.counts[plane].alone += 1
         if a is not None and b is not None:
             self._offsets.append(b.stamp_ns - a.stamp_ns)
-        self._last_pair_ns = stamp
-        new_run, self._new_run = self._new_run, False
-        yield Pair(stamp, a.item if a else None, b.item if b else None, new_run)
+        self._last_pair_ns, self._new_run = stamp, False
+        yield pair
 
     def _late_margin_ns(self) -> int:
         period = min(self._intervals) if self._intervals else MAX_PERIOD_NS

@@ -17,14 +17,14 @@ from std_srvs.srv import Trigger
 from support.message_inputs import stamp
 
 from lasso_motion_ros.geometry.frames import FramePair, Seed
-from lasso_motion_ros.nodes.tracker_node import TrackerNode, _Received
+from lasso_motion_ros.nodes.tracker_node import TrackerNode
 from lasso_motion_ros.nodes.tracker_services import RESET_MEANWHILE, TrackerServices
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.tools.processes import free_domain
 
 pytestmark = pytest.mark.ros
 
-READY = ReadyPair(FramePair(stamp(0), None, None), number=1)
+TASK = PairTask(FramePair(stamp(0), None, None), number=1)
 
 
 class FakePipeline:
@@ -35,7 +35,7 @@ class FakePipeline:
     failure: Exception | None = None
     released = False
 
-    def process(self, ready: ReadyPair) -> list[str]:
+    def process(self, ready: PairTask) -> list[str]:
         if self.failure is not None:
             raise self.failure
         return ["TRACKING"]
@@ -46,8 +46,8 @@ class FakePipeline:
     def release(self) -> None:
         self.released = True
 
-    def seed_frozen(self, seed: Seed) -> list[ReadyPair]:
-        return [READY]
+    def seed_frozen(self, seed: Seed) -> list[PairTask]:
+        return [TASK]
 
     def take_problems(self) -> list[Any]:
         return []
@@ -79,7 +79,7 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
 
     with monkeypatch.context() as patched:
         patched.setattr(node._outlets, "publish", publish)
-        worker = threading.Thread(target=node._track, args=(_Received(READY, 0.0),))
+        worker = threading.Thread(target=node._track, args=(TASK,))
         worker.start()
         assert publishing.wait(5.0)
         node._reset()
@@ -92,7 +92,7 @@ def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monk
     monkeypatch.setattr(node._calls, "seeded", lambda ready, refusal: answers.append(refusal))
     node._pipeline.failure = RuntimeError("unforeseen")
     with pytest.raises(RuntimeError):
-        node._track(_Received(READY, 0.0))
+        node._track(TASK)
     assert answers == ["the tracker failed on these clicks; its log says why"]
 
 
@@ -110,7 +110,7 @@ def test_a_reset_answers_who_waits_for_a_model() -> None:
     waiting = calls._on_initialize(Trigger.Request(), Trigger.Response())
     waiting.send(None)
     assert calls._on_reset(Trigger.Request(), Trigger.Response()).success
-    calls.seeded(ReadyPair(READY.pair, number=2), "")  # the next pair, on which no model stands
+    calls.seeded(PairTask(TASK.pair, number=2), "")  # the next pair, on which no model stands
     with pytest.raises(StopIteration) as ended:
         waiting.send(None)
     answer = ended.value.value

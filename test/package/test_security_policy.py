@@ -21,6 +21,7 @@ from support.node_harness import Graph
 
 from lasso_motion_ros.cli.record import RECORDED
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recordings.writer import RecordingWriter
@@ -30,7 +31,6 @@ from msg_adapters.topics import (
     INPUTS,
     OUTPUTS,
     OVERLAY_SURFACE,
-    PLANE_NAMES,
     STATE,
     click_topic,
     overlay_topic,
@@ -45,7 +45,7 @@ KINDS = {
     "request": "client_names_and_types",
 }
 # The page listens to the pictures only while a browser looks at them.
-ON_DEMAND = {f"/plane_{plane}/{picture}" for plane in PLANE_NAMES for picture in ("tracking", "overlay")}
+ON_DEMAND = {f"/plane_{plane}/{picture}" for plane in PLANES for picture in ("tracking", "overlay")}
 
 
 def policy() -> dict[str, Rights]:
@@ -137,7 +137,7 @@ def test_the_commands_do_exactly_what_the_policy_allows(graph: Graph, tmp_path: 
 @pytest.mark.ros
 def test_the_player_does_exactly_what_the_policy_allows(graph: Graph, tmp_path: Path) -> None:
     recording = tmp_path / "all.mcap"
-    pictures = [make(plane) for make in (tracking_topic, overlay_topic, click_topic) for plane in PLANE_NAMES]
+    pictures = [make(plane) for make in (tracking_topic, overlay_topic, click_topic) for plane in PLANES]
     with RecordingWriter(recording) as writer:
         for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH, DIAGNOSTICS, OVERLAY_SURFACE, *pictures):
             message = RecordedMessages().make(topic.type_name, {})

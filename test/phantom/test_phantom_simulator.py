@@ -56,10 +56,10 @@ def test_the_truth_is_the_dark_line_of_the_picture() -> None:
     simulator = Simulator(SMALL)
     for pair in small():
         for plane in PLANES:
-            frame = pair.frames[plane]
+            frame = pair.images.frames[plane]
             # B is exposed half a frame later: its line lies where the loop is then.
             loop = simulator._loop_at(simulator.time_s(pair.index, plane), pair.index)
-            profile = across_the_line(frame.pixels, frame.rendered.project(loop))
+            profile = across_the_line(frame.pixels, pair.rendered[plane].project(loop))
             assert np.argmin(profile) == 6
             assert profile[6] < 0.965 * profile[[0, 12]].mean()
 
@@ -68,15 +68,15 @@ def test_centrelines_are_at_plane_as_exposure_in_both_planes() -> None:
     for pair in small():
         assert pair.loop is not None
         for plane in PLANES:
-            projection = pair.frames[plane].rendered
+            projection = pair.rendered[plane]
             assert pair.centrelines[plane] == pytest.approx(projection.project(pair.loop))
             depth = optical_depth(projection, loop_segments(pair.loop, 0), supersampling=3)
             profile = across_the_line(depth, pair.centrelines[plane][4:-4])
             centroid = (profile[3:10] * np.arange(-3, 4)).sum() / profile[3:10].sum()
             assert abs(centroid) < 0.1
-    stamps = small()[1].frames
+    stamps = small()[1].images.frames
     assert stamps["b"].stamp_ns - stamps["a"].stamp_ns == 250_000_000
-    assert small()[1].stamp_ns == stamps["a"].stamp_ns
+    assert small()[1].images.stamp_ns == stamps["a"].stamp_ns
 
 
 def test_motion_carries_the_reference_loop() -> None:
@@ -106,14 +106,14 @@ def test_same_seed_same_pictures_whatever_the_length() -> None:
     first, longer = rendered(scenario), rendered(dataclasses.replace(scenario, pairs=3))
     other = rendered(dataclasses.replace(scenario, seed=9))
     for plane in PLANES:
-        assert np.array_equal(first[1].frames[plane].pixels, longer[1].frames[plane].pixels)
-        assert not np.array_equal(first[1].frames[plane].pixels, other[1].frames[plane].pixels)
-    assert not np.array_equal(first[1].frames["a"].pixels, first[1].frames["b"].pixels)
+        assert np.array_equal(first[1].images.frames[plane].pixels, longer[1].images.frames[plane].pixels)
+        assert not np.array_equal(first[1].images.frames[plane].pixels, other[1].images.frames[plane].pixels)
+    assert not np.array_equal(first[1].images.frames["a"].pixels, first[1].images.frames["b"].pixels)
 
 
 def test_pictures_are_like_fluoroscopy() -> None:
     for plane in PLANES:
-        pixels = small()[0].frames[plane].pixels
+        pixels = small()[0].images.frames[plane].pixels
         assert pixels.shape == (256, 256)
         assert pixels.dtype == np.uint8
         low, middle, high = np.percentile(pixels, [2, 50, 98])
@@ -133,7 +133,7 @@ def test_seeds_are_on_the_first_pictures() -> None:
     seeds = simulator.seeds()
     for plane in PLANES:
         loop = simulator._loop_at(simulator.time_s(0, plane), 0)
-        line = small()[0].frames[plane].rendered.project(loop)
+        line = small()[0].rendered[plane].project(loop)
         distance = [np.linalg.norm(line - click, axis=1).min() for click in seeds[plane]]
         assert max(distance) < 6.0
 
@@ -147,7 +147,7 @@ def test_hidden_and_back() -> None:
 
 def test_hiding_takes_the_line_out_of_the_picture() -> None:
     simulator = Simulator(with_events(Event(kind="hide", first=1, last=1)))
-    projection = rendered(with_events())[0].frames["a"].rendered
+    projection = rendered(with_events())[0].rendered["a"]
     contrast = []
     for index in (0, 1):
         line = projection.project(simulator._loop_at(0.5, 0))
@@ -176,19 +176,19 @@ def test_moved_to_another_place() -> None:
 
 def test_a_dropped_picture_keeps_its_truth() -> None:
     pairs = rendered(with_events(Event(kind="drop", first=1, plane="b")))
-    assert [sorted(pair.frames) for pair in pairs] == [["a", "b"], ["a"], ["a", "b"]]
+    assert [sorted(pair.images.frames) for pair in pairs] == [["a", "b"], ["a"], ["a", "b"]]
     assert sorted(pairs[1].centrelines) == ["a", "b"]
 
 
 def test_gantry_events_reach_picture_and_calibration() -> None:
     pan = Event(kind="table_pan", first=1, shift_mm=(0.0, 0.0, 10.0))
     told, silent = rendered(with_events(pan)), rendered(with_events(dataclasses.replace(pan, calibrated=False)))
-    assert np.array_equal(told[1].frames["a"].pixels, silent[1].frames["a"].pixels)
-    assert told[1].frames["a"].published.matrix == pytest.approx(told[1].frames["a"].rendered.matrix)
-    assert silent[1].frames["a"].published.matrix == pytest.approx(silent[0].frames["a"].rendered.matrix)
+    assert np.array_equal(told[1].images.frames["a"].pixels, silent[1].images.frames["a"].pixels)
+    assert told[1].images.frames["a"].projection.matrix == pytest.approx(told[1].rendered["a"].matrix)
+    assert silent[1].images.frames["a"].projection.matrix == pytest.approx(silent[0].rendered["a"].matrix)
     # The patient goes up by 10 mm: the loop in the picture too.
     rise = told[1].centrelines["a"] - rendered(with_events())[1].centrelines["a"]
-    pixel_mm = told[0].frames["a"].rendered.millimetres_per_pixel(np.zeros(3))
+    pixel_mm = told[0].rendered["a"].millimetres_per_pixel(np.zeros(3))
     assert rise[:, 1] == pytest.approx(-10.0 / pixel_mm, rel=0.08)
 
 
@@ -201,6 +201,6 @@ def test_breathing_moves_the_diaphragm_in_the_picture() -> None:
         }
     )
     still = dataclasses.replace(deep, breathing=dataclasses.replace(deep.breathing, amplitude_mm=0.0))
-    low, high = (rendered(scenario)[0].frames["a"].pixels.astype(float) for scenario in (deep, still))
+    low, high = (rendered(scenario)[0].images.frames["a"].pixels.astype(float) for scenario in (deep, still))
     # Breathed in, lung lies where the diaphragm was: the field's lower corner, over the right dome, is brighter.
     assert low[-20:, :20].mean() / low.mean() > 1.3 * high[-20:, :20].mean() / high.mean()

@@ -84,7 +84,7 @@ def test_the_heart_region_follows_the_motion() -> None:
 def test_a_scenario_on_a_volume(tmp_path: Path) -> None:
     scenario = scenario_from_values({"pairs": 1, "geometry": {"size_px": 128}})
     pair = next(Simulator(scenario, volume_bodies(ball_in_air(tmp_path))).pairs())
-    assert sorted(pair.frames) == ["a", "b"]
+    assert sorted(pair.images.frames) == ["a", "b"]
     assert sorted(pair.centrelines) == ["a", "b"]
 
 

@@ -6,32 +6,32 @@ import numpy as np
 from support.message_inputs import projection, stamp
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, PairTask
 
 POINTS = np.zeros((6, 2))
 
 
-def pair(index: int) -> FramePair:
+def pair(index: int, new_run: bool = False) -> FramePair:
     a, b = (Frame(stamp(index), np.zeros((32, 32), np.uint8), projection(plane)) for plane in ("a", "b"))
-    return FramePair(stamp(index), a, b)
+    return FramePair(stamp(index), a, b, new_run)
 
 
 def clicked(count: int, on: int) -> ClickedPairs:
     """Pairs 0 … count - 1, and held clicks in both planes on one of them."""
     made = ClickedPairs(8)
     for index in range(count):
-        made.add_pair(pair(index), new_run=False)
+        made.add_pair(pair(index))
     for plane in ("a", "b"):
         assert made.add_clicks(plane, stamp(on), POINTS, hold=True) is None
     return made
 
 
-def stamps(ready: ReadyPair) -> list[int]:
+def stamps(ready: PairTask) -> list[int]:
     return [ready.pair.stamp_ns, *(later.stamp_ns for later in ready.later)]
 
 
 def test_held_clicks_on_an_earlier_pair_are_used_with_the_next() -> None:
-    earlier, newest = clicked(4, on=1).add_pair(pair(4), new_run=False)
+    earlier, newest = clicked(4, on=1).add_pair(pair(4))
     assert stamps(earlier) == [stamp(1), stamp(2), stamp(3)]
     assert earlier.seed is not None
     assert earlier.answered
@@ -41,16 +41,16 @@ def test_held_clicks_on_an_earlier_pair_are_used_with_the_next() -> None:
 
 def test_they_are_not_judged_while_a_restart_is_suspected() -> None:
     made = clicked(4, on=-30)  # of the run that may begin
-    (waiting,) = made.add_pair(pair(4), new_run=False, hold=True)
+    (waiting,) = made.add_pair(pair(4), hold=True)
     assert waiting.seed is None
     assert made.take_complaints() == []
-    (first,) = made.add_pair(pair(-30), new_run=True)
-    assert first.new_run
+    (first,) = made.add_pair(pair(-30, new_run=True))
+    assert first.begins_run
     assert first.seed is not None
 
 
 def test_they_are_refused_where_no_run_began_and_they_fit_no_pair() -> None:
     made = clicked(4, on=-30)
-    (newest,) = made.add_pair(pair(4), new_run=False)
+    (newest,) = made.add_pair(pair(4))
     assert newest.seed is None
     assert "is not among the last 8 pairs" in made.take_complaints()[0][1]

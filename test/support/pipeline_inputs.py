@@ -9,7 +9,7 @@ from support.message_inputs import MESSAGES, FakeTracker
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.stream.clicked_pairs import ReadyPair
+from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import stamp_to_ns
@@ -21,7 +21,7 @@ def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipel
     return TrackingPipeline(config, MESSAGES, tracker or FakeTracker())
 
 
-def give(line: TrackingPipeline, topic: str, message: Any) -> list[ReadyPair]:
+def give(line: TrackingPipeline, topic: str, message: Any) -> list[PairTask]:
     plane: Plane = "a" if topic.startswith("/plane_a") else "b"
     add = {"image_raw": line.add_image, "camera_info": line.add_camera_info, "seed": line.add_seed}
     return add[topic.rsplit("/", 1)[1]](plane, message)

@@ -102,7 +102,7 @@ def _sequence(scenario: Scenario, stored: Mapping[str, Any]) -> RenderedSequence
                 frames[plane] = Frame(int(stored[f"stamp_{plane}{index}"]), pixels, projection)
         pairs.append(FramePair(stamp_ns, frames.get("a"), frames.get("b")))
         lines = {plane: stored[name] for plane in PLANES if (name := f"line_{plane}{index}") in stored}
-        published = {plane: frames[plane].projection for plane in PLANES if plane in frames}
+        published = {plane: frame.projection for plane, frame in pairs[-1].frames.items()}
         truths.append(PairTruth(stamp_ns, motions[index], breaths[index], lines, published))
     truth = Truth(tuple(truths), stored["loop"], stored["targets"])
     return RenderedSequence(scenario, tuple(pairs), Seed(stored["clicks_a"], stored["clicks_b"]), truth)

@@ -105,7 +105,7 @@ def _unpredicted(self: LoopFinder, pair: FramePair, respiration: RespiratoryMoti
 
 
 def _exposed_together(self: LoopFinder, pair: FramePair) -> dict[Plane, float]:
-    return {plane: self.seconds(pair.stamp_ns) for plane in PLANES if pair.frame(plane) is not None}
+    return {plane: self.seconds(pair.stamp_ns) for plane in pair.frames}
 
 
 def _started_together(time_a_s: float, time_b_s: float, *, shape: Array, between: object) -> RespiratoryMotion:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth, Truth, score_pairs
-from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane, Seed
-from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator
+from lasso_motion_ros.geometry.frames import FramePair, Seed
+from lasso_motion_ros.phantom import Scenario, Simulator
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 
@@ -55,9 +55,9 @@ def render_sequence(scenario: Scenario) -> RenderedSequence:
     clicks = simulator.seeds()
     pairs, truths = [], []
     for pair in simulator.pairs():
-        pairs.append(FramePair(pair.stamp_ns, _frame(pair, "a"), _frame(pair, "b")))
-        published = {plane: frame.published for plane, frame in pair.frames.items()}
-        truths.append(PairTruth(pair.stamp_ns, pair.motion, pair.respiratory, pair.centrelines, published))
+        pairs.append(pair.images)
+        published = {plane: frame.projection for plane, frame in pair.images.frames.items()}
+        truths.append(PairTruth(pair.images.stamp_ns, pair.motion, pair.respiratory, pair.centrelines, published))
     truth = Truth(tuple(truths), simulator.reference_loop, simulator.targets)
     return RenderedSequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
 
@@ -80,13 +80,8 @@ def run_sequence(sequence: RenderedSequence, config: TrackerConfig, tracker: Tra
     else:
         results += [_tracked(tracker, pair, results[0]) for pair in sequence.pairs[1:]]
     scores = score_pairs(sequence.truth, [_estimate(result) for result in results])
-    halves = frozenset(number for number, pair in enumerate(sequence.pairs) if pair.a is None or pair.b is None)
+    halves = frozenset(number for number, pair in enumerate(sequence.pairs) if not pair.is_whole)
     return SequenceResult(sequence.scenario, scores, halves, tuple(result.reason for result in results), refused)
-
-
-def _frame(pair: SimulatedPair, plane: Plane) -> Frame | None:
-    frame = pair.frames.get(plane)
-    return None if frame is None else Frame(frame.stamp_ns, frame.pixels, frame.published)
 
 
 def _tracked(tracker: Tracker, pair: FramePair, first: TrackResult) -> TrackResult:

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.message_inputs import START_NS, camera_info, image, projection
 
-from lasso_motion_ros.geometry.frames import Frame, Plane
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane
 from msg_adapters.sync.frame_pairs import FramePairs
-from msg_adapters.sync.pairing import Pair
 
 PERIOD_NS = 66_666_667
 TURN = 1e-3
@@ -34,14 +33,14 @@ def picture(plane: Plane, index: int) -> Message:
     return plane, "image", image(at(index))
 
 
-def feed(pairs: FramePairs, *messages: Message) -> list[Pair[Frame]]:
+def feed(pairs: FramePairs, *messages: Message) -> list[FramePair]:
     found = []
     for plane, kind, message in messages:
         found += pairs.add_image(plane, message) if kind == "image" else pairs.add_camera_info(plane, message)
     return found
 
 
-def indices(found: list[Pair[Frame]]) -> list[tuple[int | None, int | None]]:
+def indices(found: list[FramePair]) -> list[tuple[int | None, int | None]]:
     """Which frames the pairs are of; each with its own calibration."""
     return [(_index("a", pair.a), _index("b", pair.b)) for pair in found]
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from msg_adapters.sync.pairing import Pair, PairSynchroniser
+from lasso_motion_ros.geometry.frames import Pair
+from msg_adapters.sync.pairing import PairSynchroniser
 
 MS = 1_000_000
 
