@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from lasso_motion_ros.config.parameters import parameter
+from lasso_motion_ros.config.parameters import group, parameter
 from lasso_motion_ros.config.stream import SyncConfig
 
 
 @dataclass(frozen=True)
 class OverlayStyleConfig:
-    """How the overlay looks; every entry can be changed while the node runs."""
+    """How the overlay looks; all of it can be changed while the node runs."""
 
     drawing: str = parameter(
         "both", "what is drawn of the surface", choices=("outline", "fill", "both"), read_only=False
@@ -19,13 +19,13 @@ class OverlayStyleConfig:
     outline_width_px: float = parameter(
         2.0, "width of the outline, at a 1024-pixel image", unit="px", minimum=1.0, maximum=10.0, read_only=False
     )
-    show_static: bool = parameter(True, "draw the uncompensated place faintly beside the compensated", read_only=False)
-    compensated_colour: str = parameter("#4be08a", "colour at the compensated place, #rrggbb", read_only=False)
-    static_colour: str = parameter("#8fb4d8", "colour at the static place beside it, #rrggbb", read_only=False)
-    warning_colour: str = parameter("#ffb000", "colour of all that is not compensated, #rrggbb", read_only=False)
+    show_static: bool = parameter(True, "also draw the uncompensated place, faintly", read_only=False)
+    compensated_colour: str = parameter("#4be08a", "colour of the compensated overlay, #rrggbb", read_only=False)
+    static_colour: str = parameter("#8fb4d8", "colour of the uncompensated one beside it, #rrggbb", read_only=False)
+    warning_colour: str = parameter("#ffb000", "colour where nothing is compensated, #rrggbb", read_only=False)
     projection_depth_mm: float = parameter(
         30.0,
-        "thickness that gets fill_opacity where a volume is shown as projection",
+        "thickness that is drawn with fill_opacity where a volume is shown as a projection",
         unit="mm",
         minimum=1.0,
         maximum=500.0,
@@ -38,10 +38,12 @@ class VolumeConfig:
     """What is shown of a medical volume."""
 
     display: str = parameter(
-        "surface", "its surface, or a translucent projection of all that lies inside", choices=("surface", "projection")
+        "surface",
+        "surface, or projection: a translucent projection of all that lies inside",
+        choices=("surface", "projection"),
     )
-    level: float = parameter(0.5, "the surface lies where the values cross this; the default suits masks (0 and 1)")
-    label: int = parameter(0, "the surface of the voxels with this value, instead of level; 0: none", minimum=0)
+    level: float = parameter(0.5, "value at which the surface lies; the default suits masks (0 and 1)")
+    label: int = parameter(0, "show the surface of the voxels with this value instead; 0: use level", minimum=0)
     triangles: int = parameter(
         20_000, "a surface of more triangles is simplified to this many", minimum=1_000, maximum=500_000
     )
@@ -53,38 +55,40 @@ class OverlayConfig:
 
     volume_file: str = parameter(
         "",
-        "what is drawn: a surface (STL, PLY, OBJ, VTK, VTP) or a volume (NIfTI, NRRD, MHA, a folder with a DICOM "
-        "series)",
+        "what is drawn: a surface (STL, PLY, OBJ, VTK, VTP) or a volume (NIfTI, NRRD, MHA, a folder with a DICOM"
+        " series)",
     )
     registration: str = parameter(
         "0 0 0 0 0 0 1",
-        "volume (LPS) to world at the reference pair, metres: x y z and quaternion x y z w, or the 16 numbers of a 4x4 "
-        "matrix, row by row; or a text file that holds them",
+        "transform from volume (LPS) to world at the reference pair, metres: x y z and a quaternion x y z w, or the 16"
+        " numbers of a 4x4 matrix, row by row; or a text file that holds either",
     )
     units: str = parameter(
         "",
-        "unit of the file's coordinates; must be given for a surface, mm if not given for a volume",
+        "unit of the file's coordinates; required for a surface, mm by default for a volume",
         choices=("", "mm", "m"),
     )
     axes: str = parameter(
         "",
-        "a surface file's axes: LPS (+x left, +y posterior, +z cranial) or RAS; if not given, as the file states "
-        "(SPACE=RAS), else LPS",
+        "axes of a surface file: LPS (+x left, +y posterior, +z cranial) or RAS; by default as the file states"
+        " (SPACE=RAS), else LPS",
         choices=("", "lps", "ras"),
     )
-    volume: VolumeConfig = field(default_factory=VolumeConfig)
+    volume: VolumeConfig = group(VolumeConfig)
     motion_wait_s: float = parameter(
-        0.05, "an image waits this long for its pair's motion", unit="s", minimum=0.0, maximum=5.0
+        0.05, "longest time for which an image waits for its pair's motion", unit="s", minimum=0.0, maximum=5.0
     )
     motion_timeout_s: float = parameter(
-        1.0, "a motion older than this is not applied any more", unit="s", minimum=0.0, maximum=60.0
+        1.0, "a motion older than this is no longer applied", unit="s", minimum=0.0, maximum=60.0
     )
-    world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of motion and registration")
+    world_frame: str = parameter(
+        "patient_table", "frame fixed to the table top, in which motion and registration are given"
+    )
     niceness: int = parameter(
         5,
-        "how far the thread that draws stands back for other programs, a tracker on the same machine above all",
+        "niceness of the thread that draws, so that a tracker on the same machine goes first",
         minimum=0,
         maximum=19,
     )
-    sync: SyncConfig = field(default_factory=SyncConfig)
-    style: OverlayStyleConfig = field(default_factory=OverlayStyleConfig)
+    sync: SyncConfig = group(SyncConfig)
+    style: OverlayStyleConfig = group(OverlayStyleConfig)

@@ -1,9 +1,12 @@
-"""What makes a tree of dataclasses a table of ROS parameters: declaring, listing, checking, reading from YAML."""
+"""What makes a tree of dataclasses a table of ROS parameters: declaring, listing, checking, reading from YAML.
+
+A parameter or group may belong to one tracking method only. Which method that is, the parameter `method` of the same
+table says; a configuration has its own method's parameters and those of every method.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -12,9 +15,12 @@ from typing import Any, TypeVar
 
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.core.plain_yaml import read_plain_yaml
+from lasso_motion_ros.core.suggestions import did_you_mean
 
 Value = bool | int | float | str
 Config = TypeVar("Config")
+
+METHOD = "method"  # the parameter whose value selects the rows of the table that apply
 
 
 def parameter(
@@ -26,8 +32,12 @@ def parameter(
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     read_only: bool = True,
+    method: str = "",
 ) -> Any:
-    """A dataclass field that is a ROS parameter; the metadata is what declaration and documentation show."""
+    """A dataclass field that is a ROS parameter; the metadata is what declaration and documentation show.
+
+    The arguments are the attributes of `ParameterSpec`.
+    """
     return field(
         default=default,
         metadata={
@@ -37,6 +47,7 @@ def parameter(
             "maximum": maximum,
             "choices": choices,
             "read_only": read_only,
+            "method": method,
         },
     )
 
@@ -44,6 +55,11 @@ def parameter(
 def tuning(default: Value, description: str, **limits: Any) -> Any:
     """A `parameter` that can be changed while the node runs."""
     return parameter(default, description, read_only=False, **limits)
+
+
+def group(config_type: type, *, method: str = "") -> Any:
+    """A dataclass field that is a group of parameters, of every method or of one."""
+    return field(default_factory=config_type, metadata={"method": method})
 
 
 @dataclass(frozen=True)
@@ -59,6 +75,7 @@ class ParameterSpec:
         maximum: largest value allowed, or None.
         choices: the strings allowed, or empty.
         read_only: whether it is fixed once the node is up.
+        method: the tracking method that it belongs to, or empty for every method.
     """
 
     name: str
@@ -69,6 +86,7 @@ class ParameterSpec:
     maximum: float | None
     choices: tuple[str, ...]
     read_only: bool
+    method: str
 
     def checked(self, value: Any) -> Value:
         """The value in the parameter's type.
@@ -96,30 +114,57 @@ class ParameterSpec:
         return value
 
 
-def parameter_table(config_type: type, prefix: str = "") -> Iterator[ParameterSpec]:
-    """The parameters of a configuration dataclass, nested groups joined by dots, in the order declared."""
+def parameter_table(config_type: type, prefix: str = "", method: str = "") -> Iterator[ParameterSpec]:
+    """The parameters of a configuration dataclass, of all methods, in the order declared.
+
+    Args:
+        config_type: the dataclass.
+        prefix: what stands before each name; nested groups are joined by dots.
+        method: the method that the whole dataclass belongs to, or empty.
+    """
     defaults = config_type()
     for entry in dataclasses.fields(config_type):
         value = getattr(defaults, entry.name)
+        of_method = entry.metadata["method"] or method
         if dataclasses.is_dataclass(value):
-            yield from parameter_table(type(value), f"{prefix}{entry.name}.")
+            yield from parameter_table(type(value), f"{prefix}{entry.name}.", of_method)
         else:
-            yield ParameterSpec(name=prefix + entry.name, default=value, **entry.metadata)
+            metadata = {**entry.metadata, "method": of_method}
+            yield ParameterSpec(name=prefix + entry.name, default=value, **metadata)
+
+
+def applicable_parameters(config_type: type, values: Mapping[str, Any]) -> dict[str, ParameterSpec]:
+    """The rows of the table that apply where these values are given, by name: without those of another method.
+
+    Args:
+        config_type: the configuration dataclass.
+        values: by dotted name; `method` among them selects, or else its default.
+
+    Raises:
+        ConfigurationError: no such method, an unknown name, or a parameter of another method.
+    """
+    table = {spec.name: spec for spec in parameter_table(config_type)}
+    selector = table.get(METHOD)
+    method = selector.checked(values.get(METHOD, selector.default)) if selector else ""
+    for name in values:
+        if name not in table:
+            hint = did_you_mean(name, table)
+            raise ConfigurationError(f"unknown parameter {name!r}" + (f"; {hint}" if hint else ""))
+        if table[name].method not in ("", method):
+            raise ConfigurationError(
+                f"{name} is a parameter of the method {table[name].method}, but {METHOD} is {method}"
+            )
+    return {name: spec for name, spec in table.items() if spec.method in ("", method)}
 
 
 def configuration_from_values(config_type: type[Config], values: Mapping[str, Any]) -> Config:
     """A configuration from dotted parameter names; what is not named keeps its default.
 
     Raises:
-        ConfigurationError: an unknown name, a wrong type, or a value out of range.
+        ConfigurationError: an unknown name, a parameter of another method, a wrong type, or a value out of range.
     """
-    known = {spec.name: spec for spec in parameter_table(config_type)}
-    for name in values:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            hint = f"; did you mean {near[0]}?" if near else ""
-            raise ConfigurationError(f"unknown parameter {name!r}{hint}")
-    return _build(config_type, {name: known[name].checked(value) for name, value in values.items()}, "")
+    table = applicable_parameters(config_type, values)
+    return _build(config_type, {name: table[name].checked(value) for name, value in values.items()}, "")
 
 
 def load_configuration(path: str | Path, config_type: type[Config], node_name: str = "lasso_tracker") -> Config:
@@ -145,13 +190,22 @@ def load_configuration(path: str | Path, config_type: type[Config], node_name: s
         raise ConfigurationError(f"{path}: {error}") from error
 
 
-def configuration_values(config: Any, prefix: str = "") -> dict[str, Value]:
-    """All parameters of a configuration as dotted names and values; inverse of `configuration_from_values`."""
+def configuration_values(config: Any) -> dict[str, Value]:
+    """A configuration's parameters as dotted names and values; inverse of `configuration_from_values`.
+
+    Those of another method than the configuration's have no say in it and are left out.
+    """
+    values = _values(config, "")
+    method = values.get(METHOD, "")
+    return {spec.name: values[spec.name] for spec in parameter_table(type(config)) if spec.method in ("", method)}
+
+
+def _values(config: Any, prefix: str) -> dict[str, Value]:
     values: dict[str, Value] = {}
     for entry in dataclasses.fields(config):
         value = getattr(config, entry.name)
         if dataclasses.is_dataclass(value):
-            values.update(configuration_values(value, f"{prefix}{entry.name}."))
+            values.update(_values(value, f"{prefix}{entry.name}."))
         else:
             values[prefix + entry.name] = value
     return values

@@ -2,50 +2,57 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-from lasso_motion_ros.config.parameters import parameter
+from lasso_motion_ros.config.parameters import group, parameter
 from lasso_motion_ros.config.tracker import TrackerConfig
 
 
 @dataclass(frozen=True)
 class SyncConfig:
-    """How images of the two planes are paired, by their stamps."""
+    """How the images of the two planes are paired, by their stamps."""
 
-    jitter_s: float = parameter(0.005, "a B this much earlier than its A still belongs to it", unit="s", minimum=0.0)
+    jitter_s: float = parameter(
+        0.005, "an image of B stamped up to this much before its A still belongs to it", unit="s", minimum=0.0
+    )
     plane_b_offset_s: float = parameter(
-        -1.0, "known time from A's to B's exposure; negative: unknown, pair by the half-period rule", unit="s"
+        -1.0,
+        "time from A's to B's exposure where it is known; negative: unknown, B follows its A by at most half a period",
+        unit="s",
     )
 
 
 @dataclass(frozen=True)
 class HeartbeatConfig:
-    """How the heartbeat is kept out of `motion`; `motion_raw` keeps it."""
+    """How the heartbeat is kept out of motion; motion_raw keeps it."""
 
     mode: str = parameter(
         "none",
-        "none: motion is motion_raw; gate: motion is updated in a window of the beat only, by R peaks;"
-        " filter: the heartbeat is estimated and taken away, by R peaks or, at enough pairs a second, without",
+        "none: motion is motion_raw; gate: motion is updated in one window of each beat, which needs R peaks; filter:"
+        " the heartbeat is estimated and subtracted, with R peaks or, at enough pairs a second, without",
         choices=("none", "gate", "filter"),
     )
     window_start: float = parameter(
-        0.45, "gate: the window opens at this part of the beat, counted from its R peak", minimum=0.0, maximum=1.0
+        0.45, "gate: the window opens at this fraction of the beat, counted from the R peak", minimum=0.0, maximum=1.0
     )
     window_end: float = parameter(
-        0.8, "gate: it closes; below window_start it reaches over the R peak", minimum=0.0, maximum=1.0
+        0.8,
+        "gate: the window closes at this fraction; if below window_start, it spans the R peak",
+        minimum=0.0,
+        maximum=1.0,
     )
     slowest_bpm: float = parameter(
-        45.0, "filter without R peaks: slowest heart looked for", unit="1/min", minimum=20.0, maximum=240.0
+        45.0, "filter without R peaks: slowest heart rate considered", unit="1/min", minimum=20.0, maximum=240.0
     )
     fastest_bpm: float = parameter(
         110.0,
-        "filter without R peaks: fastest heart looked for; more than twice as many pairs a minute are needed",
+        "filter without R peaks: fastest heart rate considered; needs more than twice as many pairs a minute",
         unit="1/min",
         minimum=20.0,
         maximum=240.0,
     )
     excursion_mm: float = parameter(
-        0.8, "filter: size of the heartbeat's motion, roughly", unit="mm", minimum=0.05, maximum=10.0
+        0.8, "filter: rough size of the heartbeat's motion", unit="mm", minimum=0.05, maximum=10.0
     )
 
 
@@ -57,23 +64,23 @@ class StreamConfig(TrackerConfig):
     node and the offline command, which has no use for it.
     """
 
-    world_frame: str = parameter("patient_table", "frame fixed to the table top; the frame of every pose published")
-    seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds with an older stamp", minimum=1, maximum=1000)
+    world_frame: str = parameter("patient_table", "frame fixed to the table top, in which every pose is published")
+    seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds that come late", minimum=1, maximum=1000)
     autostart: bool = parameter(True, "the node configures and activates itself")
     image_reliability: str = parameter(
         "auto",
-        "how the node subscribes to images; auto: as the publisher offers",
+        "reliability of the image subscriptions; auto: as the publisher offers",
         choices=("auto", "reliable", "best_effort"),
     )
     stamp_source: str = parameter(
         "header",
-        "what the node takes for an image's time of exposure; arrival: its receipt, for sources whose stamps are zero"
-        " or whose clocks disagree (CameraInfo then holds until the next)",
+        "what counts as an image's time of exposure; arrival: the time it arrives, for sources whose stamps are zero"
+        " or whose clocks disagree (each CameraInfo then holds until the next)",
         choices=("header", "arrival"),
     )
     seeds_file: str = parameter(
-        "", "YAML file with the clicks of both planes, for unattended runs (see lasso-motion track --help)"
+        "", "YAML file with the clicks of both planes, for unattended runs; see lasso-motion track --help"
     )
-    image_depth: int = parameter(10, "images a plane that may wait in the node's subscription", minimum=1, maximum=100)
-    sync: SyncConfig = field(default_factory=SyncConfig)
-    heartbeat: HeartbeatConfig = field(default_factory=HeartbeatConfig)
+    image_depth: int = parameter(10, "queue depth of each image subscription", minimum=1, maximum=100)
+    sync: SyncConfig = group(SyncConfig)
+    heartbeat: HeartbeatConfig = group(HeartbeatConfig)

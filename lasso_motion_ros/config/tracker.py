@@ -2,45 +2,52 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from lasso_motion_ros.config.brost2009 import FeatureConfig, ModelConfig, RegistrationConfig
-from lasso_motion_ros.config.parameters import parameter
+from lasso_motion_ros.config.parameters import group, parameter
 from lasso_motion_ros.config.ring import JudgementConfig, RingConfig, SearchConfig
 
+APPEARANCE, BROST2009 = METHODS = ("appearance", "brost2009")
 POSTURES = ("supine", "prone", "unknown")
 
 
 @dataclass(frozen=True)
 class PathConfig:
-    """Minimal path between the clicks."""
+    """The path along the loop, from click to click."""
 
     line_sigma_mm: float = parameter(
-        0.25, "scale of the line filter under the path cost, at the iso-centre", unit="mm", minimum=0.05, maximum=2.0
+        0.25, "scale of the line filter that the path follows, at the iso-centre", unit="mm", minimum=0.05, maximum=2.0
     )
     cost_floor: float = parameter(
-        0.05, "cost of a pixel on a perfect line, relative to one off any line", minimum=1e-3, maximum=1.0
+        0.05, "cost of a pixel on a perfect line, relative to a pixel on none", minimum=1e-3, maximum=1.0
     )
 
 
 @dataclass(frozen=True)
 class TrackerConfig:
-    """All that the tracker's method depends on."""
+    """The parameters of the tracker: those of both methods, and the groups of each."""
 
     method: str = parameter(
-        "appearance", "tracking method: ours, or the published one", choices=("appearance", "brost2009")
+        APPEARANCE, "tracking method: appearance is this package's own, brost2009 the published one", choices=METHODS
     )
-    polarity: str = parameter("auto", "the catheter against its background", choices=("auto", "dark", "bright"))
+    polarity: str = parameter(
+        "auto",
+        "whether the catheter is darker or brighter than its background; auto: as the clicks show",
+        choices=("auto", "dark", "bright"),
+    )
     posture: str = parameter(
         "supine",
-        "how the patient lies: the direction in which breathing is expected to move the heart until that has been seen"
-        " (head at the top of the images, detectors above the patient, plane A the more frontal); unknown: none",
+        "how the patient lies, which tells where breathing moves the heart before any motion has been seen; needs the"
+        " head at the top of the images, the detectors above the patient and plane A the more frontal; unknown: no"
+        " assumption",
         choices=POSTURES,
+        method=APPEARANCE,
     )
-    path: PathConfig = field(default_factory=PathConfig)
-    model: ModelConfig = field(default_factory=ModelConfig)
-    features: FeatureConfig = field(default_factory=FeatureConfig)
-    registration: RegistrationConfig = field(default_factory=RegistrationConfig)
-    ring: RingConfig = field(default_factory=RingConfig)
-    search: SearchConfig = field(default_factory=SearchConfig)
-    judgement: JudgementConfig = field(default_factory=JudgementConfig)
+    path: PathConfig = group(PathConfig)
+    model: ModelConfig = group(ModelConfig, method=BROST2009)
+    features: FeatureConfig = group(FeatureConfig, method=BROST2009)
+    registration: RegistrationConfig = group(RegistrationConfig, method=BROST2009)
+    ring: RingConfig = group(RingConfig, method=APPEARANCE)
+    search: SearchConfig = group(SearchConfig, method=APPEARANCE)
+    judgement: JudgementConfig = group(JudgementConfig, method=APPEARANCE)

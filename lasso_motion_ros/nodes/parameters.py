@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from lasso_motion_ros.config.parameters import (
     ParameterSpec,
+    applicable_parameters,
     configuration_from_values,
     configuration_values,
-    parameter_table,
 )
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError
 
@@ -53,42 +53,37 @@ def descriptor(spec: ParameterSpec) -> ParameterDescriptor:
 
 
 def declare_configuration(node: Node, config_type: type[Config]) -> Config:
-    """Declare every parameter of a configuration on a node and give back what the user asked for.
+    """Declare every parameter that applies on a node and give back what the user asked for.
 
-    The node must have been made with `automatically_declare_parameters_from_overrides=True`: only so are the names
-    seen that the user gave and the table does not know. Each is declared anew with its type, range and description;
-    a whole number is taken where a float is meant, as in a file read by the commands.
+    Which apply depends on the values given: `method` selects. The node must have been made with
+    `automatically_declare_parameters_from_overrides=True`, or names that the table does not know would go unseen. Each
+    parameter is declared anew with its type, range and description; a whole number is taken where a float is meant, as
+    in a file read by the commands.
 
     Args:
         node: the node.
         config_type: the configuration dataclass.
 
     Raises:
-        ConfigurationError: an unknown name, a wrong type, or a value out of range.
+        ConfigurationError: an unknown name, a parameter of another method, a wrong type, or a value out of range.
     """
     given = {
         name: parameter.value
         for name, parameter in node.get_parameters_by_prefix("").items()
         if not name.startswith(BUILT_IN)
     }
-    table = list(parameter_table(config_type))
-    known = {spec.name for spec in table}
-    for name in given:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1)
-            raise ConfigurationError(f"unknown parameter {name!r}" + (f"; did you mean {near[0]}?" if near else ""))
     values: dict[str, Any] = {}
-    for spec in table:
-        value = spec.checked(given[spec.name]) if spec.name in given else spec.default
-        if spec.name in given:
-            node.undeclare_parameter(spec.name)
-        node.declare_parameter(spec.name, value, descriptor(spec), ignore_override=True)
-        values[spec.name] = value
+    for name, spec in applicable_parameters(config_type, given).items():
+        value = spec.checked(given[name]) if name in given else spec.default
+        if name in given:
+            node.undeclare_parameter(name)
+        node.declare_parameter(name, value, descriptor(spec), ignore_override=True)
+        values[name] = value
     return configuration_from_values(config_type, values)
 
 
 class LiveParameters(Generic[Config]):
-    """Keeps a node's configuration as its tuning parameters change: all of a request or, with the reason, nothing.
+    """A node's configuration as its parameters change: all of a request is applied, or nothing and the reason is given.
 
     What is read-only is refused by rclpy before it comes here.
 
@@ -96,16 +91,30 @@ class LiveParameters(Generic[Config]):
         node: the node, its parameters declared.
         config: the configuration as it was declared.
         apply: called with each new configuration; what it raises as LassoMotionError refuses the change.
+
+    Attributes:
+        config: the configuration that holds now.
     """
 
     def __init__(self, node: Node, config: Config, apply: Callable[[Config], None]) -> None:
         self.config = config
+        self._node = node
         self._apply = apply
+        node.add_pre_set_parameters_callback(self._before_set)
         node.add_on_set_parameters_callback(self._on_set)
+
+    def _before_set(self, changes: list[Parameter]) -> list[Parameter]:
+        undeclared = {one.name: one.value for one in changes if not self._node.has_parameter(one.name)}
+        try:
+            applicable_parameters(type(self.config), configuration_values(self.config) | undeclared)
+        except ConfigurationError as error:
+            # The one exception that rclpy's service turns into an answer; by itself it would not say why.
+            raise ParameterNotDeclaredException(str(error)) from error
+        return changes
 
     def _on_set(self, changes: list[Parameter]) -> SetParametersResult:
         values = configuration_values(self.config)
-        changed = {one.name: one.value for one in changes if one.name in values}  # rclpy's own are none of ours
+        changed = {one.name: one.value for one in changes if one.name in values}  # not rclpy's own
         if not changed:
             return SetParametersResult(successful=True)
         try:

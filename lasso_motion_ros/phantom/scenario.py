@@ -6,7 +6,6 @@ A scenario is a mapping of the groups in `settings.py`; what is not named keeps 
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from pathlib import Path
 from typing import Any, TypeVar, get_type_hints
@@ -14,6 +13,7 @@ from typing import Any, TypeVar, get_type_hints
 from lasso_motion_ros.core.errors import ConfigurationError, ScenarioError
 from lasso_motion_ros.core.plain_yaml import read_plain_yaml
 from lasso_motion_ros.core.share import share_directory
+from lasso_motion_ros.core.suggestions import did_you_mean
 from lasso_motion_ros.phantom.settings import Event, Scenario
 
 Group = TypeVar("Group")
@@ -111,8 +111,7 @@ def _group(kind: type[Group], values: Any, prefix: str, base: Group | None = Non
     arguments: dict[str, Any] = {}
     for key, value in values.items():
         if key not in entries:
-            near = difflib.get_close_matches(str(key), entries, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(entries)}"
+            hint = did_you_mean(str(key), entries) or f"expected one of {', '.join(entries)}"
             raise ScenarioError(f"{prefix}{key}: unknown key; {hint}")
         default = getattr(defaults, key)
         name = f"{prefix}{key}"

@@ -8,16 +8,18 @@ from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import (
     configuration_from_values,
     configuration_values,
+    group,
     load_configuration,
     parameter,
     parameter_table,
 )
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.config.tracker import METHODS, TrackerConfig
+from lasso_motion_ros.config.web import WebConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 
 CONFIG = ROOT / "config"
-TABLES = [StreamConfig, OverlayConfig]
+TABLES = [StreamConfig, OverlayConfig, WebConfig]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,7 +36,17 @@ class Small:
 
     name: str = parameter("one", "which", choices=("one", "two"))
     flag: bool = parameter(True, "whether", read_only=False)
-    group: Group = dataclasses.field(default_factory=Group)
+    group: Group = group(Group)
+
+
+@dataclasses.dataclass(frozen=True)
+class OfMethods:
+    """Parameters of two methods, and one of both."""
+
+    method: str = parameter("here", "which method", choices=("here", "there"))
+    shared: float = parameter(1.0, "of both")
+    own: float = parameter(2.0, "of one", method="here")
+    far: Group = group(Group, method="there")
 
 
 @pytest.fixture
@@ -72,11 +84,52 @@ def test_every_parameter_says_what_it_does_and_allows_its_default(table):
                 assert row.unit == suffix, row.name
 
 
-@pytest.mark.parametrize("table", [Small, *TABLES, TrackerConfig])
+@pytest.mark.parametrize("table", [Small, OfMethods, *TABLES, TrackerConfig])
 def test_values_round_trip(table):
     values = configuration_values(table())
-    assert list(values) == [row.name for row in parameter_table(table)]
     assert configuration_from_values(table, values) == table()
+    applicable = [row.name for row in parameter_table(table) if row.method in ("", values.get("method", ""))]
+    assert list(values) == applicable
+
+
+def test_each_row_says_which_method_it_belongs_to():
+    methods = {row.name: row.method for row in parameter_table(OfMethods)}
+    assert methods == {"method": "", "shared": "", "own": "here", "far.count": "there", "far.share": "there"}
+
+
+def test_a_configuration_has_its_own_methods_parameters_only():
+    assert configuration_values(OfMethods()) == {"method": "here", "shared": 1.0, "own": 2.0}
+    there = configuration_from_values(OfMethods, {"far.count": 5, "method": "there"})
+    assert there == OfMethods(method="there", far=Group(count=5))
+    assert configuration_values(there) == {"method": "there", "shared": 1.0, "far.count": 5, "far.share": 0.5}
+
+
+@pytest.mark.parametrize(
+    ("values", "text"),
+    [
+        ({"far.count": 5}, "^far.count is a parameter of the method there, but method is here$"),
+        ({"method": "there", "own": 1.0}, "^own is a parameter of the method here, but method is there$"),
+        ({"method": "nowhere", "own": 1.0}, "^method must be one of here, there, found 'nowhere'$"),
+        ({"method": "there", "far.cuont": 1}, "^unknown parameter 'far.cuont'; did you mean far.count"),
+    ],
+)
+def test_a_parameter_of_the_other_method_is_refused_by_name(values, text):
+    with pytest.raises(ConfigurationError, match=text):
+        configuration_from_values(OfMethods, values)
+
+
+def test_methods_share_the_stream_and_differ_in_the_rest():
+    rows = {row.name: row.method for row in parameter_table(StreamConfig)}
+    assert set(rows.values()) == {"", *METHODS}
+    assert all(method in METHODS for method in rows.values() if method)
+    assert {name for name, method in rows.items() if not method} >= {
+        "method",
+        "polarity",
+        "path.cost_floor",
+        "sync.jitter_s",
+    }
+    assert rows["search.near_mm"] == rows["posture"] == "appearance"
+    assert rows["features.roi_px"] == "brost2009"
 
 
 def test_what_is_not_named_keeps_its_default():
@@ -148,6 +201,7 @@ def test_other_nodes_are_passed_over_and_later_sections_win(write):
         ("node:\n  name: two\n", "section 'node' has no ros__parameters"),
         ("node: {ros__parameters: {name: 1}}\n", "name must be a str"),
         ("node: {ros__parameters: {nmae: one}}\n", r"unknown parameter 'nmae'; did you mean name\?"),
+        ("node: {ros__parameters: {group: {name: 1}}}\n", "unknown parameter 'group.name'"),
         ("node: [unclosed\n", "cannot be read as YAML"),
         ("node: !!python/object/apply:os.getcwd []\n", "cannot be read as YAML"),  # safe loading only
     ],
@@ -170,19 +224,31 @@ def test_a_file_that_is_not_there_or_not_text(tmp_path):
 
 @pytest.mark.parametrize("path", sorted(CONFIG.glob("*.yaml")), ids=lambda path: path.name)
 def test_every_file_of_the_product_loads(path):
-    overlay = path.name.startswith("overlay")
-    table, node = (OverlayConfig, "lasso_overlay") if overlay else (StreamConfig, "lasso_tracker")
+    table, node = {
+        "overlay": (OverlayConfig, "lasso_overlay"),
+        "web": (WebConfig, "lasso_web"),
+    }.get(path.stem, (StreamConfig, "lasso_tracker"))
     assert isinstance(load_configuration(path, table, node), table)
 
 
-def test_the_published_methods_file_names_every_parameter_that_it_uses():
+def test_the_published_methods_file_names_the_parameters_of_its_method_only():
     (section,) = yaml.safe_load((CONFIG / "brost2009.yaml").read_text(encoding="utf-8")).values()
     named = section["ros__parameters"]
     assert named["method"] == "brost2009"
-    assert "polarity" in named
-    defaults = configuration_values(TrackerConfig())
-    for group in ("path", "model", "features", "registration"):
-        assert {f"{group}.{name}" for name in named[group]} == {n for n in defaults if n.startswith(f"{group}.")}
+    assert set(named) == {"method", "polarity", "path", "model", "features", "registration"}
+    defaults = configuration_values(TrackerConfig(method="brost2009"))
+    for name in ("path", "model", "features", "registration"):
+        assert {f"{name}.{key}" for key in named[name]} == {n for n in defaults if n.startswith(f"{name}.")}
     # As published: 400 × 400 of 1024 × 1024, ± 5 px.
     assert named["features"]["roi_px"] == 400
     assert named["registration"]["normal_search_px"] == 5
+
+
+def test_a_file_of_the_published_method_may_set_the_stream_but_not_the_other_method(write):
+    text = "lasso_tracker:\n  ros__parameters: {method: brost2009, sync.jitter_s: 0.01}\n"
+    assert load_configuration(write(text), StreamConfig).sync.jitter_s == 0.01
+    path = write(text.replace("sync.jitter_s: 0.01", "search: {near_mm: 5.0}"))
+    with pytest.raises(ConfigurationError) as caught:
+        load_configuration(path, StreamConfig)
+    expected = "search.near_mm is a parameter of the method appearance, but method is brost2009"
+    assert str(caught.value) == f"{path}: {expected}"

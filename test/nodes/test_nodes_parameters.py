@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
@@ -11,10 +12,11 @@ import pytest
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
 from rclpy.context import Context
+from rclpy.exceptions import ParameterNotDeclaredException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from lasso_motion_ros.config.parameters import parameter, parameter_table
+from lasso_motion_ros.config.parameters import applicable_parameters, group, parameter
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
@@ -32,7 +34,7 @@ class InnerConfig:
 class OuterConfig:
     count: int = parameter(3, "how many", unit="px", minimum=1)
     word: str = parameter("one", "which", choices=("one", "two"))
-    inner: InnerConfig = field(default_factory=InnerConfig)
+    inner: InnerConfig = group(InnerConfig)
 
 
 @pytest.fixture
@@ -70,8 +72,38 @@ def test_defaults_and_descriptions(make_node: Callable[..., Node]) -> None:
 def test_every_parameter_of_the_tracker_is_declared(make_node: Callable[..., Node]) -> None:
     node = make_node()
     assert declare_configuration(node, StreamConfig) == StreamConfig()
-    for spec in parameter_table(StreamConfig):
-        assert node.get_parameter(spec.name).value == spec.default
+    for name, spec in applicable_parameters(StreamConfig, {}).items():
+        assert node.get_parameter(name).value == spec.default
+    assert not node.has_parameter("features.roi_px")
+
+
+def test_the_method_decides_which_parameters_are_declared(make_node: Callable[..., Node]) -> None:
+    node = make_node("{method: brost2009, features: {roi_px: 300}}")
+    config = declare_configuration(node, StreamConfig)
+    assert (config.method, config.features.roi_px) == ("brost2009", 300)
+    assert node.get_parameter("features.roi_px").value == 300
+    assert node.has_parameter("sync.jitter_s")
+    assert not node.has_parameter("search.near_mm")
+
+
+def test_a_parameter_of_the_other_method_is_refused_by_name(make_node: Callable[..., Node]) -> None:
+    with pytest.raises(ConfigurationError) as refused:
+        declare_configuration(make_node("{method: brost2009, search: {near_mm: 5.0}}"), StreamConfig)
+    assert str(refused.value) == "search.near_mm is a parameter of the method appearance, but method is brost2009"
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("search.near_mm", "search.near_mm is a parameter of the method appearance, but method is brost2009"),
+        ("features.scalse", "unknown parameter 'features.scalse'; did you mean features.scales?"),
+    ],
+)
+def test_while_it_runs_too(make_node: Callable[..., Node], name: str, said: str) -> None:
+    node = make_node("{method: brost2009}")
+    LiveParameters(node, declare_configuration(node, StreamConfig), lambda config: None)
+    with pytest.raises(ParameterNotDeclaredException, match=re.escape(said)):  # what rclpy's service answers with
+        node.set_parameters([Parameter(name, value=5.0)])
 
 
 def test_values_are_taken_and_a_whole_number_serves_as_a_float(make_node: Callable[..., Node]) -> None:

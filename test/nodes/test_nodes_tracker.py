@@ -218,6 +218,7 @@ def test_managed_life(tmp_path: Path, recording: Path) -> None:
     [
         ("metod:=brost2009", "unknown parameter 'metod'; did you mean method?"),
         ("method:=magic", "method must be one of "),
+        ("features.roi_px:=300", "features.roi_px is a parameter of the method brost2009, but method is appearance"),
         ("seed_buffer_pairs:=0", "seed_buffer_pairs must be at least 1, found 0"),
     ],
 )
