@@ -1,7 +1,8 @@
-"""YAML written by hand is read; what takes memory or time without end, or is no YAML, is refused in words."""
+"""YAML written by hand is read; aliases, too much of it, and what is not YAML are refused in words."""
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -9,22 +10,18 @@ import pytest
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.core.plain_yaml import MAX_CHARACTERS, parse_plain_yaml, read_plain_yaml
 
-LAUGHS = "a: &a [1,1,1,1,1,1,1,1,1,1]\n" + "".join(
-    f"{after}: &{after} [{', '.join([f'*{before}'] * 10)}]\n"
-    for before, after in zip("abcdefgh", "bcdefghi", strict=True)
-)
 
-
-def test_values_and_aliases_are_read() -> None:
-    assert parse_plain_yaml("a: &p [1.5, 2]\nb: *p\nc: {d: x}\n") == {"a": [1.5, 2], "b": [1.5, 2], "c": {"d": "x"}}
+def test_values_are_read() -> None:
+    assert parse_plain_yaml("a: [1.5, 2]\nb: &p x\nc: {d: x}\n") == {"a": [1.5, 2], "b": "x", "c": {"d": "x"}}
     assert parse_plain_yaml("") is None
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (LAUGHS, "more than 262144 values"),
-        ("&a [*a]", "a value that holds itself"),
+        ("a: &p [1]\nb: *p\n", "line 2: the alias *p is not supported; write the value itself"),
+        ("&a [*a]", "line 1: the alias *a"),  # it would hold itself
+        ("a: &p {b: 1}\nc:\n  <<: *p\n", "line 3: the alias *p"),
         ("[" * 5000, "nested too deeply"),
         ("a: 2001-99-99", "month must be in 1..12"),
         ("a: " + "1" * 5000, "integer string conversion"),
@@ -40,7 +37,7 @@ def test_values_and_aliases_are_read() -> None:
     ],
 )
 def test_what_is_not_is_refused(text: str, said: str) -> None:
-    with pytest.raises(ConfigurationError, match=said.replace("[", r"\[").replace("]", r"\]")):
+    with pytest.raises(ConfigurationError, match=re.escape(said)):
         parse_plain_yaml(text)
 
 
