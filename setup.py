@@ -22,7 +22,10 @@ setup(
     maintainer_email="maintainers@users.noreply.github.com",
     python_requires=">=3.11",
     packages=find_packages(include=[NAME, f"{NAME}.*", "msg_adapters", "msg_adapters.*"]),
-    package_data={NAME: ["py.typed", "web/static/*.*", "web/static/vendor/*"], "msg_adapters": ["py.typed"]},
+    package_data={
+        NAME: ["py.typed", "reports/templates/*", "web/static/*.*", "web/static/vendor/*"],
+        "msg_adapters": ["py.typed"],
+    },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml", "LICENSE"]),
@@ -40,6 +43,7 @@ setup(
         "lz4>=4",
         "mcap>=1.6",
         "rosbags>=0.10",
+        "Jinja2>=3.1",
         "matplotlib>=3.6",
         "threadpoolctl>=3",
         "tqdm>=4.60",

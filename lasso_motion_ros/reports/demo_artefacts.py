@@ -23,7 +23,8 @@ from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.surface import TriangleMesh
 from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.overlay.windowing import RgbImage, grey_to_rgb, window_image
-from lasso_motion_ros.reports.plots import error_figure, motion_figure, save_figure
+from lasso_motion_ros.reports.figure_panels import save_figure
+from lasso_motion_ros.reports.sequence_figures import error_figure, motion_figure
 from lasso_motion_ros.reports.video import VideoWriter
 from lasso_motion_ros.tracking.tracker import TrackerState
 

@@ -1,16 +1,18 @@
-"""The evaluation's report: one HTML page that holds its own pictures, and the same pictures as PNG files."""
+"""The evaluation's report: one HTML page that holds its own pictures, and the same pictures as PNG files.
+
+What is said where stands in `templates/evaluation_report.html.j2`; here are the figures and numbers that go into it.
+"""
 
 from __future__ import annotations
 
-import base64
-import html
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import jinja2
 import numpy as np
 import numpy.typing as npt
 
@@ -19,11 +21,12 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
 from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
-from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Values, mean_row, summarise
+from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Summary, Values, mean_row, summarise
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.reports.picture_files import jpeg_bytes, write_png
-from lasso_motion_ros.reports.plots import error_figure, motion_figure, save_figure, share_scale
-from lasso_motion_ros.reports.report_figures import axis_figure, comparison_figure, compensation_figure, timing_figure
+from lasso_motion_ros.reports.comparison_figures import comparison_figure, timing_figure
+from lasso_motion_ros.reports.figure_panels import save_figure, share_scale
+from lasso_motion_ros.reports.picture_files import EmbeddedPicture, embedded_jpeg, embedded_png, write_png
+from lasso_motion_ros.reports.sequence_figures import axis_figure, compensation_figure, error_figure, motion_figure
 from lasso_motion_ros.reports.worst_frames import WorstFrame, error_mm
 
 Array = npt.NDArray[np.float64]
@@ -31,46 +34,44 @@ Figures = dict[str, tuple[Any, str]]
 """Plots (matplotlib Figures) and captions, by name."""
 
 PAGE = "report.html"
-PAPER = "Brost et al. 2009"
-PAPER_VALUES = ("231 frames", "1.0 ± 0.5", "1.0 ± 0.5", "0.6", "0.6")
+TEMPLATE = "evaluation_report.html.j2"
+MOST_KEY_FIGURES = 3
+"""With more results than these, the key figures of each would push the tables off the screen."""
+_PAPER_COLUMNS = {"pairs", "2-D A", "2-D B", "model A", "model B"}
+_BAD_UNLESS_ZERO = {"missing", "silent", "false"}
 
-STYLE = """
-:root { color-scheme: light; }
-body { font: 15px/1.5 system-ui, "Segoe UI", sans-serif; color: #1f2733; background: #f4f6f8; margin: 0; }
-main { max-width: 1240px; margin: 0 auto; padding: 24px 28px 60px; }
-h1 { font-size: 27px; margin: 0 0 4px; }
-h2 { font-size: 20px; margin: 38px 0 10px; border-bottom: 2px solid #d5dce4; padding-bottom: 4px; }
-h3 { font-size: 16px; margin: 20px 0 6px; }
-p.note, figcaption { color: #566273; font-size: 13.5px; }
-p.warning { background: #fff4dd; border-left: 5px solid #ffb000; padding: 8px 14px; }
-.facts { display: flex; flex-wrap: wrap; gap: 12px; margin: 18px 0; }
-.fact { background: #fff; border: 1px solid #dfe5ec; border-radius: 8px; padding: 10px 16px; min-width: 150px; }
-.fact b { display: block; font-size: 23px; font-weight: 600; }
-.fact.bad b { color: #b3261e; }
-.fact span { color: #566273; font-size: 13px; }
-table { border-collapse: collapse; background: #fff; margin: 8px 0; font-variant-numeric: tabular-nums; }
-th, td { padding: 5px 12px; border: 1px solid #dfe5ec; text-align: right; white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; }
-thead th { background: #e9eef3; }
-tr.mean td { font-weight: 600; border-top: 2px solid #93a1b1; }
-tr.paper td { color: #566273; font-style: italic; }
-td.bad { color: #b3261e; font-weight: 600; }
-.wide { overflow-x: auto; }
-.beside { display: grid; grid-template-columns: repeat(auto-fit, minmax(520px, 1fr)); gap: 18px; }
-section.result { background: #fff; border: 1px solid #dfe5ec; border-radius: 8px; padding: 10px 18px 18px; }
-figure { margin: 12px 0; }
-figure img { max-width: 100%; height: auto; display: block; }
-details { margin: 10px 0; }
-summary { cursor: pointer; color: #1f6fb4; }
-"""
 
-GLOSSARY = """2-D A, B: mean ± standard deviation of the symmetric mean distance between the projected curve and the
-true centreline, in millimetres at the loop's depth; model: the same in the reference pair, where nothing was tracked.
-The reference pair is left out of every mean. Silent: poses more than 2 mm off, or (false) published without a lasso in
-its place; missing: pairs that show the lasso in its place and got no pose; degraded: share of the poses so marked.
-Centre: distance of the loop's centre from the truth, its constant part and its jitter apart; TRE: target registration
-error, mean over points on the atrium; static: the same without compensation; in 68/95 %: centre errors inside that
-ellipsoid of the published covariance; sigma: the covariance's size."""
+@dataclass(frozen=True)
+class Fact:
+    """A number that one wants to know first."""
+
+    name: str
+    value: str
+    is_bad: bool = False
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of a table of measures."""
+
+    text: str
+    is_bad: bool = False
+
+
+@dataclass(frozen=True)
+class Row:
+    """A row of a table of measures; `kind` is its style: empty, `mean` or `paper`."""
+
+    name: str
+    cells: Sequence[Cell]
+    kind: str = ""
+
+
+PAPER_ROW = Row(
+    "Brost et al. 2009, clinical",
+    [Cell(text) for text in ("231 frames", "1.0 ± 0.5", "1.0 ± 0.5", "0.6", "0.6")],
+    "paper",
+)
 
 
 def write_report(
@@ -95,61 +96,47 @@ def write_report(
     Raises:
         RecordingError: something cannot be written.
     """
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("lasso_motion_ros.reports"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    page = directory / PAGE
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        page = _Page(directory, results, worst, show)
-        (directory / PAGE).write_text(page.text(versions), encoding="utf-8")
+        contents = _Contents(directory, results, worst).all(versions, show)
+        page.write_text(templates.get_template(TEMPLATE).render(contents), encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"{error.filename or directory}: cannot be written: {error.strerror}") from error
-    return directory / PAGE
+    return page
 
 
-class _Page:
-    """Builds the page part by part; pictures are written as they are placed."""
+class _Contents:
+    """What the template shows; pictures are written as they are drawn."""
 
-    def __init__(
-        self,
-        directory: Path,
-        results: Sequence[Evaluated],
-        worst: Sequence[Sequence[WorstFrame]],
-        show: Callable[[Sequence[int]], Iterable[int]],
-    ) -> None:
-        self._show = show
+    def __init__(self, directory: Path, results: Sequence[Evaluated], worst: Sequence[Sequence[WorstFrame]]) -> None:
         self._directory = directory
         self._results = results
         self._worst = worst
         self._names = row_names(results)
         self._summaries = [summarise(one.scores) for one in results]
 
-    def text(self, versions: Mapping[str, str]) -> str:
-        parts = [
-            "<!doctype html>",
-            '<html lang="en"><head><meta charset="utf-8"><title>Lasso tracking: evaluation</title>',
-            '<meta name="viewport" content="width=device-width, initial-scale=1">',
-            f"<style>{STYLE}</style></head><body><main>",
-            "<h1>Lasso tracking: evaluation</h1>",
-            f'<p class="note">{html.escape(self._subtitle())}</p>',
-            self._contents(),
-            '<p class="warning">Research use only. This is not a medical device.</p>',
-            self._facts(),
-            "<h2>Table 1, as in the paper</h2>",
-            self._paper_table(),
-            *self._tables(),
-            f'<p class="note">{html.escape(GLOSSARY)}</p>',
-        ]
-        if len(self._results) > 1:
-            keyed = {(one.recording, one.result): s for one, s in zip(self._results, self._summaries, strict=True)}
-            parts += ["<h2>Comparison</h2>", self._figure("comparison", comparison_figure(keyed), "Shorter is better.")]
-        drawn = [self._figures(number) for number in self._show(range(len(self._results)))]
-        for recording in dict.fromkeys(one.recording for one in self._results):
-            numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
-            # What stands side by side is compared by eye.
-            for name in {name for number in numbers for name in drawn[number]}:
-                share_scale([drawn[number][name][0] for number in numbers if name in drawn[number]])
-            parts.append(f'<h2 id="{_slug(recording)}">{html.escape(recording)}</h2>')
-            parts += ['<div class="beside">', *(self._result(number, drawn[number]) for number in numbers), "</div>"]
-        parts += [self._timing(), self._configurations(), _versions(versions), "</main></body></html>\n"]
-        return "\n".join(part for part in parts if part)
+    def all(self, versions: Mapping[str, str], show: Callable[[Sequence[int]], Iterable[int]]) -> dict[str, Any]:
+        in_space = any(summary.centre_error_mm is not None for summary in self._summaries)
+        return {
+            "subtitle": self._subtitle(),
+            "key_figures": self._key_figures(),
+            "paper_table": self._paper_table(),
+            "tables": list(self._tables(in_space=in_space)),
+            "has_truth_in_space": in_space,
+            "comparison": self._comparison(),
+            "recordings": self._recordings([_figures(self._results[n]) for n in show(range(len(self._results)))]),
+            "timing": self._timing(),
+            "configurations": self._configurations(),
+            "versions": list(versions.items()),
+        }
 
     def _subtitle(self) -> str:
         recordings = len({one.recording for one in self._results})
@@ -159,175 +146,158 @@ class _Page:
             f"{'s' * (recordings > 1)}, {pairs} pairs with truth. Millimetres; axes are those of the world frame."
         )
 
-    def _contents(self) -> str:
-        recordings = dict.fromkeys(one.recording for one in self._results)
-        if len(recordings) == 1:
-            return ""
-        links = " · ".join(f'<a href="#{_slug(name)}">{html.escape(name)}</a>' for name in recordings)
-        return f'<p class="note">{links}</p>'
+    def _key_figures(self) -> list[dict[str, Any]]:
+        if len(self._results) > MOST_KEY_FIGURES:
+            return []
+        return [
+            {"name": name, "facts": _facts(summary)} for name, summary in zip(self._names, self._summaries, strict=True)
+        ]
 
-    def _facts(self) -> str:
-        """What one wants to know first, of the only result or of each."""
-        blocks = []
-        for name, summary in zip(self._names, self._summaries, strict=True):
-            facts = [
-                _fact("2-D error A, B (mm)", _joined(summary.error_2d_a_mm, summary.error_2d_b_mm)),
-                _fact("target error (mm)", _plain(summary.target_error_mm)),
-                _fact("static overlay (mm)", _plain(summary.static_error_mm)),
-                _fact("removed", "–" if summary.removed_share is None else f"{100 * summary.removed_share:.0f} %"),
-                _fact("lost in silence", _count(summary.lost_in_silence), bool(summary.lost_in_silence)),
-                _fact("missing", _count(summary.missing), bool(summary.missing)),
-            ]
-            heading = f"<h3>{html.escape(name)}</h3>" if len(self._results) > 1 else ""
-            blocks.append(f'{heading}<div class="facts">{"".join(facts)}</div>')
-            if len(self._results) > 3:
-                return ""
-        return "".join(blocks)
+    def _paper_table(self) -> dict[str, Any]:
+        columns = tuple(column for column in BLOCKS[0][1] if column[0] in _PAPER_COLUMNS)
+        return self._table("", columns, PAPER_ROW)
 
-    def _paper_table(self) -> str:
-        columns: Columns = tuple(
-            column for column in BLOCKS[0][1] if column[0] in {"pairs", "2-D A", "2-D B", "model A", "model B"}
-        )
-        paper = f'<tr class="paper"><td>{PAPER}, clinical</td>' + "".join(f"<td>{v}</td>" for v in PAPER_VALUES)
-        return self._table("sequence", columns, paper + "</tr>")
-
-    def _tables(self) -> Iterable[str]:
+    def _tables(self, *, in_space: bool) -> Iterable[dict[str, Any]]:
         for title, columns in BLOCKS:
-            in_space = title.startswith("in space")
-            if in_space and all(summary.centre_error_mm is None for summary in self._summaries):
-                yield '<p class="note">No truth in space in these recordings: errors in the images only.</p>'
-                continue
-            shown = columns if in_space else tuple(c for c in columns if not c[0].startswith(("2-D", "model")))
-            yield f"<h2>{'Errors in space, mm' if in_space else 'Poses: missing, false, marked'}</h2>"
-            yield self._table("sequence", shown)
+            if not title.startswith("in space"):
+                shown = tuple(column for column in columns if not column[0].startswith(("2-D", "model")))
+                yield self._table("Poses: missing, false, marked", shown)
+            elif in_space:
+                yield self._table("Errors in space, mm", columns)
 
-    def _table(self, corner: str, columns: Columns, last_row: str = "") -> str:
-        head = "".join(f"<th>{html.escape(name)}</th>" for name in (corner, *(name for name, _ in columns)))
-        rows = [_row(name, asdict(s), columns) for name, s in zip(self._names, self._summaries, strict=True)]
+    def _table(self, heading: str, columns: Columns, *last: Row) -> dict[str, Any]:
         by_name = dict(zip(self._names, self._summaries, strict=True))
+        rows = [_row(name, asdict(summary), columns) for name, summary in by_name.items()]
         for name, members in mean_groups(self._results).items():
             rows.append(_row(name, mean_row([by_name[member] for member in members]), columns, "mean"))
-        body = "\n".join([*rows, last_row])
-        return f'<div class="wide"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+        titles = ["sequence", *(title for title, _ in columns)]
+        return {"heading": heading, "titles": titles, "rows": [*rows, *last]}
 
-    def _figures(self, number: int) -> Figures:
-        """A result's plots with their captions, by name."""
-        one = self._results[number]
-        scores = one.scores
-        has_pose = np.array([score.has_pose for score in scores])
-        in_place = np.array([not (score.hidden or score.displaced) for score in scores])
-        reference = np.array([score.is_reference for score in scores])
-        figures: Figures = {}
-        static = _missing_as_nan([score.static_error_mm for score in scores])
-        if np.isfinite(static).any():
-            compensated = _missing_as_nan([score.target_error_mm for score in scores])
-            figure = compensation_figure(
-                static, compensated, reference, has_pose, in_place, title="Target error, static and compensated"
-            )
-            figures["target_error"] = figure, "Mean over the points on the atrium."
-        errors = {plane: _missing_as_nan([score.error_2d_mm.get(plane) for score in scores]) for plane in PLANES}
-        if any(np.isfinite(values).any() for values in errors.values()):
-            figure = error_figure(errors, reference, has_pose, in_place, title="2-D error of every frame")
-            figures["error_2d"] = figure, "As the paper's Fig. 3."
-        true, found = displacements_mm(scores)
-        if np.isfinite(true).any():
-            figure = motion_figure(one.times_s, found, true, in_place, title="Motion at the lasso since the reference")
-            figures["motion"] = figure, "Displacement of the loop's centre, world axes."
-            figure = axis_figure(true, residuals_mm(scores), title="Residual against static error")
-            figures["axes"] = figure, "Error of the loop's centre, axis by axis."
-        return figures
+    def _comparison(self) -> EmbeddedPicture | None:
+        if len(self._results) < 2:
+            return None
+        keyed = {(one.recording, one.result): s for one, s in zip(self._results, self._summaries, strict=True)}
+        return self._picture("comparison", comparison_figure(keyed), "Shorter is better.")
 
-    def _result(self, number: int, figures: Figures) -> str:
+    def _recordings(self, drawn: Sequence[Figures]) -> list[dict[str, Any]]:
+        recordings = []
+        for recording in dict.fromkeys(one.recording for one in self._results):
+            numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
+            # What stands side by side is compared by eye.
+            for name in {name for number in numbers for name in drawn[number]}:
+                share_scale([drawn[number][name][0] for number in numbers if name in drawn[number]])
+            results = [self._result(number, drawn[number]) for number in numbers]
+            recordings.append({"name": recording, "anchor": _slug(recording), "results": results})
+        return recordings
+
+    def _result(self, number: int, figures: Figures) -> dict[str, Any]:
         one = self._results[number]
         slug = _slug(self._names[number])
         began = datetime.fromtimestamp(one.scores[0].stamp_ns / 1e9, UTC)
-        span = f"{len(one.scores)} pairs in {one.times_s[-1]:.1f} s, from {began:%Y-%m-%d %H:%M:%S} UTC."
-        parts = [f'<section class="result"><h3>{html.escape(one.result)}</h3>', f'<p class="note">{span}</p>']
-        parts += [self._figure(f"{slug}_{name}", figure, caption) for name, (figure, caption) in figures.items()]
-        if "axes" in figures:
-            parts.append(_axis_table(one.scores))
-        parts.append(self._worst_frames(number, slug))
-        return "\n".join([*parts, "</section>"])
+        return {
+            "name": one.result,
+            "span": f"{len(one.scores)} pairs in {one.times_s[-1]:.1f} s, from {began:%Y-%m-%d %H:%M:%S} UTC.",
+            "figures": [self._picture(f"{slug}_{name}", *drawn) for name, drawn in figures.items()],
+            "axes": _axis_rows(one.scores) if "axes" in figures else [],
+            "worst": list(self._worst_frames(number, slug)),
+        }
 
-    def _worst_frames(self, number: int, slug: str) -> str:
-        if not self._worst[number]:
-            return ""
-        parts = ["<h3>Worst frames</h3>"]
+    def _worst_frames(self, number: int, slug: str) -> Iterable[EmbeddedPicture]:
         for place, frame in enumerate(self._worst[number], start=1):
-            path = self._directory / f"{slug}_worst_{place}.png"
-            write_png(path, frame.picture)
-            parts.append(_image("jpeg", jpeg_bytes(frame.picture), _worst_caption(frame.score)))
-        return "\n".join(parts)
+            write_png(self._directory / f"{slug}_worst_{place}.png", frame.picture)
+            # Films are photographs: as PNG they would make the page ten times as large.
+            yield embedded_jpeg(frame.picture, _worst_caption(frame.score))
 
-    def _timing(self) -> str:
+    def _timing(self) -> EmbeddedPicture | None:
         timed = {n: one.timing for n, one in zip(self._names, self._results, strict=True) if one.timing is not None}
         if not timed:
-            return "<h2>Timing</h2><p class='note'>The results do not tell how long the answers took.</p>"
+            return None
         figure = timing_figure({name: timing.milliseconds for name, timing in timed.items()}, title="Time per pair")
-        what = "; ".join(dict.fromkeys(timing.what for timing in timed.values()))
-        return f"<h2>Timing</h2>{self._figure('timing', figure, what)}"
+        return self._picture("timing", figure, "; ".join(dict.fromkeys(timing.what for timing in timed.values())))
 
-    def _configurations(self) -> str:
+    def _configurations(self) -> list[dict[str, Any]]:
         known: dict[str, Mapping[str, Value]] = {}
         for one in self._results:
             if one.configuration is not None:
                 known.setdefault(one.result, one.configuration)
-        parts = ["<h2>Configuration</h2>"]
-        if not known:
-            parts.append('<p class="note">The result does not tell by which parameters it was made.</p>')
-        for name, configuration in known.items():
-            parts.append(f"<h3>{html.escape(name)}</h3>")
-            changed = changed_parameters(configuration)
-            if changed:
-                rows = "".join(
-                    f"<tr><td>{html.escape(key)}</td><td>{_value(value)}</td><td>{_value(default)}</td></tr>"
-                    for key, (value, default) in changed.items()
-                )
-                parts.append(
-                    f"<table><thead><tr><th>parameter</th><th>value</th><th>default</th></tr></thead>{rows}</table>"
-                )
-            else:
-                parts.append('<p class="note">All parameters have their default values.</p>')
-            rows = "".join(
-                f"<tr><td>{html.escape(key)}</td><td>{_value(value)}</td></tr>" for key, value in configuration.items()
-            )
-            parts.append(
-                f"<details><summary>all {len(configuration)} parameters</summary><table>{rows}</table></details>"
-            )
-        return "\n".join(parts)
+        return [
+            {
+                "name": name,
+                "changed": [
+                    (key, _value(value), _value(default))
+                    for key, (value, default) in changed_parameters(configuration).items()
+                ],
+                "parameters": [(key, _value(value)) for key, value in configuration.items()],
+            }
+            for name, configuration in known.items()
+        ]
 
-    def _figure(self, name: str, figure: object, caption: str) -> str:
+    def _picture(self, name: str, figure: Any, caption: str) -> EmbeddedPicture:
         path = self._directory / f"{name}.png"
         save_figure(figure, path)
-        return _image("png", path.read_bytes(), caption)
+        return embedded_png(path, caption)
 
 
-def _image(kind: str, file: bytes, caption: str) -> str:
-    data = base64.b64encode(file).decode("ascii")
-    words = html.escape(caption)
-    return f'<figure><img alt="{words}" src="data:image/{kind};base64,{data}"><figcaption>{words}</figcaption></figure>'
+def _figures(one: Evaluated) -> Figures:
+    """A result's plots with their captions, by name."""
+    scores = one.scores
+    has_pose = np.array([score.has_pose for score in scores])
+    in_place = np.array([not (score.hidden or score.displaced) for score in scores])
+    reference = np.array([score.is_reference for score in scores])
+    figures: Figures = {}
+    static = _missing_as_nan([score.static_error_mm for score in scores])
+    if np.isfinite(static).any():
+        compensated = _missing_as_nan([score.target_error_mm for score in scores])
+        figure = compensation_figure(
+            static, compensated, reference, has_pose, in_place, title="Target error, static and compensated"
+        )
+        figures["target_error"] = figure, "Mean over the points on the atrium."
+    errors = {plane: _missing_as_nan([score.error_2d_mm.get(plane) for score in scores]) for plane in PLANES}
+    if any(np.isfinite(values).any() for values in errors.values()):
+        figure = error_figure(errors, reference, has_pose, in_place, title="2-D error of every frame")
+        figures["error_2d"] = figure, "As the paper's Fig. 3."
+    true, found = displacements_mm(scores)
+    if np.isfinite(true).any():
+        figure = motion_figure(one.times_s, found, true, in_place, title="Motion at the lasso since the reference")
+        figures["motion"] = figure, "Displacement of the loop's centre, world axes."
+        figure = axis_figure(true, residuals_mm(scores), title="Residual against static error")
+        figures["axes"] = figure, "Error of the loop's centre, axis by axis."
+    return figures
 
 
-def _row(name: str, values: Values, columns: Columns, css: str = "") -> str:
-    cells = [f"<td>{html.escape(name)}</td>"]
-    for title, cell in columns:
-        text = cell(values)
-        bad = title in {"missing", "silent", "false"} and text not in {"0", "–"}
-        cells.append(f"<td{' class=bad' if bad else ''}>{html.escape(text)}</td>")
-    return f"<tr{f' class={css}' if css else ''}>{''.join(cells)}</tr>"
+def _facts(summary: Summary) -> list[Fact]:
+    removed = "–" if summary.removed_share is None else f"{100 * summary.removed_share:.0f} %"
+    errors_2d = f"{_millimetres(summary.error_2d_a_mm)}, {_millimetres(summary.error_2d_b_mm)}"
+    return [
+        Fact("2-D error A, B (mm)", errors_2d),
+        Fact("target error (mm)", _millimetres(summary.target_error_mm)),
+        Fact("static overlay (mm)", _millimetres(summary.static_error_mm)),
+        Fact("removed", removed),
+        Fact("lost in silence", _count(summary.lost_in_silence), bool(summary.lost_in_silence)),
+        Fact("missing", _count(summary.missing), bool(summary.missing)),
+    ]
 
 
-def _axis_table(scores: Sequence[PairScore]) -> str:
+def _row(name: str, values: Values, columns: Columns, kind: str = "") -> Row:
+    texts = [(title, cell(values)) for title, cell in columns]
+    cells = [Cell(text, title in _BAD_UNLESS_ZERO and text not in {"0", "–"}) for title, text in texts]
+    return Row(name, cells, kind)
+
+
+def _axis_rows(scores: Sequence[PairScore]) -> list[tuple[str, ...]]:
     axes = axis_errors(scores)
     if axes is None:
-        return ""
-    rows = "".join(
-        f"<tr><td>{name}</td><td>{axes.static_mm[i]:.2f}</td><td>{axes.residual_mm[i]:.2f}</td>"
-        f"<td>{axes.constant_mm[i]:+.2f}</td><td>{axes.jitter_mm[i]:.2f}</td></tr>"
+        return []
+    return [
+        (
+            name,
+            f"{axes.static_mm[i]:.2f}",
+            f"{axes.residual_mm[i]:.2f}",
+            f"{axes.constant_mm[i]:+.2f}",
+            f"{axes.jitter_mm[i]:.2f}",
+        )
         for i, name in enumerate("xyz")
-    )
-    head = "<th>axis</th><th>static, rms</th><th>residual, rms</th><th>constant offset</th><th>jitter, sd</th>"
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    ]
 
 
 def _worst_caption(score: PairScore) -> str:
@@ -341,25 +311,12 @@ def _worst_caption(score: PairScore) -> str:
     return ", ".join(words) + "."
 
 
-def _versions(versions: Mapping[str, str]) -> str:
-    rows = "".join(f"<tr><td>{html.escape(k)}</td><td>{html.escape(v)}</td></tr>" for k, v in versions.items())
-    return f"<h2>Versions</h2><table>{rows}</table>"
-
-
 def _missing_as_nan(values: Sequence[float | None]) -> Array:
     return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
 
-def _fact(name: str, value: str, bad: bool = False) -> str:
-    return f'<div class="fact{" bad" * bad}"><b>{value}</b><span>{name}</span></div>'
-
-
-def _plain(value: float | None) -> str:
+def _millimetres(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
-
-
-def _joined(*values: float | None) -> str:
-    return ", ".join(_plain(value) for value in values)
 
 
 def _count(value: int | None) -> str:
@@ -367,7 +324,7 @@ def _count(value: int | None) -> str:
 
 
 def _value(value: Value) -> str:
-    return html.escape(f"{value:g}" if isinstance(value, float) else str(value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _slug(name: str) -> str:

@@ -1,13 +1,33 @@
-"""PNG files."""
+"""Pictures as PNG files, and as data that stand in a page itself."""
 
 from __future__ import annotations
 
+import base64
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import cv2
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.overlay.windowing import RgbImage
+
+JPEG_QUALITY = 90
+
+
+@dataclass(frozen=True)
+class EmbeddedPicture:
+    """A picture for a page that holds its own.
+
+    Attributes:
+        kind: of the file.
+        base64: the file, encoded for a data URL.
+        caption: what stands below it.
+    """
+
+    kind: Literal["png", "jpeg"]
+    base64: str
+    caption: str
 
 
 def write_png(path: Path, picture: RgbImage) -> None:
@@ -25,13 +45,23 @@ def write_png(path: Path, picture: RgbImage) -> None:
         raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def jpeg_bytes(picture: RgbImage) -> bytes:
-    """A picture (H, W, 3) uint8 RGB as a JPEG file in memory: for a page that holds many.
+def embedded_png(path: Path, caption: str) -> EmbeddedPicture:
+    """A PNG file that has been written.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    return EmbeddedPicture("png", base64.b64encode(path.read_bytes()).decode("ascii"), caption)
+
+
+def embedded_jpeg(picture: RgbImage, caption: str) -> EmbeddedPicture:
+    """A picture (H, W, 3) uint8 RGB, compressed.
 
     Raises:
         RecordingError: it cannot be encoded.
     """
-    done, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 90])
+    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    done, data = cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_RGB2BGR), options)
     if not done:
         raise RecordingError(f"a picture of {picture.shape} cannot be encoded as JPEG")
-    return data.tobytes()
+    return EmbeddedPicture("jpeg", base64.b64encode(data.tobytes()).decode("ascii"), caption)

@@ -57,7 +57,7 @@ def recording(tmp_path: Path) -> Path:
 
 def test_two_results_of_one_recording_stand_side_by_side(recording: Path, tmp_path: Path) -> None:
     ours = write_result(tmp_path / "ours.mcap", [0.0, 4.5, 10.5, None], STATES)
-    theirs = write_result(tmp_path / "theirs.mcap", [0.0, 4.0, 8.0, 4.0], ["TRACKING"] * 4)
+    theirs = write_result(tmp_path / "theirs & <i>.mcap", [0.0, 4.0, 8.0, 4.0], ["TRACKING"] * 4)
     report = tmp_path / "report"
     arguments = ["evaluate", "--quiet", str(recording), "--result", str(ours), "--result", str(theirs)]
     assert main([*arguments, "--report", str(report)]) == 0
@@ -74,6 +74,8 @@ def test_two_results_of_one_recording_stand_side_by_side(recording: Path, tmp_pa
     in_space = next(row for row in cells.rows if row[:2] == ["ring · ours", "1.50"])  # 0.5 and 2.5 mm off
     assert in_space[6:8] == ["6.00", "75 %"]  # static error of 4 and 8 mm, and the share removed
     assert ["z", "6.32", "1.80", "+1.50", "1.00"] in cells.rows  # rms of 4 and 8; of 0.5 and 2.5; their mean and sd
+    assert [row[0] for row in cells.rows].count("ring · theirs & <i>") == 3  # names are words, whatever is in them
+    assert "<i>" not in text
     assert "Brost et al. 2009, clinical" in text
     assert "1.0 ± 0.5" in text
     assert "2.50 mm off" in text

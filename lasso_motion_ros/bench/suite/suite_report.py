@@ -23,7 +23,7 @@ def write_suite_report(directory: Path, results: Mapping[str, Sequence[SequenceR
         RecordingError: a file cannot be written.
     """
     from lasso_motion_ros.bench.suite.suite_figures import suite_figure
-    from lasso_motion_ros.reports.plots import save_figure
+    from lasso_motion_ros.reports.figure_panels import save_figure
 
     for name, of_config in results.items():
         write_text(directory / f"suite_{name}.txt", format_suite(of_config) + "\n")
@@ -41,7 +41,7 @@ def write_sweeps_report(directory: Path, found: Mapping[str, Mapping[str, Mappin
         RecordingError: a file cannot be written.
     """
     from lasso_motion_ros.bench.suite.suite_figures import sweeps_figure
-    from lasso_motion_ros.reports.plots import save_figure
+    from lasso_motion_ros.reports.figure_panels import save_figure
 
     tables = [format_sweep(SWEEPS[name], of_sweep) for name, of_sweep in found.items()]
     write_text(directory / "sweeps.txt", "\n\n".join(tables) + "\n")

@@ -1,24 +1,30 @@
-"""Plots of a run: the motion against the truth, and the 2-D error of every frame (as the paper's Fig. 3)."""
+"""Figures of one result on one recording, pair by pair: motion, 2-D error, target error, error by axis."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.reports.figure_panels import (
+    ABSENT_COLOUR,
+    FOUND_COLOUR,
+    MISSING_COLOUR,
+    STATIC_COLOUR,
+    TRUTH_COLOUR,
+    Flags,
+    legend_above,
+    mark,
+    panels,
+)
 
 Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
-TRUTH_COLOUR, FOUND_COLOUR = "#3b4252", "#0a8f4f"
 PLANE_COLOURS: dict[Plane, str] = {"a": "#1f6fb4", "b": "#d1662b"}
 PLANE_MARKERS: dict[Plane, str] = {"a": "o", "b": "s"}
-MISSING_COLOUR, ABSENT_COLOUR = "#f0cfca", "#dfe3e8"
 PAPER_ERROR_MM = 1.0
 
 
@@ -102,51 +108,65 @@ def error_figure(
     return figure
 
 
-def save_figure(figure: Any, path: str | Path) -> None:
-    """Write a figure as PNG (or what else the suffix says), overwriting.
+def compensation_figure(
+    static_mm: Array, compensated_mm: Array, reference: Flags, has_pose: Flags, in_place: Flags, *, title: str
+) -> Any:
+    """Target error of every pair without and with compensation.
 
-    Raises:
-        RecordingError: the file cannot be written.
+    Args:
+        static_mm: (N,) mean target error with T = identity; NaN where unknown.
+        compensated_mm: (N,) the same with the published motion; NaN where there was no pose.
+        reference: (N,) the pairs whose motion is the identity by definition; they are left out of the means.
+        has_pose: (N,) the pairs in which a pose was published.
+        in_place: (N,) the pairs that show the lasso where the atrium's motion carries it.
+        title: what stands above.
+
+    Returns:
+        A matplotlib Figure.
     """
-    try:
-        # No date and no version inside: the same numbers give the same file.
-        figure.savefig(path, dpi=130, metadata={"Software": None})
-    except OSError as error:
-        raise RecordingError(f"{path}: cannot be written: {error.strerror}") from error
+    figure, (axis,) = panels(1, title, height=3.6)
+    frames = np.arange(len(static_mm))
+    counted = np.isfinite(compensated_mm) & ~reference
+    for values, colour, name in (
+        (static_mm, STATIC_COLOUR, "static overlay"),
+        (compensated_mm, FOUND_COLOUR, "compensated"),
+    ):
+        label = f"{name}: {values[counted].mean():.2f} mm" if counted.any() else name
+        axis.plot(frames, values, "o-", color=colour, markersize=4, linewidth=1.2, label=label)
+    mark(axis, frames[in_place & ~has_pose], MISSING_COLOUR, "no pose")
+    mark(axis, frames[~in_place], ABSENT_COLOUR, "lasso hidden or moved")
+    axis.set_ylim(bottom=0.0)
+    axis.set_xlabel("pair")
+    axis.set_ylabel("target error (mm)")
+    legend_above(axis, columns=4)
+    return figure
 
 
-def mark(axis: Any, places: npt.NDArray[Any], colour: str, name: str | None) -> None:
-    """Bands behind the values at some places of the x axis, named once in the legend."""
-    for place in places:
-        axis.axvline(place, color=colour, linewidth=5, zorder=0)
-    if name and len(places):
-        axis.plot([], [], color=colour, linewidth=5, label=name)
+def axis_figure(static_mm: Array, residual_mm: Array, *, title: str) -> Any:
+    """Per axis of the world, what there was to compensate and what is left of it.
 
+    Args:
+        static_mm: (N, 3) true displacement of the loop's centre since the reference; NaN where unknown.
+        residual_mm: (N, 3) error of the centre; NaN where there was no pose. Its mean is drawn as the constant
+            offset, one standard deviation about it as the jitter.
+        title: what stands above.
 
-def legend_above(axis: Any, columns: int) -> None:
-    """The legend above the panel, where it hides no value."""
-    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False, fontsize=9)
-
-
-def panels(count: int, title: str, height: float) -> tuple[Any, list[Any]]:
-    """A figure of panels below each other with common axes: (Figure, list of Axes)."""
-    # The object API draws without a display and keeps no global state.
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(8.0, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    figure.suptitle(title, fontsize=12)
-    axes = list(np.atleast_1d(figure.subplots(count, 1, sharex=True, sharey=True)))
-    for axis in axes:
-        axis.grid(alpha=0.25)
-        axis.spines[["top", "right"]].set_visible(False)
-    return figure, axes
-
-
-def share_scale(figures: Sequence[Any]) -> None:
-    """Give figures that stand beside each other one vertical scale: the smallest that holds the values of all."""
-    axes = [axis for figure in figures for axis in figure.axes]
-    limits = np.array([axis.get_ylim() for axis in axes])
-    for axis in axes:
-        axis.set_ylim(limits[:, 0].min(), limits[:, 1].max())
+    Returns:
+        A matplotlib Figure.
+    """
+    figure, axes = panels(3, title, height=6.4)
+    frames = np.arange(len(static_mm))
+    for number, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
+        residual = residual_mm[:, number]
+        axis.axhline(0.0, color="#bbbbbb", linewidth=0.8, zorder=0)
+        axis.plot(frames, static_mm[:, number], color=TRUTH_COLOUR, linewidth=1.6, alpha=0.5, label="static error")
+        axis.plot(frames, residual, "o", color=FOUND_COLOUR, markersize=4, label="residual")
+        if np.isfinite(residual).any():
+            mean, spread = float(np.nanmean(residual)), float(np.nanstd(residual))
+            axis.axhspan(mean - spread, mean + spread, color=FOUND_COLOUR, alpha=0.15, linewidth=0, label="jitter (sd)")
+            axis.axhline(mean, color=FOUND_COLOUR, linewidth=1, linestyle="--", label="constant offset")
+            axis.set_title(f"constant {mean:+.2f} mm, jitter {spread:.2f} mm", loc="left", fontsize=9)
+        axis.set_ylabel(f"{name} (mm)")
+    legend_above(axes[0], columns=4)
+    axes[-1].set_xlabel("pair")
+    return figure

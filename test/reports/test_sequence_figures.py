@@ -4,14 +4,8 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.reports.plots import (
-    ABSENT_COLOUR,
-    MISSING_COLOUR,
-    error_figure,
-    motion_figure,
-    save_figure,
-    share_scale,
-)
+from lasso_motion_ros.reports.figure_panels import ABSENT_COLOUR, MISSING_COLOUR, save_figure, share_scale
+from lasso_motion_ros.reports.sequence_figures import error_figure, motion_figure
 
 TIMES = np.arange(6) / 3.0
 TRUE = np.column_stack([TIMES, -2.0 * TIMES, 10.0 * np.sin(TIMES)])

@@ -1,4 +1,4 @@
-"""The report's own plots: error with and without compensation, residual by axis, results against each other."""
+"""Figures of several results beside each other: their errors, recording by recording, and their times."""
 
 from __future__ import annotations
 
@@ -9,85 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.evaluation.summary import Summary
-from lasso_motion_ros.reports.plots import (
-    ABSENT_COLOUR,
-    FOUND_COLOUR,
-    MISSING_COLOUR,
-    TRUTH_COLOUR,
-    Flags,
-    legend_above,
-    mark,
-    panels,
-)
+from lasso_motion_ros.reports.figure_panels import STATIC_COLOUR, legend_above, panels
 
 Array = npt.NDArray[np.float64]
 
-STATIC_COLOUR = "#7d93ab"
 RESULT_COLOURS = ("#0a8f4f", "#d1662b", "#1f6fb4", "#7a4fa3", "#a8324a")
-
-
-def compensation_figure(
-    static_mm: Array, compensated_mm: Array, reference: Flags, has_pose: Flags, in_place: Flags, *, title: str
-) -> Any:
-    """Target error of every pair without and with compensation.
-
-    Args:
-        static_mm: (N,) mean target error with T = identity; NaN where unknown.
-        compensated_mm: (N,) the same with the published motion; NaN where there was no pose.
-        reference: (N,) the pairs whose motion is the identity by definition; they are left out of the means.
-        has_pose: (N,) the pairs in which a pose was published.
-        in_place: (N,) the pairs that show the lasso where the atrium's motion carries it.
-        title: what stands above.
-
-    Returns:
-        A matplotlib Figure.
-    """
-    figure, (axis,) = panels(1, title, height=3.6)
-    frames = np.arange(len(static_mm))
-    counted = np.isfinite(compensated_mm) & ~reference
-    for values, colour, name in (
-        (static_mm, STATIC_COLOUR, "static overlay"),
-        (compensated_mm, FOUND_COLOUR, "compensated"),
-    ):
-        label = f"{name}: {values[counted].mean():.2f} mm" if counted.any() else name
-        axis.plot(frames, values, "o-", color=colour, markersize=4, linewidth=1.2, label=label)
-    mark(axis, frames[in_place & ~has_pose], MISSING_COLOUR, "no pose")
-    mark(axis, frames[~in_place], ABSENT_COLOUR, "lasso hidden or moved")
-    axis.set_ylim(bottom=0.0)
-    axis.set_xlabel("pair")
-    axis.set_ylabel("target error (mm)")
-    legend_above(axis, columns=4)
-    return figure
-
-
-def axis_figure(static_mm: Array, residual_mm: Array, *, title: str) -> Any:
-    """Per axis of the world, what there was to compensate and what is left of it.
-
-    Args:
-        static_mm: (N, 3) true displacement of the loop's centre since the reference; NaN where unknown.
-        residual_mm: (N, 3) error of the centre; NaN where there was no pose. Its mean is drawn as the constant
-            offset, one standard deviation about it as the jitter.
-        title: what stands above.
-
-    Returns:
-        A matplotlib Figure.
-    """
-    figure, axes = panels(3, title, height=6.4)
-    frames = np.arange(len(static_mm))
-    for number, (axis, name) in enumerate(zip(axes, "xyz", strict=True)):
-        residual = residual_mm[:, number]
-        axis.axhline(0.0, color="#bbbbbb", linewidth=0.8, zorder=0)
-        axis.plot(frames, static_mm[:, number], color=TRUTH_COLOUR, linewidth=1.6, alpha=0.5, label="static error")
-        axis.plot(frames, residual, "o", color=FOUND_COLOUR, markersize=4, label="residual")
-        if np.isfinite(residual).any():
-            mean, spread = float(np.nanmean(residual)), float(np.nanstd(residual))
-            axis.axhspan(mean - spread, mean + spread, color=FOUND_COLOUR, alpha=0.15, linewidth=0, label="jitter (sd)")
-            axis.axhline(mean, color=FOUND_COLOUR, linewidth=1, linestyle="--", label="constant offset")
-            axis.set_title(f"constant {mean:+.2f} mm, jitter {spread:.2f} mm", loc="left", fontsize=9)
-        axis.set_ylabel(f"{name} (mm)")
-    legend_above(axes[0], columns=4)
-    axes[-1].set_xlabel("pair")
-    return figure
 
 
 def comparison_figure(summaries: Mapping[tuple[str, str], Summary]) -> Any:
