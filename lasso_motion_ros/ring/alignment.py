@@ -31,7 +31,7 @@ HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
 # A plane that shows next to nothing is not waited for from the third look (counted from 0) on: it would cost them all.
 FIRST_SURE_LOOK = 2
 # So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both start
-# about as far off. Of 35 in the phantom suite those that came up to it were never more than 0.02 behind.
+# about as far off (docs/constants.md).
 BEHIND = (0.08, 0.06)
 AFAR_PRIOR = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
 NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once

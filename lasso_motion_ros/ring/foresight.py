@@ -16,7 +16,7 @@ GAP_SIGMAS = 2.5  # of them the planes' disagreement may be before it makes the 
 FEWEST_PAIRS = 3  # before, nothing is known of how regular the motion is
 LONGEST_MEMORY = 24  # pairs; then old ones fade
 # Squared Mahalanobis distances of 3 are expected. A strong heartbeat, which no prediction foretells at a few pairs a
-# second, gives 20 now and then, and once 120 where 12 was usual; a lasso that is being moved, hundreds.
+# second, gives more; a lasso that is being moved, hundreds (docs/constants.md).
 LARGEST_SURPRISE = 50.0
 LARGEST_SHARE = 15.0  # of what was usual
 PAIRS_TO_BE_SURE = 2  # refused, and none believed between: a sudden breath is foreseeable sooner

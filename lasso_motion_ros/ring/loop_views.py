@@ -18,8 +18,7 @@ OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
 SEGMENTS = 12
 SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
-# A plane's own likeness, below which there is no loop, unless it has just risen by so much: of 47 such planes in the
-# phantom suite, from the third look on, none later came to 0.5.
+# A plane's own likeness, below which there is no loop, unless it has just risen by so much (docs/constants.md).
 NOTHING_LIKENESS, HOPEFUL_RISE = 0.4, 0.1
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
 
