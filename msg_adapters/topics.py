@@ -76,6 +76,8 @@ REFERENCE = Topic("reference", "std_msgs/msg/Header", latched=True, depth=1)
 CATHETER = Topic("catheter", "visualization_msgs/msg/Marker")
 STATE = Topic("state", "std_msgs/msg/String", latched=True, depth=1)
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+LAST_LATENCY_KEY = "latency of the last pair (ms)"
+"""Under which the tracker's diagnostics say it, and the evaluation finds it."""
 OVERLAY_SURFACE = Topic("overlay/surface", "visualization_msgs/msg/Marker")
 
 TRUE_MOTION = Topic("/ground_truth/motion", "geometry_msgs/msg/PoseStamped")

@@ -25,6 +25,7 @@ from msg_adapters.seeds import decode_polygon
 from msg_adapters.topics import (
     CATHETER,
     DIAGNOSTICS,
+    LAST_LATENCY_KEY,
     MOTION,
     MOTION_RAW,
     MOTION_WITH_COVARIANCE,
@@ -39,8 +40,6 @@ from msg_adapters.topics import (
 )
 
 Array = npt.NDArray[np.float64]
-
-LAST_LATENCY_KEY = "latency of the last pair (ms)"
 
 
 @dataclass(frozen=True, eq=False)

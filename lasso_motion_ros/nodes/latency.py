@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lasso_motion_ros.evaluation.recorded_input import LAST_LATENCY_KEY
+from msg_adapters.topics import LAST_LATENCY_KEY
 
 PERCENTILES = (50, 95, 99)
 REMEMBERED = 1024

@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 from support.paths import ROOT
+from support.rooms import floors
 
 PACKAGE = "lasso_motion_ros"
 EXECUTABLES = {"lasso-motion", "lasso_tracker", "lasso_overlay", "lasso_web"}
@@ -137,18 +138,7 @@ def test_locks_are_exact_and_name_no_host() -> None:
                 assert not set("/@;:") & set(entry), f"{lock.name}: {entry}"
 
 
-METHOD_ROOMS = (
-    "core",
-    "config",
-    "geometry",
-    "seeding",
-    "motion",
-    "tracking",
-    "brost2009",
-    "ring",
-    "evaluation",
-    "phantom",
-)
+METHOD_ROOMS = [name for name, floor in floors().items() if floor < floors()["msg_adapters"]]
 
 
 def test_the_method_imports_no_message_and_no_ros() -> None:
