@@ -36,11 +36,7 @@ def found(name: str, document: Path) -> bool:
     return any((base / name).exists() for base in (document.parent, ROOT, PACKAGE))
 
 
-def named(document: Path) -> pytest.param:
-    return pytest.param(document, id=document.name)
-
-
-@pytest.mark.parametrize("document", map(named, DOCUMENTS))
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_links_lead_somewhere(document: Path) -> None:
     for target in re.findall(r"\]\(([^)\s]+)\)", text_of(document)):
         if target.startswith("https://"):
@@ -54,7 +50,7 @@ def test_links_lead_somewhere(document: Path) -> None:
             assert anchor in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}, target
 
 
-@pytest.mark.parametrize("document", map(named, DOCUMENTS))
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_files_that_are_named_are_there(document: Path) -> None:
     for word in re.findall(r"`([\w./\-]+)`", prose_of(document)):
         path = word.rstrip("/")
@@ -77,7 +73,7 @@ def definitions(path: Path) -> frozenset[str]:
     return frozenset(names)
 
 
-@pytest.mark.parametrize("document", map(named, DOCUMENTS))
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_what_is_said_to_be_in_a_file_is_there(document: Path) -> None:
     """`path.py` (`name`, `Class.method`)."""
     for path, names in re.findall(r"`([\w/]+\.py)`[,:]? \(?((?:`[\w.]+`(?:, )?)+)", prose_of(document)):
@@ -95,7 +91,7 @@ def test_constants_that_are_explained_are_there() -> None:
         assert all(re.search(rf"\b{name}\b.*=", text) for name in re.findall(r"`(\w+)`", names)), (path, names)
 
 
-@pytest.mark.parametrize("document", map(named, DOCUMENTS))
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_make_can_make_what_is_told(document: Path) -> None:
     targets = set(re.findall(r"^([a-z-]+):.*##", text_of(ROOT / "Makefile"), re.MULTILINE))
     told = set(re.findall(r"(?:^|`)make ([a-z-]+)", text_of(document), re.MULTILINE))
