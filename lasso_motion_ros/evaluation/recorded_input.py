@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +22,7 @@ from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
+from msg_adapters.sync.partner import PartnerRule
 from msg_adapters.topics import (
     CATHETER,
     DIAGNOSTICS,
@@ -93,7 +94,8 @@ def read_truth(path: str | Path, remap: Mapping[str, str] | None = None) -> Read
     if not motion and not centrelines:
         raise RecordingError(f"{path}: no {TRUE_MOTION.name} and no {next(iter(plane_of_centreline))}: no truth")
     stamps = sorted(motion or centrelines)
-    half_period_ns = int(np.median(np.diff(stamps)) / 2) if len(stamps) > 1 else 0
+    period_ns = int(np.median(np.diff(stamps))) if len(stamps) > 1 else None
+    window_ns = PartnerRule().window_ns(period_ns, period_ns)
     choosers = {plane: _Calibrations(infos) for plane, infos in calibrations.items() if infos}
     pairs = [
         PairTruth(
@@ -101,7 +103,7 @@ def read_truth(path: str | Path, remap: Mapping[str, str] | None = None) -> Read
             motion.get(stamp_ns),
             respiratory.get(stamp_ns),
             centrelines.get(stamp_ns, {}),
-            {plane: chooser.at(stamp_ns, half_period_ns) for plane, chooser in choosers.items()},
+            {plane: chooser.at(stamp_ns, window_ns) for plane, chooser in choosers.items()},
         )
         for stamp_ns in stamps
     ]
@@ -115,10 +117,16 @@ class _Calibrations:
         self._stamps = sorted(by_stamp)
         self._projections = [by_stamp[stamp] for stamp in self._stamps]
 
-    def at(self, stamp_ns: int, within_ns: int) -> Projection:
-        """That of the exposure at the stamp or up to `within_ns` later (plane B's), else the last one before."""
-        after = bisect_right(self._stamps, stamp_ns - 1)
-        if after < len(self._stamps) and (after == 0 or self._stamps[after] <= stamp_ns + within_ns):
+    def at(self, stamp_ns: int, window_ns: tuple[int, int]) -> Projection:
+        """That of the pair's own exposure, else the last one before it (or the first of all).
+
+        Args:
+            stamp_ns: plane A's exposure.
+            window_ns: how long after it, from and to, an exposure still belongs to the pair (plane B's).
+        """
+        earliest, latest = window_ns
+        after = bisect_left(self._stamps, stamp_ns + earliest)
+        if after < len(self._stamps) and (after == 0 or self._stamps[after] <= stamp_ns + latest):
             return self._projections[after]
         return self._projections[after - 1]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
 from collections import deque
 from dataclasses import dataclass
 
@@ -12,7 +11,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.sync.pairing import MAX_PERIOD_NS, NEW_RUN_NS, RECENT
+from msg_adapters.sync.partner import NEW_RUN_NS, FrameIntervals, PartnerRule
 
 Array = npt.NDArray[np.float64]
 
@@ -39,24 +38,20 @@ class Choice:
 class MotionHistory:
     """Motions by stamp, and the rule that finds an image's own.
 
-    An image of plane A has the motion with its stamp. An image of plane B has that of the last A not later than it, up
-    to half of A's frame period before it (no more than `motion_timeout_s`), or at the known exposure offset. Only
-    stamps are compared.
+    An image of plane A has the motion with its stamp. An image of plane B has that of the A to which it belongs by
+    `PartnerRule`, as in the tracker, if that is no older than `motion_timeout_s`. Only stamps are compared.
 
     Args:
         config: the overlay's parameters.
     """
 
     def __init__(self, config: OverlayConfig) -> None:
-        self._jitter_ns = round(config.sync.jitter_s * NANOSECONDS)
-        offset_s = config.sync.plane_b_offset_s
-        self._offset_ns = round(offset_s * NANOSECONDS) if offset_s >= 0.0 else None
+        self._rule = PartnerRule.from_seconds(config.sync.jitter_s, config.sync.plane_b_offset_s)
         self._timeout_ns = round(config.motion_timeout_s * NANOSECONDS)
         self._motions: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._loops: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._state = ""
-        self._last_a_ns: int | None = None
-        self._intervals: deque[int] = deque(maxlen=RECENT)
+        self._intervals = FrameIntervals()
 
     def add_state(self, state: str) -> None:
         """Take a `state`. One without a pose ends the validity of every motion before it."""
@@ -76,15 +71,8 @@ class MotionHistory:
 
     def add_image(self, plane: Plane, stamp_ns: int) -> None:
         """Take note of an image's stamp: plane A's frame period is learnt from them."""
-        if plane != "a":
-            return
-        if self._last_a_ns is not None and stamp_ns < self._last_a_ns - NEW_RUN_NS:
-            self._intervals.clear()
-        elif self._last_a_ns is not None:
-            if stamp_ns <= self._last_a_ns:
-                return
-            self._intervals.append(min(stamp_ns - self._last_a_ns, MAX_PERIOD_NS))
-        self._last_a_ns = stamp_ns
+        if plane == "a":
+            self._intervals.add(stamp_ns)
 
     def answered(self, plane: Plane, stamp_ns: int) -> bool:
         """Whether the motion of the image's own pair is there."""
@@ -99,7 +87,7 @@ class MotionHistory:
         own = self._own(plane, stamp_ns)
         if own is not None:
             return Choice(own[1], remark, self._loop(own[0]))
-        earlier = [(at, motion) for at, motion in self._motions if at <= stamp_ns + self._jitter_ns]
+        earlier = [(at, motion) for at, motion in self._motions if at <= stamp_ns + self._rule.jitter_ns]
         if not earlier:
             return Choice(None, NOT_YET)
         at, motion = earlier[-1]
@@ -121,15 +109,10 @@ class MotionHistory:
         return next((loop for at, loop in reversed(self._loops) if at == stamp_ns), None)
 
     def _own(self, plane: Plane, stamp_ns: int) -> tuple[int, Array] | None:
+        earliest, latest = 0, 0
+        if plane == "b":
+            earliest, latest = self._rule.window_ns(self._intervals.period_ns, self._intervals.shortest_ns)
         for at, motion in reversed(self._motions):
-            later_ns = stamp_ns - at
-            if plane == "a":
-                belongs = later_ns == 0
-            elif self._offset_ns is not None:
-                belongs = abs(later_ns - self._offset_ns) <= self._jitter_ns
-            else:
-                half_ns = statistics.median_low(self._intervals) // 2 if self._intervals else 0
-                belongs = -self._jitter_ns <= later_ns <= min(max(half_ns, self._jitter_ns), self._timeout_ns)
-            if belongs:
+            if earliest <= stamp_ns - at <= min(latest, self._timeout_ns):
                 return at, motion
         return None

@@ -26,6 +26,7 @@ from msg_adapters.calibrations import Extrinsics
 from msg_adapters.messages import MessageFactory, stamp_to_ns
 from msg_adapters.seeds import decode_seed
 from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.partner import PartnerRule
 from msg_adapters.topics import Topic, camera_info_topic, image_topic, seed_topic
 
 _MAX_PROBLEMS = 64
@@ -59,7 +60,9 @@ class TrackingPipeline:
         self._config = config
         self._messages = ResultMessages(messages, config.world_frame)
         self._tracker = tracker
-        self._pairs = FramePairs(config.sync.jitter_s, config.sync.plane_b_offset_s, extrinsics)
+        self._pairs = FramePairs(
+            PartnerRule.from_seconds(config.sync.jitter_s, config.sync.plane_b_offset_s), extrinsics
+        )
         self._clicked = ClickedPairs(config.seed_buffer_pairs)
         # A pair may wait for the tracker beside those that wait for clicks.
         self._heartbeat = HeartbeatSeparation(config.heartbeat, remembered=2 * config.seed_buffer_pairs + 64)

@@ -24,13 +24,13 @@ from msg_adapters.recordings.reader import RawMessage, RecordingReader, check_tr
 from msg_adapters.recordings.writer import RecordingWriter, check_free
 from msg_adapters.seeds import decode_polygon, encode_polygon
 from msg_adapters.sync.pairing import PairSynchroniser
+from msg_adapters.sync.partner import PartnerRule
 from msg_adapters.topics import compressed_image_topic, image_topic, true_centreline_topic
 
 Array = npt.NDArray[np.float64]
 
 FEWEST_POINTS = 3
 _EMPTY = np.zeros((0, 2))
-_JITTER_S = 0.005
 
 
 @dataclass(eq=False)
@@ -199,7 +199,7 @@ class Annotation:
 
     def _read_pairs(self) -> list[_Drawing]:
         planes = self._image_topics()
-        pairing: PairSynchroniser[int] = PairSynchroniser(_JITTER_S, -1.0)
+        pairing: PairSynchroniser[int] = PairSynchroniser(PartnerRule())
         pairs = []
         for recorded in self._reader.messages(list(planes)):
             stamp_ns = stamp_to_ns(recorded.message.header.stamp)

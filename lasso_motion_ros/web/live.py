@@ -25,6 +25,7 @@ from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
 from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.partner import PartnerRule
 
 Array = npt.NDArray[np.float64]
 
@@ -77,7 +78,7 @@ class LiveView:
     ) -> None:
         self._tracker, self._world_frame, self._wait_s, self._clock = tracker, world_frame, answer_wait_s, clock
         self._lock = threading.RLock()
-        self._intake = FramePairs(sync.jitter_s, sync.plane_b_offset_s)
+        self._intake = FramePairs(PartnerRule.from_seconds(sync.jitter_s, sync.plane_b_offset_s))
         self._pairs: deque[_Seen] = deque(maxlen=PAIRS_KEPT)
         self._held: _Seen | None = None
         self._loops: OrderedDict[int, Array | None] = OrderedDict()

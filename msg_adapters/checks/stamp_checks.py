@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 
 from lasso_motion_ros.geometry.frames import Pair, Plane
 from msg_adapters.checks.issue import Issue, Severity
-from msg_adapters.sync.pairing import NEW_RUN_NS, PairSynchroniser
+from msg_adapters.sync.pairing import PairSynchroniser
+from msg_adapters.sync.partner import NEW_RUN_NS, PartnerRule
 from msg_adapters.topics import image_topic
 
 NANOSECONDS = 1e9
-JITTER_S = 0.005
+_AHEAD_S = 0.005
 SLOWEST_HZ = 1.0
 _IRREGULAR = 0.25
 _PAIRED_ENOUGH, _PAIRED_AT_ALL = 0.95, 0.5
@@ -51,7 +52,7 @@ class PlaneStamps:
 
 def pairs_of(planes: Mapping[Plane, PlaneStamps]) -> tuple[list[Pair[int]], dict[str, int]]:
     """The pairs that the tracker would make of these stamps, and how many images of each plane got a partner."""
-    synchroniser: PairSynchroniser[int] = PairSynchroniser(JITTER_S, -1.0)
+    synchroniser: PairSynchroniser[int] = PairSynchroniser(PartnerRule())
     entries = sorted(
         (arrival, plane, stamp)
         for plane, stream in planes.items()
@@ -118,7 +119,7 @@ def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Issu
             f"the stamps jitter by {jitter * 1e3:.0f} ms (period {period * 1e3:.0f} ms)",
             "stamp the exposure, not the arrival",
         )
-    if live and stream.age_s < -JITTER_S:
+    if live and stream.age_s < -_AHEAD_S:
         yield Issue(
             "warning",
             name,

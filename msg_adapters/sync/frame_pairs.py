@@ -13,6 +13,7 @@ from lasso_motion_ros.geometry.frames import PLANES, FramePair, Pair, Plane
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.sync.calibrated_frames import CalibratedFrames, PendingFrame
 from msg_adapters.sync.pairing import PairSynchroniser
+from msg_adapters.sync.partner import PartnerRule
 
 # Decided pairs that may wait for calibrations, beyond what the planes' own patience lets wait.
 _MAX_DECIDED = 64
@@ -22,8 +23,7 @@ class FramePairs:
     """Joins both planes' images and calibrations to pairs of frames, in the order of their stamps.
 
     Args:
-        jitter_s: see `PairSynchroniser`.
-        plane_b_offset_s: see `PairSynchroniser`.
+        rule: which B belongs to which A.
         extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
 
     Attributes:
@@ -31,9 +31,9 @@ class FramePairs:
         pairing: what decides the pairs; read only.
     """
 
-    def __init__(self, jitter_s: float, plane_b_offset_s: float, extrinsics: Extrinsics | None = None) -> None:
+    def __init__(self, rule: PartnerRule, extrinsics: Extrinsics | None = None) -> None:
         self.frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames(extrinsics) for plane in PLANES}
-        self.pairing: PairSynchroniser[PendingFrame] = PairSynchroniser(jitter_s, plane_b_offset_s)
+        self.pairing: PairSynchroniser[PendingFrame] = PairSynchroniser(rule)
         self._decided: deque[Pair[PendingFrame]] = deque()
         self._new_run = False
 

@@ -1,10 +1,9 @@
-"""Which image of plane B belongs to which image of plane A, decided by their stamps.
+"""Joins plane A's and plane B's images to pairs, by their stamps alone, as `PartnerRule` says.
 
-A B belongs to the last A that is not later than it (jitter aside), up to half of A's frame period after it; or,
-where the time from A's to B's exposure is known, to the A nearest to it. Frames of one plane come in order of
-their stamps; between the planes any order will do: a frame waits for its partner until frames of the other plane
-show that it is not coming, or its own plane has gone on for 0.5 s and two frames without one. A plane that was found
-silent so is waited for 0.2 s only, until it is heard again: its silence delays the other plane once, not always.
+Frames of one plane come in order of their stamps; between the planes any order will do: a frame waits for its partner
+until frames of the other plane show that it is not coming, or its own plane has gone on for 0.5 s and two frames
+without one. A plane found silent in this way is waited for only 0.2 s until it is heard again: its silence delays the
+other plane once, not always.
 """
 
 from __future__ import annotations
@@ -16,18 +15,32 @@ from dataclasses import dataclass, field
 from typing import Generic, Literal
 
 from lasso_motion_ros.geometry.frames import Item, Pair, Plane
+from msg_adapters.sync.partner import NEW_RUN_NS, TUNING, FrameIntervals, PartnerRule
 
-NEW_RUN_NS = 1_000_000_000
-# The slowest sequence is 1 frame/s: a longer interval is a pause, and says nothing about the period.
-MAX_PERIOD_NS = 1_000_000_000
-# Intervals of plane A, and offsets of plane B, that the medians are taken of.
-RECENT = 5
-# How far its own plane goes on, at least, before a frame gives up its partner: topics lag behind each other, and a
-# reliable publisher sends lost pieces of an image again after some frames. And how far where the other plane is silent.
-_LAG_NS = 500_000_000
-_SILENT_LAG_NS = 200_000_000
-_MAX_WAITING = 32
-_MAX_BACKWARD = 16
+
+@dataclass(frozen=True)
+class _Patience:
+    """How long a frame waits for its partner.
+
+    Attributes:
+        frames: further frames of its own plane that a frame waits through, since the topics may overtake each other.
+        lag_ns: how far its own plane's stamps go on, at least: topics lag behind each other, and a reliable publisher
+            sends lost pieces of an image again after some frames.
+        silent_lag_ns: the same where the other plane is silent.
+        most_waiting: frames of a plane that wait at most.
+        most_backward: frames of a plane that wait at most for the other plane to go back in time as well.
+    """
+
+    frames: int = 1
+    lag_ns: int = 500_000_000
+    silent_lag_ns: int = 200_000_000
+    most_waiting: int = 32
+    most_backward: int = 16
+
+
+_PATIENCE = _Patience()
+
+Relation = Literal["wait", "pair", "a alone", "b alone"]
 
 
 @dataclass
@@ -49,6 +62,15 @@ class PlaneCounts:
 
 @dataclass(eq=False)
 class _Unpaired(Generic[Item]):
+    """A frame that waits for its partner.
+
+    Attributes:
+        stamp_ns: its stamp.
+        item: what goes into the pair.
+        interval_ns: plane A only: time since the frame before it.
+        period_ns: plane A only: the frame period when it came.
+    """
+
     stamp_ns: int
     item: Item
     interval_ns: int | None = None
@@ -79,17 +101,11 @@ class PairSynchroniser(Generic[Item]):
     waits is bounded, to a few items a plane.
 
     Args:
-        jitter_s: a B this much earlier than its A still belongs to it.
-        plane_b_offset_s: known time from A's to B's exposure; negative: unknown.
-        patience: further frames of its own plane (and 0.5 s of their stamps, 0.2 s after a silence) that a frame
-            waits through for a partner that the other plane's frames do not yet rule out: the topics may overtake
-            each other.
+        rule: which B belongs to which A.
     """
 
-    def __init__(self, jitter_s: float, plane_b_offset_s: float, patience: int = 1) -> None:
-        self._jitter_ns = round(jitter_s * 1e9)
-        self._known_offset_ns = round(plane_b_offset_s * 1e9) if plane_b_offset_s >= 0.0 else None
-        self._patience = patience
+    def __init__(self, rule: PartnerRule) -> None:
+        self._rule = rule
         self.counts: dict[Plane, PlaneCounts] = {"a": PlaneCounts(), "b": PlaneCounts()}
         self._start_run()
 
@@ -101,8 +117,8 @@ class PairSynchroniser(Generic[Item]):
     @property
     def offset_ns(self) -> int:
         """Time from A's to B's exposure: the known one, or the median of the last pairs; 0 before the first."""
-        if self._known_offset_ns is not None:
-            return self._known_offset_ns
+        if self._rule.offset_ns is not None:
+            return self._rule.offset_ns
         return round(statistics.median(self._offsets)) if self._offsets else 0
 
     def add(self, plane: Plane, stamp_ns: int, item: Item) -> list[Pair[Item]]:
@@ -132,8 +148,8 @@ class PairSynchroniser(Generic[Item]):
 
     def _start_run(self) -> None:
         self._queues: dict[Plane, _PlaneQueue[Item]] = {"a": _PlaneQueue(), "b": _PlaneQueue()}
-        self._intervals: deque[int] = deque(maxlen=RECENT)
-        self._offsets: deque[int] = deque(maxlen=RECENT)
+        self._intervals = FrameIntervals()
+        self._offsets: deque[int] = deque(maxlen=TUNING.recent)
         self._last_pair_ns: int | None = None
         self._new_run = False
 
@@ -144,7 +160,7 @@ class PairSynchroniser(Generic[Item]):
             self.counts[plane].dropped += len(backward)
             backward.clear()
         backward.append((stamp_ns, item))
-        if len(backward) > _MAX_BACKWARD:
+        if len(backward) > _PATIENCE.most_backward:
             backward.pop(0)
             self.counts[plane].dropped += 1
         if not (self._queues["a"].backward and self._queues["b"].backward):
@@ -166,12 +182,11 @@ class PairSynchroniser(Generic[Item]):
     def _append(self, plane: Plane, stamp_ns: int, item: Item) -> None:
         queue = self._queues[plane]
         entry = _Unpaired(stamp_ns, item)
-        if plane == "a" and queue.newest_ns is not None:
-            interval = min(stamp_ns - queue.newest_ns, MAX_PERIOD_NS)
-            self._intervals.append(interval)
-            entry.interval_ns, entry.period_ns = interval, statistics.median_low(self._intervals)
+        if plane == "a":
+            self._intervals.add(stamp_ns)
+            entry.interval_ns, entry.period_ns = self._intervals.last_ns, self._intervals.period_ns
             if queue.waiting and queue.waiting[-1].period_ns is None:
-                queue.waiting[-1].period_ns = interval  # a run's first A has only the next one to tell
+                queue.waiting[-1].period_ns = entry.interval_ns  # a run's first A has only the next one to tell
         queue.newest_ns = stamp_ns
         queue.silent = False
         queue.waiting.append(entry)
@@ -190,63 +205,56 @@ class PairSynchroniser(Generic[Item]):
                 self._queues["a"].silent = True
                 yield from self._give(None, waiting_b.popleft())
             else:
-                verdict = self._verdict(waiting_a, waiting_b, final)
-                if verdict == "wait":
+                relation = self._relation(waiting_a, waiting_b, final)
+                if relation == "wait":
                     return
                 yield from self._give(
-                    None if verdict == "b alone" else waiting_a.popleft(),
-                    None if verdict == "a alone" else waiting_b.popleft(),
+                    None if relation == "b alone" else waiting_a.popleft(),
+                    None if relation == "a alone" else waiting_b.popleft(),
                 )
 
     def _has_waited(self, plane: Plane) -> bool:
         """Whether a plane's oldest frame has waited for its partner as long as it may."""
         waiting, other = self._queues[plane].waiting, self._queues["b" if plane == "a" else "a"]
-        if len(waiting) <= 1 + self._patience:
+        if len(waiting) <= 1 + _PATIENCE.frames:
             return False
-        lag_ns = _SILENT_LAG_NS if other.silent else _LAG_NS
-        return waiting[-1].stamp_ns - waiting[0].stamp_ns >= lag_ns or len(waiting) > _MAX_WAITING
+        lag_ns = _PATIENCE.silent_lag_ns if other.silent else _PATIENCE.lag_ns
+        return waiting[-1].stamp_ns - waiting[0].stamp_ns >= lag_ns or len(waiting) > _PATIENCE.most_waiting
 
-    def _verdict(
-        self, waiting_a: deque[_Unpaired[Item]], waiting_b: deque[_Unpaired[Item]], final: bool
-    ) -> Literal["wait", "pair", "a alone", "b alone"]:
+    def _relation(self, waiting_a: deque[_Unpaired[Item]], waiting_b: deque[_Unpaired[Item]], final: bool) -> Relation:
         """What the oldest undecided A and B are to each other."""
         first, after = waiting_a[0], waiting_b[0].stamp_ns - waiting_a[0].stamp_ns
-        jitter, known = self._jitter_ns, self._known_offset_ns
+        jitter = self._rule.jitter_ns
         until_next = waiting_a[1].stamp_ns - first.stamp_ns if len(waiting_a) > 1 else None
         nothing_to_wait_for = final or until_next is not None or self._has_waited("b")
         period = first.period_ns
         if period is None and nothing_to_wait_for:
-            between_b = waiting_b[1].stamp_ns - waiting_b[0].stamp_ns if len(waiting_b) > 1 else MAX_PERIOD_NS
-            period = min(between_b, MAX_PERIOD_NS)
+            between_b = waiting_b[1].stamp_ns - waiting_b[0].stamp_ns if len(waiting_b) > 1 else None
+            period = min(between_b or TUNING.longest_period_ns, TUNING.longest_period_ns)
         # The median outlives lost frames; where the rate has slowed down, both neighbours are further away.
         longest = period
         if period is not None and first.interval_ns is not None:
             longest = max(period, first.interval_ns)
             if until_next is not None:
                 period = max(period, min(first.interval_ns, until_next))
-        if known is None:
-            if after < -jitter:
-                return "b alone"
+        shortest = self._intervals.shortest_ns or period
+        earliest, latest = self._rule.window_ns(period, shortest)
+        if after < earliest:
+            return "b alone"
+        if self._rule.offset_ns is None:
             if until_next is not None and until_next <= after + jitter:
                 return "a alone"
-            limit = None if period is None else period // 2 + jitter
-            beyond = longest is not None and after > longest // 2 + jitter
             usual = bool(self._offsets) and abs(after - self.offset_ns) <= 2 * jitter
-            sure = after <= jitter or (usual and limit is not None and after <= limit)
+            sure = after <= latest if usual else after <= jitter
         else:
-            after -= known
-            # A lost A makes the interval behind it twice as long; the known time needs no such margin.
-            shortest = min(self._intervals, default=period)
-            limit = None if shortest is None else max(2 * shortest // 5, jitter)
-            if after < -(limit if limit is not None else jitter):
-                return "b alone"
-            sure = abs(after) <= (limit if limit is not None else jitter)
-            beyond = limit is not None and after > limit
+            sure = after <= latest
         if sure:
             return "pair"
         if not nothing_to_wait_for:
+            # As long as no period is known, a B may be later than its window.
+            beyond = period is not None and after > self._rule.window_ns(longest, shortest)[1]
             return "a alone" if beyond else "wait"
-        return "pair" if limit is not None and after <= limit else "a alone"
+        return "pair" if after <= latest else "a alone"
 
     def _give(self, a: _Unpaired[Item] | None, b: _Unpaired[Item] | None) -> Iterator[Pair[Item]]:
         if a is not None:
@@ -271,5 +279,5 @@ class PairSynchroniser(Generic[Item]):
         yield pair
 
     def _late_margin_ns(self) -> int:
-        period = min(self._intervals) if self._intervals else MAX_PERIOD_NS
-        return min(2 * self._jitter_ns, period // 4)
+        period = self._intervals.shortest_ns or TUNING.longest_period_ns
+        return min(2 * self._rule.jitter_ns, period // 4)

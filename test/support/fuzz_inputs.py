@@ -27,6 +27,7 @@ from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import decode_seed, read_calibration_file, read_seeds_file
 from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.partner import PartnerRule
 from msg_adapters.topics import compressed_image_topic
 
 Choice = random.Random
@@ -186,7 +187,7 @@ def _marker(_: Choice) -> Any:
 
 def stream_feed(choice: Choice, _: Path) -> None:
     """A few frames of both planes, some of them spoilt, in any order: nothing may come out of the pairing."""
-    pairs = FramePairs(0.005, choice.choice((-1.0, 0.1)))
+    pairs = FramePairs(PartnerRule(offset_ns=choice.choice((None, 100_000_000))))
     messages = list(stream(4, None))
     choice.shuffle(messages)
     for topic, type_name, message, _at in messages:

@@ -12,6 +12,7 @@ from support.message_inputs import START_NS, camera_info, image, projection
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane
 from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.partner import PartnerRule
 
 PERIOD_NS = 66_666_667
 TURN = 1e-3
@@ -57,7 +58,7 @@ def _index(plane: Plane, frame: Frame | None) -> int | None:
 
 def test_calibrations_that_come_nine_frames_late_cost_no_pair() -> None:
     """As a reliable publisher behaves whose small messages were pushed out: all at once, when they are sent again."""
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     messages = [message for k in range(3) for plane in "ab" for message in (info(plane, k), picture(plane, k))]
     messages += [message for k in range(3, 13) for message in (info("b", k), picture("a", k), picture("b", k))]
     assert indices(feed(pairs, *messages)) == [(k, k) for k in range(3)]
@@ -66,7 +67,7 @@ def test_calibrations_that_come_nine_frames_late_cost_no_pair() -> None:
 
 
 def test_an_image_without_calibration_leaves_the_other_plane_alone_at_once() -> None:
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     feed(pairs, *(message for plane in "ab" for message in (info(plane, 0), picture(plane, 0))))
     bad = info("a", 1)
     bad[2].d = np.array([0.5])
@@ -76,7 +77,7 @@ def test_an_image_without_calibration_leaves_the_other_plane_alone_at_once() -> 
 
 
 def test_a_new_run_is_said_with_its_first_pair_that_is_left() -> None:
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     feed(pairs, *(message for k in range(30, 33) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
     bad: list[Message] = [info(plane, 0) for plane in "ab"]
     for _, _, message in bad:
@@ -89,7 +90,7 @@ def test_a_new_run_is_said_with_its_first_pair_that_is_left() -> None:
 
 
 def test_images_that_wait_for_their_calibration_do_not_hold_up_a_new_run() -> None:
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     feed(pairs, *(message for k in range(30, 33) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
     feed(pairs, picture("a", 33), info("b", 33), picture("b", 33))
     found = feed(pairs, *(message for plane in "ab" for message in (info(plane, 0), picture(plane, 0))))
@@ -98,7 +99,7 @@ def test_images_that_wait_for_their_calibration_do_not_hold_up_a_new_run() -> No
 
 
 def test_a_plane_that_stops_before_its_last_calibration_does_not_hold_up_the_other() -> None:
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     feed(pairs, *(message for k in range(3) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
     found = feed(pairs, picture("b", 3))
     for k in range(3, 43):
@@ -110,7 +111,7 @@ def test_a_plane_that_stops_before_its_last_calibration_does_not_hold_up_the_oth
 
 def test_what_waits_for_calibrations_is_bounded_whatever_the_stamps() -> None:
     """B's last image without calibration; A's stamps stand almost still."""
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     feed(pairs, *(message for k in range(3) for plane in "ab" for message in (info(plane, k), picture(plane, k))))
     feed(pairs, picture("a", 3), info("a", 3), picture("b", 3))
     given_out = 0
@@ -134,6 +135,6 @@ def test_any_lateness_up_to_nine_frames_changes_no_pair(seed: int, latest: int) 
             delayed = max(delayed, k + late if k > 0 else 0.0)
             arrivals.append((delayed, topic, k, make(plane, k)))
     arrivals.sort(key=lambda arrival: arrival[:3])
-    pairs = FramePairs(0.005, -1.0)
+    pairs = FramePairs(PartnerRule())
     found = feed(pairs, *(message for *_, message in arrivals)) + pairs.flush()
     assert indices(found) == [(k, k) for k in range(count)]

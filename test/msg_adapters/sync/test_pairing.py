@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from lasso_motion_ros.geometry.frames import Pair
 from msg_adapters.sync.pairing import PairSynchroniser
+from msg_adapters.sync.partner import PartnerRule
 
 MS = 1_000_000
 
@@ -28,7 +29,7 @@ def stream(period_ms: float, offset_ms: float, count: int = 12) -> dict[str, flo
 
 
 def synchroniser(**options: float) -> PairSynchroniser[str]:
-    return PairSynchroniser(jitter_s=0.005, plane_b_offset_s=options.get("offset_s", -1.0))
+    return PairSynchroniser(PartnerRule.from_seconds(0.005, options.get("offset_s", -1.0)))
 
 
 def test_simultaneous_frames_pair_as_soon_as_both_are_there() -> None:
@@ -193,7 +194,7 @@ def streams(draw: st.DrawFn) -> tuple[float, int, int, list[tuple[str, int, int]
 def run(
     jitter_s: float, frames: list[tuple[str, int, int]], offset_s: float = -1.0
 ) -> list[Pair[tuple[str, int, int]]]:
-    sync: PairSynchroniser[tuple[str, int, int]] = PairSynchroniser(jitter_s, offset_s)
+    sync: PairSynchroniser[tuple[str, int, int]] = PairSynchroniser(PartnerRule.from_seconds(jitter_s, offset_s))
     pairs = [pair for frame in frames for pair in sync.add(frame[0], frame[2], frame)]  # type: ignore[arg-type]
     return pairs + sync.flush()
 
@@ -245,7 +246,7 @@ def test_overtaking_by_less_than_a_frame_changes_no_pair(
 )
 @settings(max_examples=60, deadline=None)
 def test_no_stream_breaks_the_promises(arrivals: list[tuple[str, int]], offset_s: float) -> None:
-    sync: PairSynchroniser[int] = PairSynchroniser(0.005, offset_s)
+    sync: PairSynchroniser[int] = PairSynchroniser(PartnerRule.from_seconds(0.005, offset_s))
     last, used = -1, set()
     for number, (plane, stamp_ms) in enumerate(arrivals):
         for pair in sync.add(plane, stamp_ms * MS, number):  # type: ignore[arg-type]
