@@ -1,4 +1,8 @@
-"""Multi-scale line filter of Sato et al., in two dimensions."""
+"""Vesselness: how much each pixel looks like a point of a dark line, by the multi-scale filter of Sato et al.
+
+A second filter belongs here, with the same arguments and the same kind of response; its callers, the published method's
+features, the path between clicks and the curve along the wire, then choose between them.
+"""
 
 from __future__ import annotations
 

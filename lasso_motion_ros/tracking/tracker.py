@@ -16,7 +16,20 @@ Array = npt.NDArray[np.float64]
 
 
 class TrackerState(Enum):
-    """What the node publishes on `state`."""
+    """What the node publishes on `state`.
+
+    The node says INACTIVE, the stream says what is waited for, and the tracker decides the other four for each pair.
+
+    Attributes:
+        INACTIVE: the node is not active.
+        WAITING_FOR_CALIBRATION: there is no valid calibration of both planes yet.
+        WAITING_FOR_SEED: there is no model.
+        TRACKING: both planes show the loop and agree, and its motion is breathing.
+        DEGRADED: there is a pose, but with a doubt that the reason names and the covariance holds.
+        LOST: the loop is not seen, or what is seen is not believed.
+        DISPLACED: both planes show the loop, but its motion cannot be breathing: the lasso was moved, and no longer
+            tells how the heart moves. Our method's motion gate decides it (`ring/judgement.py`).
+    """
 
     INACTIVE = "INACTIVE"
     WAITING_FOR_CALIBRATION = "WAITING_FOR_CALIBRATION"
