@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.brost2009.features import REFERENCE_WIDTH_PX, DistanceMap
 from lasso_motion_ros.config.brost2009 import RegistrationConfig
+from lasso_motion_ros.geometry.curves import quarter_turn, unit_tangents
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 
@@ -54,14 +55,13 @@ def normal_search_cost(
     """
     moved = model @ motions[:, :3, :3].transpose(0, 2, 1) + motions[:, None, :3, 3]
     pixels = view.projection.project(moved)
-    tangents = (np.roll(pixels, -1, axis=1) - np.roll(pixels, 1, axis=1)).reshape(-1, 2)
-    tangents /= np.maximum(np.hypot(tangents[:, 0], tangents[:, 1]), 1e-12)[:, None]
+    normals = quarter_turn(unit_tangents(pixels, closed=True)[0]).reshape(-1, 2)
     reach = normal_search_px * view.projection.width / REFERENCE_WIDTH_PX
     offsets = np.linspace(-reach, reach, 2 * max(1, round(reach)) + 1) if reach > 0 else np.zeros(1)
     flat = pixels.reshape(-1, 2)
     samples = np.empty((len(flat), len(offsets), 2), dtype=np.float32)
-    samples[..., 0] = flat[:, :1] - np.outer(tangents[:, 1], offsets)  # the normal is (−t_y, t_x)
-    samples[..., 1] = flat[:, 1:] + np.outer(tangents[:, 0], offsets)
+    samples[..., 0] = flat[:, :1] + np.outer(normals[:, 0], offsets)
+    samples[..., 1] = flat[:, 1:] + np.outer(normals[:, 1], offsets)
     distances = view.distances.sample(samples)
     smallest = distances.min(axis=1) + tie_break * distances[:, len(offsets) // 2]
     return np.asarray(smallest.reshape(pixels.shape[:2]).mean(axis=1), dtype=np.float64)

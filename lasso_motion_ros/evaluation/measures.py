@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.covariance import squared_mahalanobis
 from lasso_motion_ros.geometry.curves import distance_to_curve, resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
@@ -163,7 +164,8 @@ def symmetric_mean_distance(first: Array, second: Array) -> float:
 def centre_covariance(covariance: Array, centre: Array) -> Array:
     """(3, 3) covariance in m² of a moved point (3,) m, from a pose's (6, 6) about the world origin.
 
-    A small motion (v, ω) about fixed axes at the origin shifts the point p by v + ω × p.
+    A small motion (v, ω) about fixed axes at the origin shifts the point p by v + ω × p. Written out here, and not
+    taken from `geometry.covariance`, so that a mistake in the tracker's transport shows.
     """
     x, y, z = centre
     jacobian = np.hstack([np.eye(3), np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])])
@@ -293,18 +295,19 @@ def _with_motion_errors(
         error = published - true_centre
         score = replace(
             score,
-            nees=_squared_mahalanobis(error, spread),
+            nees=_normalised_error_squared(error, spread),
             centre_sigma_mm=1e3 * float(np.sqrt(np.trace(spread))),
         )
     return score
 
 
-def _squared_mahalanobis(error: Array, covariance: Array) -> float:
+def _normalised_error_squared(error: Array, covariance: Array) -> float:
     """Squared length of an error (3,) in units of its covariance (3, 3); infinite where that claims to be exact."""
     try:
-        return float(np.sum(np.linalg.solve(np.linalg.cholesky(covariance), error) ** 2))
+        np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:
         return float("inf")
+    return squared_mahalanobis(error, covariance)
 
 
 def _mean_length_mm(vectors: Array) -> float:

@@ -1,11 +1,16 @@
-"""Polylines in any dimension: arc length, even resampling, distances between curves."""
+"""Polylines: arc length, even resampling, distances between curves, tangents and normals."""
 
 from __future__ import annotations
+
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Real = TypeVar("Real", bound=np.floating[Any])
+
+SMALLEST_SPACING = 1e-9  # pixels; points nearer than this to each other have no direction
 
 
 def arc_length(points: Array) -> Array:
@@ -29,3 +34,33 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     along = np.einsum("nmd,md->nm", offset, step) / np.where(squared > 0.0, squared, 1.0)
     nearest = offset - np.clip(along, 0.0, 1.0)[..., None] * step
     return np.asarray(np.sqrt(np.einsum("nmd,nmd->nm", nearest, nearest).min(axis=1)))
+
+
+def slope(values: npt.NDArray[Real], axis: int) -> npt.NDArray[Real]:
+    """Central differences along an axis, one-sided at its ends: `np.gradient` for hot loops."""
+    along = values.swapaxes(0, axis)
+    differences = np.empty_like(along)
+    np.subtract(along[2:], along[:-2], out=differences[1:-1])
+    differences[1:-1] *= 0.5
+    np.subtract(along[1], along[0], out=differences[0])
+    np.subtract(along[-1], along[-2], out=differences[-1])
+    return differences.swapaxes(0, axis)
+
+
+def unit_tangents(points: Array, *, closed: bool = False) -> tuple[Array, Array]:
+    """Unit tangents (..., N, 2) of polylines (..., N, 2) and the spacing (..., N) of their points there.
+
+    Where points coincide the tangent is zero.
+
+    Args:
+        points: in order along the curve; a closed one's first point is not repeated.
+        closed: the first point follows the last.
+    """
+    steps = 0.5 * (np.roll(points, -1, axis=-2) - np.roll(points, 1, axis=-2)) if closed else slope(points, axis=-2)
+    spacing = np.hypot(steps[..., 0], steps[..., 1])
+    return steps / np.maximum(spacing, SMALLEST_SPACING)[..., None], spacing
+
+
+def quarter_turn(vectors: Array) -> Array:
+    """(..., 2) vectors (x, y) turned to (−y, x): a curve's normals from its tangents."""
+    return np.asarray(vectors[..., ::-1] * (-1.0, 1.0))

@@ -29,6 +29,12 @@ def rotation_from_vector(vector: npt.ArrayLike) -> Array:
     )
 
 
+def cross_product_matrix(vector: npt.ArrayLike) -> Array:
+    """(3, 3) skew-symmetric matrix [v]ₓ of a vector (3,), for which [v]ₓ w = v × w."""
+    x, y, z = np.asarray(vector, dtype=np.float64)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike, centre: npt.ArrayLike = (0, 0, 0)) -> Array:
     """(4, 4) transform: rotate about `centre` (3,) m by a rotation vector (3,) rad, then shift (3,) m."""
     matrix = np.eye(4)

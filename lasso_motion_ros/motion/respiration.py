@@ -18,6 +18,7 @@ from functools import lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.covariance import squared_mahalanobis
 from lasso_motion_ros.motion import matern
 
 Array = npt.NDArray[np.float64]
@@ -223,7 +224,7 @@ class RespiratoryMotion:
         (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
         """
         delta = displacement - self._scatter_mean
-        return 1.0 + float(delta @ np.linalg.solve(self.spread, delta)) / (self._learned + 1)
+        return 1.0 + squared_mahalanobis(delta, self.spread) / (self._learned + 1)
 
     def _remember(self, exposure: _Exposure) -> None:
         if self._keeps_history:

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import copy
 from dataclasses import dataclass
-from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.curves import quarter_turn, slope, unit_tangents
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage, softened
 
 Array = npt.NDArray[np.float64]
-Real = TypeVar("Real", bound=np.floating[Any])
 
 MARGIN_COLUMNS = 2
 MEDIAN_OF_SQUARED_NORMAL = 0.455  # of a standard normal variable
@@ -71,22 +70,8 @@ def strip_along(curve: Array, projection: Projection) -> Strip:
 
 def strip_about(pixels: Array, step: float | Array) -> Strip:
     """The strip along a curve (..., L, 2) of working pixels, its columns `step` (...) pixels apart."""
-    steps = slope(pixels, axis=-2)
-    spacing = np.hypot(steps[..., 0], steps[..., 1])
-    tangents = steps / np.maximum(spacing, 1e-9)[..., None]
-    normals = tangents[..., ::-1] * (-1.0, 1.0)
-    return Strip(pixels, tangents, normals, spacing, np.asarray(step))
-
-
-def slope(values: npt.NDArray[Real], axis: int) -> npt.NDArray[Real]:
-    """Central differences along an axis, one-sided at its ends: `np.gradient`, without all it has to allow for."""
-    along = values.swapaxes(0, axis)
-    differences = np.empty_like(along)
-    np.subtract(along[2:], along[:-2], out=differences[1:-1])
-    differences[1:-1] *= 0.5
-    np.subtract(along[1], along[0], out=differences[0])
-    np.subtract(along[-1], along[-2], out=differences[-1])
-    return differences.swapaxes(0, axis)
+    tangents, spacing = unit_tangents(pixels)
+    return Strip(pixels, tangents, quarter_turn(tangents), spacing, np.asarray(step))
 
 
 class Appearance:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.geometry.covariance import squared_mahalanobis
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.respiration import Estimate, Observation, RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior
@@ -167,7 +168,7 @@ def _faint_plane(alignment: Alignment, clear: tuple[Plane, ...], look: Look) -> 
         return None
     residual = fit.across @ (fit.centre - look.model.centre - expected.displacement)
     spread = fit.across @ expected.covariance @ fit.across.T + _observation(fit, look.model).covariance
-    surprise = float(residual @ np.linalg.solve(spread, residual))
+    surprise = squared_mahalanobis(residual, spread)
     foreseen = float(np.linalg.eigvalsh(spread)[-1]) <= FAINT_SPREAD_M**2
     return faint if foreseen and surprise <= FAINT_SURPRISE else None
 

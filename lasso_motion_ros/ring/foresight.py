@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.covariance import squared_mahalanobis
 from lasso_motion_ros.motion.respiration import Estimate, RespiratoryMotion
 from lasso_motion_ros.ring.finding import Finding
 
@@ -81,4 +82,4 @@ class Foresight:
 
 def surprise_of(unforeseen: Array, predicted: Estimate) -> float:
     """Squared Mahalanobis distance of what is (3,) m off a prediction."""
-    return float(unforeseen @ np.linalg.solve(predicted.covariance, unforeseen))
+    return squared_mahalanobis(unforeseen, predicted.covariance)

@@ -16,7 +16,7 @@ from scipy.interpolate import BSpline
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
-from lasso_motion_ros.geometry.curves import resample
+from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, resample, slope
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.respiration import Observation
@@ -226,9 +226,7 @@ def _fit_curve(
     for plane in PLANES:
         projection = projections[plane]
         pixels = projection.project(points)
-        tangents = np.gradient(pixels, axis=0)
-        normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+        normals = _unit_normals(pixels)
         offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
         valid = np.isfinite(offset)
         scale = projection.millimetres_per_pixel(ellipse.centre) / OUTLINE_SIGMA_MM
@@ -241,12 +239,16 @@ def _fit_curve(
     return _Curve(ellipse, knots, np.linalg.solve(normal, right).reshape(size, 3))
 
 
+def _unit_normals(pixels: Array) -> Array:
+    """(N, 2) unit normals of an open curve (N, 2) of pixels."""
+    normals = quarter_turn(slope(pixels, axis=0))
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), SMALLEST_SPACING))
+
+
 def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigma_mm: float) -> Array:
     """(N, 2) pixels of the line beside a projected curve (N, 3): the smoothest strong path through the strip."""
     pixels = projection.project(curve)
-    tangents = np.gradient(pixels, axis=0)
-    normals = np.stack([-tangents[:, 1], tangents[:, 0]], axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    normals = _unit_normals(pixels)
     unit = projection.millimetres_per_pixel(curve.mean(axis=0))
     offsets = np.arange(-SNAP_REACH_MM, SNAP_REACH_MM + 1e-9, SNAP_STEP_MM) / unit
     margin = 16

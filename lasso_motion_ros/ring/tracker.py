@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.geometry.covariance import at_world_origin
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
@@ -22,7 +23,7 @@ from lasso_motion_ros.ring.judgement import BreathingEnvelope
 from lasso_motion_ros.ring.loop_finder import LoopFinder
 from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.ring.ring_lay import RingLay
-from lasso_motion_ros.ring.uncertainty import at_world_origin, calibration_covariance, pivot_covariance
+from lasso_motion_ros.ring.uncertainty import calibration_covariance, pivot_covariance
 from lasso_motion_ros.ring.verdict import refusal_of, state_of
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.tracking.tracker import RingMotion, TrackerState, TrackResult

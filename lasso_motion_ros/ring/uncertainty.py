@@ -1,4 +1,4 @@
-"""What the covariance of the motion holds besides the filter's own, and how it is carried to the world origin."""
+"""What the covariance of the published motion holds besides the filter's own."""
 
 from __future__ import annotations
 
@@ -29,21 +29,3 @@ def pivot_covariance(turn: Array, stretch: float) -> Array:
         stretch: logarithm s of its size.
     """
     return np.asarray(PIVOT_M**2 * ((turn @ turn + stretch**2) * np.eye(3) - np.outer(turn, turn)))
-
-
-def at_world_origin(centre: Array, position: Array, rotation: Array) -> Array:
-    """(6, 6) covariance of a motion at the world origin, in ROS order: x, y, z, then about the fixed axes x, y, z.
-
-    Args:
-        centre: (3,) where the ring's centre is now, metres.
-        position: (3, 3) covariance of the motion there, m².
-        rotation: (3, 3) of its rotation about there, rad²; the two are independent.
-    """
-    x, y, z = centre
-    # A rotation θ about c displaces the world origin by −θ × c = [c]ₓ θ.
-    lever = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    cross = lever @ rotation
-    covariance = np.empty((6, 6))
-    covariance[:3, :3], covariance[:3, 3:] = position + cross @ lever.T, cross
-    covariance[3:, :3], covariance[3:, 3:] = cross.T, rotation
-    return covariance

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.stream import HeartbeatConfig
 from lasso_motion_ros.geometry import transforms
+from lasso_motion_ros.geometry.covariance import at_point
 from lasso_motion_ros.motion.heartbeat import CardiacGate, HeartPhase, RPeaks
 from lasso_motion_ros.motion.respiratory_filter import RespiratoryFilter
 from lasso_motion_ros.tracking.tracker import TrackResult
@@ -191,8 +192,4 @@ def _noise_mm(covariance: Array | None, place: Array) -> Array:
     """(3,) standard deviation of a place moved by the motion, mm."""
     if covariance is None:
         return np.zeros(3)
-    x, y, z = place
-    # A rotation δ about the world origin moves the place by δ × place.
-    lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])
-    across = np.hstack([np.eye(3), lever])
-    return np.asarray(1e3 * np.sqrt(np.maximum(np.diag(across @ covariance @ across.T), 0.0)))
+    return np.asarray(1e3 * np.sqrt(np.maximum(np.diag(at_point(covariance, place)), 0.0)))

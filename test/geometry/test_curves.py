@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve, resample
+from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve, quarter_turn, resample, slope, unit_tangents
 
 CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])  # 3 along x, then 4 along y
 
@@ -43,3 +43,33 @@ def test_distance_by_hand(point, distance):
 def test_distance_in_space_and_with_a_repeated_point():
     curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
     np.testing.assert_allclose(distance_to_curve(np.array([[3.0, 4.0, 1.0], [0.0, 0.0, 3.0]]), curve), [5.0, 1.0])
+
+
+def test_slopes_are_central_differences_one_sided_at_the_ends():
+    np.testing.assert_allclose(slope(np.array([[0.0, 1.0, 4.0, 9.0]]), axis=-1), [[1.0, 2.0, 4.0, 5.0]])
+    np.testing.assert_allclose(slope(CORNER[None], axis=1)[0], np.gradient(CORNER, axis=0), atol=1e-15)
+
+
+def test_tangents_of_an_open_curve_by_hand():
+    # Along x at the start, along y at the end, from one end to the other at the corner: (3, 4) / 2 long.
+    tangents, spacing = unit_tangents(np.stack([CORNER, CORNER[::-1]]))
+    np.testing.assert_allclose(tangents[0], [[1.0, 0.0], [0.6, 0.8], [0.0, 1.0]])
+    np.testing.assert_allclose(tangents[1], -tangents[0, ::-1])
+    np.testing.assert_allclose(spacing, [[3.0, 2.5, 4.0], [4.0, 2.5, 3.0]])
+
+
+def test_tangents_of_a_closed_curve_by_hand():
+    square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
+    tangents, spacing = unit_tangents(square, closed=True)
+    np.testing.assert_allclose(tangents, np.sqrt(0.5) * np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]]))
+    np.testing.assert_allclose(spacing, np.sqrt(2.0))
+
+
+def test_points_that_coincide_have_no_direction():
+    tangents, spacing = unit_tangents(np.ones((3, 2)))
+    np.testing.assert_array_equal(tangents, np.zeros((3, 2)))
+    np.testing.assert_array_equal(spacing, np.zeros(3))
+
+
+def test_a_quarter_turn_by_hand():
+    np.testing.assert_array_equal(quarter_turn(np.array([[3.0, 4.0], [1.0, 0.0]])), [[-4.0, 3.0], [0.0, 1.0]])

@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from lasso_motion_ros.geometry.transforms import (
     apply,
+    cross_product_matrix,
     inverse,
     quaternion_from_rotation,
     rigid,
@@ -38,6 +39,11 @@ def test_rotations_are_proper_and_turn_back(vector):
     assert np.linalg.det(rotation) == pytest.approx(1.0)
     np.testing.assert_allclose(rotation_from_vector(-np.array(vector)), rotation.T, atol=1e-12)
     np.testing.assert_allclose(rotation @ vector, vector, atol=1e-12)
+
+
+@given(vectors, vectors)
+def test_the_cross_product_as_a_matrix(first, second):
+    np.testing.assert_allclose(cross_product_matrix(first) @ second, np.cross(first, second), atol=1e-12)
 
 
 def test_rigid_turns_about_its_centre_then_shifts():

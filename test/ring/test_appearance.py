@@ -5,7 +5,7 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from support.method_inputs import biplane, plane
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance, render, slope, strip_about, strip_along
+from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance, render, strip_about, strip_along
 from lasso_motion_ros.ring.working_image import PIXEL_MM, working_image
 
 COLUMNS = 2 * HALF_WIDTH + 1
@@ -217,11 +217,6 @@ def test_an_empty_pattern_renders_to_nothing(view):
     kernel, _ = render(np.zeros((len(CURVE), COLUMNS), np.float32), strip_along(CURVE, view), 2)
     assert np.isfinite(kernel).all()
     assert not kernel.any()
-
-
-def test_slopes_are_central_differences_one_sided_at_the_ends():
-    np.testing.assert_allclose(slope(np.array([[0.0, 1.0, 4.0, 9.0]]), axis=-1), [[1.0, 2.0, 4.0, 5.0]])
-    np.testing.assert_allclose(slope(CURVE[None], axis=1)[0], np.gradient(CURVE, axis=0), atol=1e-15)
 
 
 def test_strips_in_several_planes_at_once_are_those_of_each():

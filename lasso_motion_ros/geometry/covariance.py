@@ -1,0 +1,47 @@
+"""Covariances of small rigid motions, carried from one point to another, and distances measured by a covariance.
+
+A small motion is a shift v of a point and a rotation vector ω about axes fixed in the world; a point further on by p
+then moves by v + ω × p = v + [−p]ₓ ω. Covariances follow by J Σ Jᵀ (first order).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.transforms import cross_product_matrix
+
+Array = npt.NDArray[np.float64]
+
+
+def at_world_origin(centre: Array, position: Array, rotation: Array) -> Array:
+    """(6, 6) covariance of a motion at the world origin, in ROS order: x, y, z, then about the fixed axes x, y, z.
+
+    Args:
+        centre: (3,) the point to which the motion's covariance belongs, world metres.
+        position: (3, 3) covariance of that point's shift, m².
+        rotation: (3, 3) covariance of the rotation about it, rad²; independent of the shift.
+    """
+    lever = cross_product_matrix(centre)  # the origin lies at −c from the centre: ω × −c = [c]ₓ ω
+    cross = lever @ rotation
+    covariance = np.empty((6, 6))
+    covariance[:3, :3], covariance[:3, 3:] = position + cross @ lever.T, cross
+    covariance[3:, :3], covariance[3:, 3:] = cross.T, rotation
+    return covariance
+
+
+def at_point(covariance: Array, point: Array) -> Array:
+    """(3, 3) covariance in m² of a moved point (3,), world metres, from a motion's (6, 6) at the world origin."""
+    jacobian = np.hstack([np.eye(3), cross_product_matrix(-point)])
+    return np.asarray(jacobian @ covariance @ jacobian.T)
+
+
+def squared_mahalanobis(offset: Array, covariance: Array) -> float:
+    """Squared Mahalanobis distance dᵀ Σ⁻¹ d of an offset (N,) under a covariance (N, N); no unit.
+
+    For a normally distributed offset it follows the χ² distribution with N degrees of freedom.
+
+    Raises:
+        numpy.linalg.LinAlgError: the covariance is singular.
+    """
+    return float(offset @ np.linalg.solve(covariance, offset))

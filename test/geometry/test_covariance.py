@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from lasso_motion_ros.evaluation.measures import centre_covariance
+from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, squared_mahalanobis
+
+RANDOM = np.random.default_rng(8)
+
+
+def test_at_the_world_origin_by_sampling():
+    centre = np.array([0.03, -0.02, 0.05])
+    position, rotation = (a @ a.T for a in RANDOM.normal(size=(2, 3, 3)))
+    position, rotation = 1e-8 * position, 1e-6 * rotation
+    shifts = RANDOM.multivariate_normal(np.zeros(3), position, 100_000)
+    turns = RANDOM.multivariate_normal(np.zeros(3), rotation, 100_000)
+    # T x = c + R (x − c) + shift, at x = 0.
+    origins = centre + shifts - centre - np.cross(turns, centre)
+    sampled = np.cov(np.hstack([origins, turns]).T)
+    expected = at_world_origin(centre, position, rotation)
+    scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
+    np.testing.assert_allclose(sampled / scale, expected / scale, atol=0.02)
+    np.testing.assert_allclose(expected, expected.T, rtol=1e-12)
+
+
+def test_there_and_back():
+    centre = np.array([0.03, -0.02, 0.05])
+    position, rotation = (a @ a.T for a in RANDOM.normal(size=(2, 3, 3)))
+    np.testing.assert_allclose(at_point(at_world_origin(centre, position, rotation), centre), position, atol=1e-12)
+
+
+def test_at_a_point_by_hand():
+    # Turning by 0.01 rad about z alone moves a point 0.1 m along x by 1 mm along y.
+    covariance = np.zeros((6, 6))
+    covariance[5, 5] = 0.01**2
+    np.testing.assert_allclose(at_point(covariance, np.array([0.1, 0.0, 0.0])), np.diag([0.0, 1e-3, 0.0]) ** 2)
+
+
+def test_evaluations_own_formula_agrees():
+    factor = RANDOM.normal(size=(6, 6))
+    for point in RANDOM.normal(size=(3, 3)):
+        np.testing.assert_allclose(at_point(factor @ factor.T, point), centre_covariance(factor @ factor.T, point))
+
+
+def test_squared_mahalanobis_by_hand():
+    # Two standard deviations along one axis, three along another: 4 + 9.
+    assert squared_mahalanobis(np.array([4.0, 3.0]), np.diag([4.0, 1.0])) == pytest.approx(13.0)
+    # Correlated: Σ⁻¹ = (2 −1; −1 2) / 3.
+    assert squared_mahalanobis(np.array([1.0, 0.0]), np.array([[2.0, 1.0], [1.0, 2.0]])) == pytest.approx(2.0 / 3.0)
+
+
+def test_an_exact_covariance_measures_nothing():
+    with pytest.raises(np.linalg.LinAlgError):
+        squared_mahalanobis(np.ones(3), np.zeros((3, 3)))
