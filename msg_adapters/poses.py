@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial.transform import Rotation
 
 from lasso_motion_ros.core.errors import MessageError
-from lasso_motion_ros.geometry.transforms import quaternion_from_rotation, rotation_from_quaternion
+from lasso_motion_ros.geometry.transforms import quaternion_from_rotation
 
 Array = npt.NDArray[np.float64]
 
@@ -46,7 +47,7 @@ def decode_pose(message: Any) -> Array:
     """The (4, 4) transform of a Pose, PoseStamped or PoseWithCovarianceStamped, metres.
 
     Raises:
-        MessageError: values that are not finite, or a quaternion without length.
+        MessageError: values that are not finite, or a quaternion whose length is zero or beyond all numbers.
     """
     while hasattr(message, "pose"):
         message = message.pose
@@ -55,9 +56,10 @@ def decode_pose(message: Any) -> Array:
     position = np.array([message.position.x, message.position.y, message.position.z], dtype=np.float64)
     if not (np.all(np.isfinite(quaternion)) and np.all(np.isfinite(position))):
         raise MessageError("pose: a value is not finite")
-    if np.linalg.norm(quaternion) < 1e-6:
-        raise MessageError("pose.orientation: a quaternion of length zero")
+    length = float(np.linalg.norm(quaternion))
+    if not 1e-6 <= length < np.inf:
+        raise MessageError(f"pose.orientation: expected a quaternion of length 1, found {length:g}")
     transform = np.eye(4)
-    transform[:3, :3] = rotation_from_quaternion(quaternion)
+    transform[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     transform[:3, 3] = position
     return transform

@@ -9,8 +9,6 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.parameters import Value, parameter_table
-from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth
 from lasso_motion_ros.evaluation.summary import MEAN_ROW
 
@@ -52,7 +50,7 @@ class Evaluated:
     estimates: Sequence[PairEstimate]
     scores: Sequence[PairScore]
     timing: Timing | None = None
-    configuration: Mapping[str, Value] | None = None
+    configuration: Mapping[str, bool | int | float | str] | None = None
 
     def estimate(self, stamp_ns: int) -> PairEstimate | None:
         """What was published for the pair with this stamp, or None."""
@@ -78,13 +76,3 @@ def mean_groups(results: Sequence[Evaluated]) -> dict[str, list[str]]:
     for name, one in rows:
         groups.setdefault(f"mean · {one.result} (counts: sum)" if several else MEAN_ROW, []).append(name)
     return {name: members for name, members in groups.items() if len(members) > 1}
-
-
-def changed_parameters(configuration: Mapping[str, Value]) -> dict[str, tuple[Value, Value]]:
-    """Parameters that differ from their defaults: name → (value, default)."""
-    defaults = {spec.name: spec.default for spec in parameter_table(StreamConfig)}
-    return {
-        name: (value, defaults[name])
-        for name, value in configuration.items()
-        if name in defaults and value != defaults[name]
-    }

@@ -58,7 +58,11 @@ def apply(transform: Array, points: Array) -> Array:
 
 
 def quaternion_from_rotation(rotation: Array) -> Array:
-    """(4,) unit quaternion x, y, z, w with w ≥ 0 of a (3, 3) rotation (Shepperd 1978: largest term first)."""
+    """(4,) unit quaternion x, y, z, w with w ≥ 0 of a (3, 3) rotation (Shepperd 1978: largest term first).
+
+    SciPy's `Rotation` does the same in several times the time, and in other last bits from version to version. This is
+    what published poses go through; quaternions are read by SciPy's.
+    """
     m = rotation
     trace = np.trace(m)
     squares = np.array([1 + 2 * m[0, 0] - trace, 1 + 2 * m[1, 1] - trace, 1 + 2 * m[2, 2] - trace, 1 + trace])
@@ -74,15 +78,3 @@ def quaternion_from_rotation(rotation: Array) -> Array:
         q[3] = m[k, j] - m[j, k]
     q /= np.linalg.norm(q)
     return q if q[3] >= 0 else -q
-
-
-def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Array:
-    """(3, 3) rotation of a quaternion (4,) x, y, z, w of any non-zero length."""
-    x, y, z, w = np.asarray(quaternion, dtype=np.float64) / np.linalg.norm(quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -16,10 +16,11 @@ import jinja2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.parameters import Value
+from lasso_motion_ros.config.parameters import Value, parameter_table
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
-from lasso_motion_ros.evaluation.evaluated import Evaluated, changed_parameters, mean_groups, row_names
+from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Summary, Values, mean_row, summarise
 from lasso_motion_ros.geometry.frames import PLANES
@@ -225,7 +226,7 @@ class _Contents:
                 "name": name,
                 "changed": [
                     (key, _value(value), _value(default))
-                    for key, (value, default) in changed_parameters(configuration).items()
+                    for key, (value, default) in _changed_parameters(configuration).items()
                 ],
                 "parameters": [(key, _value(value)) for key, value in configuration.items()],
             }
@@ -329,3 +330,13 @@ def _value(value: Value) -> str:
 
 def _slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", name).strip("_") or "result"
+
+
+def _changed_parameters(configuration: Mapping[str, Value]) -> dict[str, tuple[Value, Value]]:
+    """Parameters that differ from their defaults: name → (value, default)."""
+    defaults = {spec.name: spec.default for spec in parameter_table(StreamConfig)}
+    return {
+        name: (value, defaults[name])
+        for name, value in configuration.items()
+        if name in defaults and value != defaults[name]
+    }

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from lasso_motion_ros.geometry.transforms import (
     apply,
@@ -9,7 +10,6 @@ from lasso_motion_ros.geometry.transforms import (
     inverse,
     quaternion_from_rotation,
     rigid,
-    rotation_from_quaternion,
     rotation_from_vector,
 )
 
@@ -79,14 +79,13 @@ def test_quaternions_of_half_turns(axis):
     rotation = rotation_from_vector(np.pi * np.eye(3)[axis])
     quaternion = quaternion_from_rotation(rotation)
     np.testing.assert_allclose(np.abs(quaternion), np.eye(4)[axis], atol=1e-12)
-    np.testing.assert_allclose(rotation_from_quaternion(quaternion), rotation, atol=1e-12)
+    np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), rotation, atol=1e-12)
 
 
-@given(vectors, st.floats(1e-3, 1e3))
-def test_quaternion_round_trip_at_any_length(vector, length):
+@given(vectors)
+def test_scipy_reads_the_rotation_back(vector):
     rotation = rotation_from_vector(vector)
     quaternion = quaternion_from_rotation(rotation)
     assert np.linalg.norm(quaternion) == pytest.approx(1.0)
     assert quaternion[3] >= 0
-    np.testing.assert_allclose(rotation_from_quaternion(length * quaternion), rotation, atol=1e-12)
-    np.testing.assert_allclose(rotation_from_quaternion(-quaternion), rotation, atol=1e-12)
+    np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), rotation, atol=1e-12)

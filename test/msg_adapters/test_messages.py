@@ -103,8 +103,9 @@ def test_poses(messages: Any) -> None:
 
 def test_poses_that_are_none_are_refused() -> None:
     messages = RecordedMessages()
-    with pytest.raises(MessageError, match="length zero"):
-        decode_pose(messages.make("geometry_msgs/msg/Pose", {"orientation": {"w": 0.0}}))
+    for w, found in ((0.0, "0"), (1e200, "inf")):
+        with pytest.raises(MessageError, match=f"of length 1, found {found}"):
+            decode_pose(messages.make("geometry_msgs/msg/Pose", {"orientation": {"w": w}}))
     with pytest.raises(MessageError, match="not finite"):
         decode_pose(messages.make("geometry_msgs/msg/Pose", {"orientation": {"w": 1.0}, "position": {"x": np.inf}}))
 

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
-from lasso_motion_ros.geometry.transforms import rotation_from_quaternion
+from scipy.spatial.transform import Rotation
 
 RADII_M = (0.024, 0.016, 0.020)
 CENTRE_M = np.array([0.004, -0.006, 0.010])
@@ -21,7 +20,7 @@ def write_ellipsoid(path: Path, *, label: bool = False, turned: bool = False) ->
     itk = pytest.importorskip("SimpleITK")
     size = np.array([56, 56, 44])
     # A turn about an oblique axis, so that no axis of the grid is one of the patient's.
-    direction = rotation_from_quaternion(np.array([0.25, -0.15, 0.35, np.sqrt(1 - 0.2075)])) if turned else np.eye(3)
+    direction = Rotation.from_quat([0.25, -0.15, 0.35, np.sqrt(1 - 0.2075)]).as_matrix() if turned else np.eye(3)
     origin = 1e3 * CENTRE_M - direction @ (np.array(SPACING_MM) * (size - 1) / 2.0 + [2.0, -3.0, 1.0])
     z, y, x = np.indices(size[::-1])
     index = np.stack([x, y, z], axis=-1) * SPACING_MM
