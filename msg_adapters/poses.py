@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -47,7 +48,7 @@ def decode_pose(message: Any) -> Array:
     """The (4, 4) transform of a Pose, PoseStamped or PoseWithCovarianceStamped, metres.
 
     Raises:
-        MessageError: values that are not finite, or a quaternion whose length is zero or beyond all numbers.
+        MessageError: values that are not finite, or a quaternion whose length is nowhere near 1.
     """
     while hasattr(message, "pose"):
         message = message.pose
@@ -56,8 +57,8 @@ def decode_pose(message: Any) -> Array:
     position = np.array([message.position.x, message.position.y, message.position.z], dtype=np.float64)
     if not (np.all(np.isfinite(quaternion)) and np.all(np.isfinite(position))):
         raise MessageError("pose: a value is not finite")
-    length = float(np.linalg.norm(quaternion))
-    if not 1e-6 <= length < np.inf:
+    length = math.hypot(*quaternion)
+    if not 1e-6 <= length <= 1e6:
         raise MessageError(f"pose.orientation: expected a quaternion of length 1, found {length:g}")
     transform = np.eye(4)
     transform[:3, :3] = Rotation.from_quat(quaternion).as_matrix()

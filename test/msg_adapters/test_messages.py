@@ -103,7 +103,7 @@ def test_poses(messages: Any) -> None:
 
 def test_poses_that_are_none_are_refused() -> None:
     messages = RecordedMessages()
-    for w, found in ((0.0, "0"), (1e200, "inf")):
+    for w, found in ((0.0, "0"), (1e200, r"1e\+200")):
         with pytest.raises(MessageError, match=f"of length 1, found {found}"):
             decode_pose(messages.make("geometry_msgs/msg/Pose", {"orientation": {"w": w}}))
     with pytest.raises(MessageError, match="not finite"):
