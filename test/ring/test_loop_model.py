@@ -140,7 +140,7 @@ def test_few_and_noisy_clicks_do(count, noise_px):
 def test_a_shift_between_the_planes_is_absorbed():
     # Plane B's images lie 4 px (a millimetre) too low: no 3-D loop explains both as they are.
     view_b = VIEWS["b"]
-    low = Projection(np.array([[1.0, 0, 0], [0, 1, -4.0], [0, 0, 1]]) @ view_b.matrix, 512, 512)
+    low = view_b.shifted(0.0, -4.0)
     pair = FramePair(0, drawn().a, Frame(0, drawn().b.pixels, low))
     plain = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
     model = build_loop_model(pair, clicks(lasso_curve(1.0)), CONFIG)

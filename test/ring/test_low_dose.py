@@ -4,7 +4,7 @@ import copy
 
 import numpy as np
 import pytest
-from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
+from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy, pair_of
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
@@ -33,12 +33,11 @@ def tracked(sigma, start=0, pairs=WARM):
 
 def drawn(index, curves, sigma=5.0):
     """A pair that shows each of the curves."""
-    frames = {}
+    images = {}
     for name in "ab":
         empty = lasso_image(CURVE + 10.0, VIEWS[name]).astype(float)
-        image = empty + sum(lasso_image(curve, VIEWS[name]) - empty for curve in curves)
-        frames[name] = Frame(index * PERIOD_NS, noisy(image, [index, ord(name)], sigma), VIEWS[name])
-    return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+        images[name] = empty + sum(lasso_image(curve, VIEWS[name]) - empty for curve in curves)
+    return pair_of(index, images, sigma=sigma)
 
 
 @pytest.mark.parametrize("start", [0, 100])

@@ -26,11 +26,6 @@ from lasso_motion_ros.geometry.frames import Seed
 from lasso_motion_ros.ring.tracker import AppearanceTracker
 
 
-@pytest.fixture
-def tracker():
-    return copy.deepcopy(warm_up()[0])
-
-
 def test_the_first_pair_is_the_identity_and_the_reference():
     first = warm_up()[1][0]
     assert first.state is TRACKING

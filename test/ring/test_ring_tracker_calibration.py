@@ -1,6 +1,5 @@
 """The same lasso in other descriptions: turned and wrong matrices, mirrored, swapped, later, larger images."""
 
-import copy
 import dataclasses
 
 import numpy as np
@@ -18,7 +17,7 @@ from support.breathing_lasso import (
     pair,
     warm_up,
 )
-from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_seed, noisy
+from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, curve_pair, lasso_image, lasso_seed, noisy, pair_of
 from support.method_inputs import biplane, flip_pixels, flipped, plane
 
 from lasso_motion_ros.config.ring import JudgementConfig
@@ -27,19 +26,12 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.tracker import AppearanceTracker
 
 
-@pytest.fixture
-def tracker():
-    return copy.deepcopy(warm_up()[0])
-
-
 def turned_pair(index, turn_a, turn_b, *, published=True):
     """Planes turned by (LAO, cranial) degrees, with the matrices that belong to that, or the old ones."""
-    frames = {}
-    for name, angle, (lao, cranial) in (("a", -30.0, turn_a), ("b", 60.0, turn_b)):
-        view = plane(angle + lao, cranial, side=512)
-        pixels = noisy(lasso_image(CURVE + moved(index), view), [index, ord(name)])
-        frames[name] = Frame(index * PERIOD_NS, pixels, view if published else VIEWS[name])
-    return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+    angles = (("a", -30.0, turn_a), ("b", 60.0, turn_b))
+    views = {name: plane(angle + lao, cranial, side=512) for name, angle, (lao, cranial) in angles}
+    images = {name: lasso_image(CURVE + moved(index), view) for name, view in views.items()}
+    return pair_of(index, images, views if published else VIEWS)
 
 
 def test_a_gantry_that_turns_with_its_matrices_makes_no_jump(tracker):
@@ -68,10 +60,8 @@ def test_a_gantry_that_turns_without_its_matrices_is_noticed_within_two_pairs(tr
 
 def lifted_pair(index, lift_mm):
     """A pair in which plane B's matrix is that of a detector higher by so much, at the loop."""
-    lift = np.eye(3)
-    lift[1, 2] = -lift_mm / VIEWS["b"].millimetres_per_pixel(LOOP.centre)
-    seen = pair(index)
-    off = Projection(lift @ VIEWS["b"].matrix, 512, 512)
+    seen, view = pair(index), VIEWS["b"]
+    off = view.shifted(0.0, -lift_mm / view.millimetres_per_pixel(LOOP.centre))
     return FramePair(seen.stamp_ns, seen.a, dataclasses.replace(seen.b, projection=off))
 
 
@@ -206,11 +196,7 @@ def test_full_size_images_are_tracked_alike():
     views = biplane(side=1024)
 
     def large(index):
-        frames = {
-            p: Frame(index * PERIOD_NS, noisy(lasso_image(CURVE + moved(index), views[p]), [index, 7]), views[p])
-            for p in "ab"
-        }
-        return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+        return curve_pair(index, CURVE + moved(index), views)
 
     clicks = lasso_seed()
     other = AppearanceTracker(CONFIG)

@@ -18,22 +18,25 @@ from support.breathing_lasso import (
     centre_error_mm,
     moved,
     pair,
-    warm_up,
 )
-from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
+from support.lasso_inputs import (
+    CURVE,
+    LOOP,
+    PERIOD_NS,
+    VIEWS,
+    curve_pair,
+    lasso_image,
+    lasso_pair,
+    lasso_seed,
+    pair_of,
+    turned,
+)
 
 from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.geometry.transforms import rotation_from_vector
+from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.ring.tracker import AppearanceTracker
-
-
-@pytest.fixture
-def tracker():
-    return copy.deepcopy(warm_up()[0])
 
 
 def test_hidden_it_is_lost_from_that_very_pair_and_found_again(tracker):
@@ -52,12 +55,11 @@ def test_hidden_it_is_lost_from_that_very_pair_and_found_again(tracker):
 
 def faded(index, share, place=WARM - 1, level=1.0):
     """A pair in which the lasso's contrast at the place of another pair is that share of what it was."""
-    frames = {}
+    images = {}
     for p in "ab":
         empty = lasso_image(CURVE + 10.0, VIEWS[p]).astype(float)
-        image = empty + share * (lasso_image(CURVE + moved(place), VIEWS[p]) - empty)
-        frames[p] = Frame(index * PERIOD_NS, noisy(level * image, [index, ord(p)]), VIEWS[p])
-    return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
+        images[p] = level * (empty + share * (lasso_image(CURVE + moved(place), VIEWS[p]) - empty))
+    return pair_of(index, images)
 
 
 @pytest.mark.parametrize("lag", [0.2, 0.5])
@@ -81,9 +83,8 @@ def test_a_trace_in_one_plane_alone_is_not_the_lasso_either(tracker, planes):
 def test_contrast_is_remembered_of_what_was_believed(tracker):
     # Twice the contrast in planes that disagree by 3 mm: refused, and so nothing to compare the next pair with.
     strong = faded(WARM, 2.0, place=WARM)
-    lift = np.eye(3)
-    lift[1, 2] = 3.0 / VIEWS["b"].millimetres_per_pixel(LOOP.centre)
-    off = dataclasses.replace(strong.b, projection=Projection(lift @ VIEWS["b"].matrix, 512, 512))
+    lift_px = 3.0 / VIEWS["b"].millimetres_per_pixel(LOOP.centre)
+    off = dataclasses.replace(strong.b, projection=VIEWS["b"].shifted(0.0, lift_px))
     assert_no_pose(tracker.track(FramePair(strong.stamp_ns, strong.a, off)), LOST)
     assert tracker.track(pair(WARM + 1)).state is TRACKING
 
@@ -91,8 +92,7 @@ def test_contrast_is_remembered_of_what_was_believed(tracker):
 def test_a_picture_of_nothing_is_borne_even_without_any_limit(tracker):
     limits = JudgementConfig(smallest_likeness=0.0, smallest_visible=0.0)
     tracker.reconfigure(dataclasses.replace(CONFIG, judgement=limits))
-    nothing = {p: Frame(WARM * PERIOD_NS, np.full((512, 512), 90, np.uint8), VIEWS[p]) for p in "ab"}
-    tracker.track(FramePair(WARM * PERIOD_NS, nothing["a"], nothing["b"]))
+    tracker.track(pair_of(WARM, dict.fromkeys("ab", np.full((512, 512), 90, np.uint8)), sigma=0.0))
     tracker.reconfigure(CONFIG)
     assert tracker.track(pair(WARM + 1)).state in (TRACKING, LOST)
     assert tracker.track(pair(WARM + 2)).state is TRACKING
@@ -114,13 +114,7 @@ def test_something_else_is_not_the_lasso(tracker):
     # A ring of half the size without electrodes, where the lasso was.
     small = LOOP.centre + 0.5 * (CURVE - LOOP.centre)
     for index in range(WARM, WARM + 3):
-        frames = {
-            p: Frame(
-                index * PERIOD_NS, noisy(lasso_image(small + moved(index), VIEWS[p], electrodes=0), index), VIEWS[p]
-            )
-            for p in "ab"
-        }
-        assert_no_pose(tracker.track(FramePair(index * PERIOD_NS, frames["a"], frames["b"])), LOST)
+        assert_no_pose(tracker.track(curve_pair(index, small + moved(index), electrodes=0)), LOST)
 
 
 @pytest.mark.parametrize("pairs", [1, 4])
@@ -194,15 +188,8 @@ def test_made_the_reference_a_displaced_lasso_may_miss_a_plane_at_once(tracker):
 
 
 def test_a_lasso_that_lies_otherwise_in_its_new_place_can_be_made_the_reference(tracker):
-    tilt = np.array([np.radians(5.5), 0.0, 0.0])
-    lying = (CURVE - LOOP.centre) @ rotation_from_vector(tilt).T + LOOP.centre + ASIDE
-
     def shown(index):
-        frames = {p: Frame(index * PERIOD_NS, seen(index, p), VIEWS[p]) for p in "ab"}
-        return FramePair(index * PERIOD_NS, frames["a"], frames["b"])
-
-    def seen(index, name):
-        return noisy(lasso_image(lying + moved(index), VIEWS[name]), [index, ord(name)])
+        return curve_pair(index, turned((5.5, 0.0, 0.0)) + ASIDE + moved(index))
 
     for index in (WARM, WARM + 1):
         assert tracker.track(shown(index)).state is DISPLACED
@@ -220,12 +207,9 @@ def test_a_lasso_that_was_moved_and_turned_beyond_the_limit_of_a_c_arm_is_displa
     tracker.reconfigure(
         dataclasses.replace(CONFIG, judgement=JudgementConfig(degraded_turn_deg=3.0, lost_turn_deg=4.0))
     )
-    lying = (CURVE - LOOP.centre) @ rotation_from_vector(np.array([np.radians(5.5), 0.0, 0.0])).T + LOOP.centre
-    stamp_ns = WARM * PERIOD_NS
     for aside, state in ((np.zeros(3), LOST), (ASIDE, DISPLACED)):
-        images = {p: noisy(lasso_image(lying + moved(WARM) + aside, VIEWS[p]), [WARM, ord(p)]) for p in "ab"}
-        a, b = (Frame(stamp_ns, images[p], VIEWS[p]) for p in "ab")
-        assert copy.deepcopy(tracker).track(FramePair(stamp_ns, a, b)).state is state
+        shown = curve_pair(WARM, turned((5.5, 0.0, 0.0)) + moved(WARM) + aside)
+        assert copy.deepcopy(tracker).track(shown).state is state
 
 
 def test_a_seed_ends_being_displaced(tracker):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ from support.tracking_inputs import LOOP, PERIOD_NS, SIDE, VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring.working_image import WorkingImage
 
 WIRE_SIGMA_MM, WIRE_DEPTH = 0.32, 35.0
@@ -75,6 +77,27 @@ def _clean(plane: str, translation: tuple[float, ...] | None) -> np.ndarray:
     return lasso_image(CURVE + np.array(translation or away), VIEWS[plane])
 
 
+def pair_of(
+    index: int, images: Mapping[str, np.ndarray], views: Mapping[str, Projection] = VIEWS, *, sigma: float = NOISE
+) -> FramePair:
+    """Pair number `index` of a sequence, of each plane's image (h, w) with noise on it; a plane may be missing."""
+    stamp_ns = index * PERIOD_NS
+    frames = {p: Frame(stamp_ns, noisy(image, [index, ord(p)], sigma), views[p]) for p, image in images.items()}
+    return FramePair(stamp_ns, frames.get("a"), frames.get("b"))
+
+
+def curve_pair(
+    index: int, curve: np.ndarray, views: Mapping[str, Projection] = VIEWS, *, electrodes: int = 10
+) -> FramePair:
+    """Pair number `index` of a sequence, in which both planes show a lasso along a curve (N, 3), metres."""
+    return pair_of(index, {p: lasso_image(curve, view, electrodes=electrodes) for p, view in views.items()}, views)
+
+
+def turned(turn_deg: tuple[float, float, float]) -> np.ndarray:
+    """The lasso's curve (N, 3), turned about its centre by a rotation vector in degrees."""
+    return LOOP.centre + (CURVE - LOOP.centre) @ rotation_from_vector(np.radians(turn_deg)).T
+
+
 def lasso_pair(
     index: int,
     translation_m: np.ndarray | None = (0.0, 0.0, 0.0),
@@ -83,12 +106,8 @@ def lasso_pair(
     sigma: float = NOISE,
 ) -> FramePair:
     """Pair number `index` of a sequence: the lasso moved by (3,) metres, or None: not there."""
-    stamp_ns = index * PERIOD_NS
     key = None if translation_m is None else tuple(float(v) for v in translation_m)
-    frames = {
-        plane: Frame(stamp_ns, noisy(_clean(plane, key), [index, ord(plane)], sigma), VIEWS[plane]) for plane in planes
-    }
-    return FramePair(stamp_ns, frames.get("a"), frames.get("b"))
+    return pair_of(index, {plane: _clean(plane, key) for plane in planes}, sigma=sigma)
 
 
 def lasso_seed(count: int = 10, noise_px: float = 0.7, curve: np.ndarray = CURVE) -> Seed:
@@ -105,9 +124,12 @@ __all__ = [
     "SIDE",
     "VIEWS",
     "bare",
+    "curve_pair",
     "lasso_curve",
     "lasso_image",
     "lasso_pair",
     "lasso_seed",
     "noisy",
+    "pair_of",
+    "turned",
 ]

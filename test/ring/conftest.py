@@ -1,0 +1,14 @@
+"""What the tests of the tracker start from."""
+
+import copy
+
+import pytest
+from support.breathing_lasso import warm_up
+
+from lasso_motion_ros.ring.tracker import AppearanceTracker
+
+
+@pytest.fixture
+def tracker() -> AppearanceTracker:
+    """A tracker that has followed the drawn lasso for a breath and a half; each test has its own."""
+    return copy.deepcopy(warm_up()[0])
