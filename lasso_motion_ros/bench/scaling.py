@@ -5,18 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from unittest import mock
+from functools import partial
 
-from lasso_motion_ros.bench.stage_times import measure, stages_ms
+from lasso_motion_ros.bench.stage_times import TrackerFactory, measure, stages_ms
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.stream.tracker_factory import create_tracker
 from msg_adapters.recordings.reader import RawMessage
 
 MODEL_POINTS = (60, 120, 240, 480)
 ROI_PX = (200, 400, 600, 800, 1024)
 NEAR_MM = (6.0, 12.0, 25.0, 50.0, 100.0)
-# Our model's curve has a fixed number of points, which no user has a reason to change: it is replaced here.
-POINTS = "lasso_motion_ros.ring.loop_model.POINTS"
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,9 @@ def measure_scaling(config: StreamConfig, messages: Sequence[RawMessage], pairs:
             _cost("looked about the prediction (mm)", reach, _with(config, "search.near_mm", reach), messages, pairs)
         )
     for points in MODEL_POINTS:
-        with mock.patch(POINTS, points):
-            costs.append(_cost("points of the model", points, config, messages, pairs))
+        # No user has a reason to change it: it is no parameter.
+        make_tracker = partial(AppearanceTracker, points=points)
+        costs.append(_cost("points of the model", points, config, messages, pairs, make_tracker))
     return costs
 
 
@@ -86,8 +87,15 @@ def _with(config: StreamConfig, name: str, value: Value) -> StreamConfig:
     return configuration_from_values(StreamConfig, configuration_values(config) | {name: value})
 
 
-def _cost(varied: str, value: float, config: StreamConfig, messages: Sequence[RawMessage], pairs: int) -> Cost:
-    clock, _ = measure(config, messages, pairs, timer=time.process_time)
+def _cost(
+    varied: str,
+    value: float,
+    config: StreamConfig,
+    messages: Sequence[RawMessage],
+    pairs: int,
+    make_tracker: TrackerFactory = create_tracker,
+) -> Cost:
+    clock, _ = measure(config, messages, pairs, timer=time.process_time, make_tracker=make_tracker)
     stages = stages_ms(clock)
     inner = {name.strip(): spent for name, spent in stages.items() if name.startswith(" ")}
     return Cost(varied, value, 1e3 * clock.processor_s / len(clock.pair_s), stages["tracking"], inner)

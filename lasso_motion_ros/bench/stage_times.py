@@ -6,48 +6,38 @@ import importlib
 import platform
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version as installed_version
-from pkgutil import resolve_name
-from typing import Any
-from unittest import mock
+from typing import Any, get_args
 
 import numpy as np
 
 from lasso_motion_ros.bench.codecs import Codec, available_codec
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.tracker_factory import create_tracker
+from lasso_motion_ros.tracking.stages import Stage, Stages
+from lasso_motion_ros.tracking.tracker import Tracker
 from msg_adapters.messages import MessageFactory
 from msg_adapters.recordings.reader import RawMessage
 from msg_adapters.topics import MOTION_RAW
 
-# Parts of a tracker that are timed apart: where the tracker looks the function up, and what it is called here.
-INNER_STAGES = (
-    ("lasso_motion_ros.ring.loop_finder.working_image", "working image"),
-    ("lasso_motion_ros.ring.loop_finder.find_peaks", "search"),
-    ("lasso_motion_ros.ring.loop_finder.join_peaks", "search"),
-    ("lasso_motion_ros.ring.loop_finder.align", "alignment"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.predict", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.expected_between", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.observe", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.mark_a", "filter"),
-    ("lasso_motion_ros.motion.respiration.RespiratoryMotion.learn", "filter"),
-    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.departure", "judgement"),
-    ("lasso_motion_ros.ring.judgement.BreathingEnvelope.accept", "judgement"),
-    ("lasso_motion_ros.brost2009.tracker.distance_map", "features"),
-    ("lasso_motion_ros.brost2009.tracker.register", "registration"),
-)
+OUTER_STAGES = ("deserialise", "decode and pair", "tracking", "serialise")
 MESSAGES = "messages"  # making the answers, but for their bytes
+INNER_STAGES = (*get_args(Stage), MESSAGES)  # of tracking
+
+TrackerFactory = Callable[[TrackerConfig, Stages], Tracker]
 
 
 @dataclass
 class Clock:
-    """Time spent, by stage.
+    """Time spent, by stage: what a tracker tells of its stages (`Stages`), and what tells of the rest.
 
     Attributes:
         timer: what the stages are timed by, seconds: wall time, or processor time where other programs must not count.
@@ -64,7 +54,7 @@ class Clock:
     _running: set[str] = field(default_factory=set)
 
     @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
+    def __call__(self, name: str, /) -> Iterator[None]:
         """Add the time of a block to a stage of this pair; a block of the stage within one of it counts once."""
         if name in self._running:
             yield
@@ -130,6 +120,7 @@ def measure(
     *,
     quiet: bool = True,
     timer: Callable[[], float] = time.perf_counter,
+    make_tracker: TrackerFactory = create_tracker,
 ) -> tuple[Clock, Codec]:
     """Track a recording, over and over, until so many pairs are tracked.
 
@@ -139,42 +130,46 @@ def measure(
         pairs: how many pairs to track.
         quiet: True shows no progress.
         timer: of the stages.
+        make_tracker: makes the tracker; by default the one that `config` names.
 
     Raises:
         RecordingError: not one pair of the recording is tracked.
     """
     codec = available_codec()
-    _play(config, messages, codec, Clock(), pairs=3)  # libraries load and caches fill outside of the measurement
+
+    def play(clock: Clock, pairs: int) -> None:
+        tracker = make_tracker(config, clock)
+        _play(TrackingPipeline(config, _TimedMessages(codec.factory, clock), tracker), messages, codec, clock, pairs)
+
+    play(Clock(), pairs=3)  # libraries load and caches fill outside of the measurement
     clock = Clock(timer)
     bar = progress(range(pairs), pairs, "tracking", quiet)
     shown = next(bar, None)
-    with _inner_stages(clock, codec.factory):
-        while len(clock.pair_s) < pairs:
-            before = len(clock.pair_s)
-            _play(config, messages, codec, clock, pairs)
-            if len(clock.pair_s) == before:
-                raise RecordingError("no pair of the recording was tracked: lasso-motion track says why")
-            while shown is not None and shown < len(clock.pair_s) - 1:
-                shown = next(bar, None)
+    while len(clock.pair_s) < pairs:
+        before = len(clock.pair_s)
+        play(clock, pairs)
+        if len(clock.pair_s) == before:
+            raise RecordingError("no pair of the recording was tracked: lasso-motion track says why")
+        while shown is not None and shown < len(clock.pair_s) - 1:
+            shown = next(bar, None)
     return clock, codec
 
 
-def _play(config: StreamConfig, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
+def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
     """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
-    pipeline = TrackingPipeline(config, codec.factory)
     feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
     tracked = False
     clock.drop()
     wall, processor = time.perf_counter(), time.process_time()
     for raw in messages:
-        with clock.stage("deserialise"):
+        with clock("deserialise"):
             message = codec.decode(raw.data, raw.type_name)
-        with clock.stage("decode and pair"):
+        with clock("decode and pair"):
             ready = feed[raw.topic](message)
         for pair in ready:
-            with clock.stage("tracking"):
+            with clock("tracking"):
                 outputs = pipeline.process(pair)
-            with clock.stage("serialise"):
+            with clock("serialise"):
                 for output in outputs:
                     codec.encode(output.message, output.topic.type_name)
             now, processor_now = time.perf_counter(), time.process_time()
@@ -187,22 +182,16 @@ def _play(config: StreamConfig, messages: Sequence[RawMessage], codec: Codec, cl
             wall, processor = now, processor_now
 
 
-@contextmanager
-def _inner_stages(clock: Clock, factory: MessageFactory) -> Iterator[None]:
-    """Time the parts of the trackers, without a word about timing in the trackers themselves."""
-    with ExitStack() as stack:
-        for name, label in INNER_STAGES:
-            stack.enter_context(mock.patch(name, _timed(resolve_name(name), clock, label)))
-        stack.enter_context(mock.patch.object(factory, "make", _timed(factory.make, clock, MESSAGES)))
-        yield
+class _TimedMessages:
+    """Makes messages as another factory does, and has that timed."""
 
+    def __init__(self, factory: MessageFactory, clock: Clock) -> None:
+        self._factory, self._clock = factory, clock
 
-def _timed(function: Callable[..., Any], clock: Clock, label: str) -> Callable[..., Any]:
-    def timed(*args: Any, **keywords: Any) -> Any:
-        with clock.stage(f"  {label}"):
-            return function(*args, **keywords)
-
-    return timed
+    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
+        """A message of a type."""
+        with self._clock(MESSAGES):
+            return self._factory.make(type_name, fields)
 
 
 def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) -> Benchmark:
@@ -227,9 +216,11 @@ def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) ->
 
 def stages_ms(clock: Clock) -> dict[str, float]:
     """Mean time a pair by stage, in the order of the work; the indented ones lie inside tracking."""
-    inner = dict.fromkeys((*(label for _, label in INNER_STAGES), MESSAGES))
-    order = ["deserialise", "decode and pair", "tracking", *(f"  {label}" for label in inner), "serialise"]
-    return {name: 1e3 * clock.spent_s[name] / len(clock.pair_s) for name in order if name in clock.spent_s}
+    *before, last = OUTER_STAGES
+    labels = {name: name for name in before} | {name: f"  {name}" for name in INNER_STAGES} | {last: last}
+    return {
+        label: 1e3 * clock.spent_s[name] / len(clock.pair_s) for name, label in labels.items() if name in clock.spent_s
+    }
 
 
 def format_benchmark(benchmark: Benchmark) -> str:

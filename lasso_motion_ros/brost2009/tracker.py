@@ -13,6 +13,7 @@ from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import apply, inverse
 from lasso_motion_ros.seeding.outlines import is_bright, outlines, require_both_planes, require_lasso_size
 from lasso_motion_ros.seeding.reconstruction import reconstruct_ellipse
+from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
 Array = npt.NDArray[np.float64]
@@ -23,10 +24,14 @@ class Brost2009Tracker:
 
     As published it never says that it has lost the catheter: every pair with both planes gets a pose. A pair
     that lacks a plane gets none (LOST), since the method is defined on two views.
+
+    Args:
+        config: the parameters.
+        stages: told of each stage of the work on a pair.
     """
 
-    def __init__(self, config: TrackerConfig) -> None:
-        self._config = config
+    def __init__(self, config: TrackerConfig, stages: Stages = no_stages) -> None:
+        self._config, self._stages = config, stages
         self._bright = False
         self._model: Array | None = None  # (L, 3) at the seed's phase
         self._motion = np.eye(4)  # from the seed's phase to the last pair's
@@ -76,16 +81,18 @@ class Brost2009Tracker:
                 reference_stamp_ns=self._reference_stamp_ns,
             )
         centre = apply(self._motion, self._model).mean(axis=0)
-        views = tuple(
-            View(
-                projections[plane],
-                distance_map(
-                    frame.pixels, projections[plane].project(centre), self._config.features, bright=self._bright
-                ),
+        with self._stages("features"):
+            views = tuple(
+                View(
+                    projections[plane],
+                    distance_map(
+                        frame.pixels, projections[plane].project(centre), self._config.features, bright=self._bright
+                    ),
+                )
+                for plane, frame in pair.frames.items()
             )
-            for plane, frame in pair.frames.items()
-        )
-        self._motion, residuals = register(self._model, self._motion, views, self._config.registration)
+        with self._stages("registration"):
+            self._motion, residuals = register(self._model, self._motion, views, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))
 
     def reset(self) -> None:

@@ -17,6 +17,7 @@ from lasso_motion_ros.ring.judgement import epipolar_gap, is_clearly_seen, is_fa
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.loop_views import PlaneFit
 from lasso_motion_ros.ring.working_image import WorkingImage
+from lasso_motion_ros.tracking.stages import Stages, no_stages
 
 Array = npt.NDArray[np.float64]
 
@@ -79,6 +80,7 @@ class Look:
         prior: of the ring's own motion.
         turn: (3,) rotation vector of the ring to start from.
         stretch: logarithm of its size to start from.
+        stages: told of each stage of the work.
     """
 
     images: dict[Plane, WorkingImage]
@@ -89,6 +91,7 @@ class Look:
     prior: RingPrior
     turn: Array
     stretch: float
+    stages: Stages = no_stages
 
     def is_enough(self, finding: Finding | None) -> bool:
         """Whether all planes in the pair show the loop, and agree on it."""
@@ -122,8 +125,9 @@ def judged(alignment: Alignment, look: Look) -> Finding:
         return Finding(alignment, clear if faint is None else PLANES, faint, look.is_edge_on)
     a, b = alignment.planes["a"], alignment.planes["b"]
     trial = look.respiration.copy()
-    trial.observe(times["a"], a=_observation(a, look.model))
-    between = trial.expected_between(times["b"])
+    with look.stages("filter"):
+        trial.observe(times["a"], a=_observation(a, look.model))
+        between = trial.expected_between(times["b"])
     rays = {p: alignment.planes[p].centre - look.images[p].projection.source for p in PLANES}
     gap, across = epipolar_gap(rays["a"], rays["b"], look.model.centre + between.displacement, b.centre)
     heartbeat = HEARTBEAT_SPEED_M_S * (times["b"] - times["a"])
@@ -148,10 +152,11 @@ def _is_near_and_faint(alignment: Alignment, look: Look) -> bool:
         is_faintly_seen(fit, config) and fit.visible >= config.smallest_visible for fit in alignment.planes.values()
     ):
         return False
-    expected = {
-        "a": look.respiration.predict(look.times["a"]).displacement,
-        "b": look.respiration.expected_between(look.times["b"]).displacement,
-    }
+    with look.stages("filter"):
+        expected = {
+            "a": look.respiration.predict(look.times["a"]).displacement,
+            "b": look.respiration.expected_between(look.times["b"]).displacement,
+        }
     return all(
         float(np.linalg.norm(fit.across @ (fit.centre - look.model.centre - expected[plane]))) < NEAR_M
         for plane, fit in alignment.planes.items()
@@ -176,12 +181,13 @@ def _faint_plane(alignment: Alignment, clear: tuple[Plane, ...], look: Look) -> 
 def foretold(clear: Plane, alignment: Alignment, look: Look) -> tuple[Plane, Estimate]:
     """The other plane, and what it measures according to what a plane shows clearly and to the motion so far."""
     trial, observation = look.respiration.copy(), _observation(alignment.planes[clear], look.model)
-    if clear == "a":
-        trial.observe(look.times["a"], a=observation)
-        return "b", trial.expected_between(look.times["b"])
-    trial.mark_a(look.times["a"])
-    trial.observe(look.times["b"], b=observation)
-    return "a", trial.at_a
+    with look.stages("filter"):
+        if clear == "a":
+            trial.observe(look.times["a"], a=observation)
+            return "b", trial.expected_between(look.times["b"])
+        trial.mark_a(look.times["a"])
+        trial.observe(look.times["b"], b=observation)
+        return "a", trial.at_a
 
 
 def _observation(fit: PlaneFit, model: LoopModel, *, edge_on: bool = False) -> Observation:

@@ -17,6 +17,7 @@ from lasso_motion_ros.ring.judgement import epipolar_gap
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.search import SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+from lasso_motion_ros.tracking.stages import Stages, no_stages
 
 Array = npt.NDArray[np.float64]
 
@@ -40,15 +41,22 @@ class LoopFinder:
         model: the loop at the reference.
         appearances: per plane, what it looks like; the tracker goes on learning them.
         start_ns: stamp of the reference pair, from which times are counted.
+        stages: told of each stage of the work.
     """
 
     def __init__(
-        self, config: TrackerConfig, model: LoopModel, appearances: dict[Plane, Appearance], start_ns: int
+        self,
+        config: TrackerConfig,
+        model: LoopModel,
+        appearances: dict[Plane, Appearance],
+        start_ns: int,
+        stages: Stages = no_stages,
     ) -> None:
         self.config = config
         self._model = model
         self._appearances = appearances
         self._start_ns = start_ns
+        self._stages = stages
 
     def seconds(self, stamp_ns: int) -> float:
         """A stamp as seconds since the reference pair."""
@@ -83,7 +91,9 @@ class LoopFinder:
         best: Finding | None = None
         for number, near in enumerate((True, False) if near_first else (False,)):
             images, candidates = self._search(pair, times, respiration, near=near)
-            look = Look(images, times, respiration, self._model, self.config.judgement, prior, turn, stretch)
+            look = Look(
+                images, times, respiration, self._model, self.config.judgement, prior, turn, stretch, self._stages
+            )
             looked += self._look_at([c for c in candidates if not any(map(c.is_like, tried))], look)
             best = max(looked, key=lambda finding: finding.rank, default=None)
             if number == 0 and not look.is_enough(best):
@@ -111,28 +121,34 @@ class LoopFinder:
         model = self._model
         frames = pair.frames
         expected: dict[Plane, Array] = {}
-        foreseen = respiration.predict(self.seconds(pair.stamp_ns))
-        if "a" in times:
-            expected["a"] = model.centre + foreseen.displacement
-        if "b" in times:
-            expected["b"] = model.centre + respiration.expected_between(times["b"]).displacement
+        with self._stages("filter"):
+            foreseen = respiration.predict(self.seconds(pair.stamp_ns))
+            if "a" in times:
+                expected["a"] = model.centre + foreseen.displacement
+            if "b" in times:
+                expected["b"] = model.centre + respiration.expected_between(times["b"]).displacement
         uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
         reach_mm = model.radius_mm + BAND_MARGIN_MM + self.config.search.near_mm + min(uncertainty_mm, 20.0)
         images: dict[Plane, WorkingImage] = {}
         peaks = {}
         for plane in times:
-            images[plane] = working_image(
-                frames[plane],
-                expected[plane],
-                bright=model.bright,
-                shift=model.shifts[plane],
-                reach_mm=reach_mm if near else None,
-            )
-            peaks[plane] = find_peaks(images[plane], self._appearances[plane].distinctive, expected[plane], model.arms)
+            with self._stages("working image"):
+                images[plane] = working_image(
+                    frames[plane],
+                    expected[plane],
+                    bright=model.bright,
+                    shift=model.shifts[plane],
+                    reach_mm=reach_mm if near else None,
+                )
+            with self._stages("search"):
+                peaks[plane] = find_peaks(
+                    images[plane], self._appearances[plane].distinctive, expected[plane], model.arms
+                )
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + EXPECTATION_M**2 * np.eye(3)
         count = self.config.search.candidates // (2 if near else 1)
-        return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
+        with self._stages("search"):
+            return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
 
     def _look_at(self, candidates: list[SearchCandidate], look: Look) -> list[Finding]:
         """What the search points to, until it is found and no rival comes near it."""
@@ -145,16 +161,17 @@ class LoopFinder:
             if best is not None and _would_disagree(candidate, best, look):
                 continue
             ahead = best.alignment.correlations if best is not None and best.rank[0] == BOTH_AGREE else ()
-            alignment = align(
-                look.images,
-                self._appearances,
-                self._model.arms,
-                candidate.centres,
-                look.prior,
-                look.turn,
-                look.stretch,
-                ahead,
-            )
+            with self._stages("alignment"):
+                alignment = align(
+                    look.images,
+                    self._appearances,
+                    self._model.arms,
+                    candidate.centres,
+                    look.prior,
+                    look.turn,
+                    look.stretch,
+                    ahead,
+                )
             if alignment.is_given_up and (ahead or shows_nothing(alignment, look.judgement)):
                 continue  # it can neither rival a finding on which both planes agree nor count as seen
             finding = judged(alignment, look)
@@ -172,9 +189,10 @@ class LoopFinder:
         for _ in range(AFAR_TRIES):
             if not starts or look.is_enough(best):
                 break
-            alignment = align_from_afar(
-                look.images, self._appearances, self._model.arms, starts.pop(0), look.prior, look.turn, look.stretch
-            )
+            with self._stages("alignment"):
+                alignment = align_from_afar(
+                    look.images, self._appearances, self._model.arms, starts.pop(0), look.prior, look.turn, look.stretch
+                )
             if alignment is None:
                 continue
             finding = judged(alignment, look)

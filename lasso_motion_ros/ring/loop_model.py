@@ -87,8 +87,14 @@ class LoopModel:
         return 1e3 * float(np.linalg.norm(self.arms, axis=1).max())
 
 
-def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> LoopModel:
+def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> LoopModel:
     """The loop's curve from the clicks.
+
+    Args:
+        pair: the clicked images.
+        seed: the clicks.
+        config: the tracker's parameters.
+        points: of the curve.
 
     Raises:
         SeedError: clicks that are too few, outside the image or beside any catheter, that make a loop of no lasso's
@@ -97,12 +103,12 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig) -> Loop
     """
     require_both_planes(pair)
     bright = is_bright(pair, seed, config)
-    model = _build(pair, seed, config, bright=bright)
+    model = _build(pair, seed, config, points, bright=bright)
     contrast = _contrast(pair, model)
     if config.polarity == "auto" and contrast < DOUBTFUL_CONTRAST:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            other = _build(pair, seed, config, bright=not bright)
+            other = _build(pair, seed, config, points, bright=not bright)
         except ReconstructionError:
             pass
         else:
@@ -133,7 +139,7 @@ def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, 
     return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
 
 
-def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) -> LoopModel:
+def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool) -> LoopModel:
     projections = require_both_planes(pair)
     frames = pair.frames
     paths = outlines(pair, seed, config, bright=bright)
@@ -166,7 +172,7 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool) 
             low, high = gap[1] - TURN, gap[0]
             curve, moved = fitted(low, high)
     shifted = _shifted(projections, moved)
-    points = resample(curve(np.linspace(low, high, 8 * POINTS)), POINTS)
+    points = resample(curve(np.linspace(low, high, 8 * count)), count)
     centre = _circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
     normal = np.cross(ray_a, ray_b)

@@ -21,11 +21,12 @@ from lasso_motion_ros.ring.finding import Finding, observe
 from lasso_motion_ros.ring.foresight import Foresight, Trial, surprise_of
 from lasso_motion_ros.ring.judgement import BreathingEnvelope
 from lasso_motion_ros.ring.loop_finder import LoopFinder
-from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
+from lasso_motion_ros.ring.loop_model import POINTS, LoopModel, build_loop_model
 from lasso_motion_ros.ring.ring_lay import RingLay
 from lasso_motion_ros.ring.uncertainty import calibration_covariance, pivot_covariance
 from lasso_motion_ros.ring.verdict import refusal_of, state_of
 from lasso_motion_ros.ring.working_image import working_image
+from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import RingMotion, TrackerState, TrackResult
 
 Array = npt.NDArray[np.float64]
@@ -43,10 +44,17 @@ RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more 
 
 
 class AppearanceTracker:
-    """Find the loop anywhere, align it to sub-pixel, filter, judge; publish nothing that is not believed."""
+    """Find the loop anywhere, align it to sub-pixel, filter, judge; publish nothing that is not believed.
 
-    def __init__(self, config: TrackerConfig) -> None:
+    Args:
+        config: the parameters.
+        stages: told of each stage of the work on a pair.
+        points: of the model's curve.
+    """
+
+    def __init__(self, config: TrackerConfig, stages: Stages = no_stages, *, points: int = POINTS) -> None:
         self._config = config
+        self._stages, self._points = stages, points
         self._model: LoopModel | None = None
 
     def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
@@ -56,7 +64,7 @@ class AppearanceTracker:
             SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
             ReconstructionError: no 3-D loop explains the clicks.
         """
-        model = build_loop_model(pair, seed, self._config)
+        model = build_loop_model(pair, seed, self._config, self._points)
         frames = pair.frames
         appearances = {}
         for plane, frame in frames.items():
@@ -68,7 +76,7 @@ class AppearanceTracker:
         self._axis = np.linalg.svd(model.arms, full_matrices=False)[2][2]  # (3,) of the ring
         self._appearances = appearances
         self._start_ns = pair.stamp_ns
-        self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns)
+        self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns, self._stages)
         self._respiration = RespiratoryMotion(
             0.0,
             max(0.0, self._seconds(frames["b"].stamp_ns)),
@@ -210,8 +218,10 @@ class AppearanceTracker:
         """Learn how it breathes and lies; where it is surely tracked, how it looks and turns as well."""
         turn, stretch = finding.alignment.turn, finding.alignment.stretch
         self._both_seen_s = time_s
-        self._envelope.accept(time_s, displacement)
-        self._respiration.learn(displacement)
+        with self._stages("judgement"):
+            self._envelope.accept(time_s, displacement)
+        with self._stages("filter"):
+            self._respiration.learn(displacement)
         self._revise(self._respiration.at_a.displacement)
         self._lay.accept(turn)
         self._turn, self._stretch = 0.5 * turn, 0.5 * stretch
@@ -232,10 +242,12 @@ class AppearanceTracker:
         return min(trials, key=lambda trial: trial.implausibility)
 
     def _trial(self, pair: FramePair, finding: Finding, time_s: float) -> Trial:
-        respiration, predicted = self._respiration.copy(), self._respiration.predict(time_s)
-        observe(respiration, finding, time_s, self._finder.exposures(pair), self._require_model())
+        with self._stages("filter"):
+            respiration, predicted = self._respiration.copy(), self._respiration.predict(time_s)
+            observe(respiration, finding, time_s, self._finder.exposures(pair), self._require_model())
         displacement = respiration.at_a.displacement
-        departure = self._envelope.departure(time_s, displacement, predicted.displacement)
+        with self._stages("judgement"):
+            departure = self._envelope.departure(time_s, displacement, predicted.displacement)
         unforeseen = displacement - predicted.displacement
         return Trial(finding, respiration, departure, unforeseen, surprise_of(unforeseen, predicted))
 

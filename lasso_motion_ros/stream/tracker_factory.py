@@ -5,11 +5,17 @@ from __future__ import annotations
 from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import Tracker
 
 
-def create_tracker(config: TrackerConfig) -> Tracker:
-    """A new tracker of the configured method."""
+def create_tracker(config: TrackerConfig, stages: Stages = no_stages) -> Tracker:
+    """A new tracker of the configured method.
+
+    Args:
+        config: the parameters.
+        stages: told of each stage of the tracker's work on a pair.
+    """
     if config.method == "brost2009":
-        return Brost2009Tracker(config)
-    return AppearanceTracker(config)
+        return Brost2009Tracker(config, stages)
+    return AppearanceTracker(config, stages)

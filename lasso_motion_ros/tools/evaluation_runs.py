@@ -15,7 +15,7 @@ from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, sco
 from lasso_motion_ros.evaluation.recorded_input import ReadTruth, read_estimates, read_latencies_ms
 from lasso_motion_ros.reports.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from lasso_motion_ros.tracking.timed_tracker import TimedTracker
+from lasso_motion_ros.tracking.wrapped_tracker import TimedTracker
 from msg_adapters.recordings.reader import RecordingReader
 
 

@@ -22,6 +22,7 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.settings import Event, GeometrySettings, LassoSettings, Scenario
+from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 SMALL = Scenario(
     name="small",
@@ -79,7 +80,7 @@ def test_a_rendered_sequence_is_tracked_and_scored() -> None:
     sequence = small()
     assert sequence.pairs[2].b is None
     assert sequence.pairs[2].a is not None
-    found = run_sequence(sequence, TrackerConfig())
+    found = run_sequence(sequence, create_tracker(TrackerConfig()))
     assert found.refused == ""
     assert found.halves == {2}
     assert [one.hidden for one in found.scores] == [False, False, False, True]
@@ -91,7 +92,7 @@ def test_a_rendered_sequence_is_tracked_and_scored() -> None:
 def test_a_refused_seed_is_told_and_every_pair_is_missing() -> None:
     sequence = small()
     seed = dataclasses.replace(sequence.seed, points_a=sequence.seed.points_a[:3])
-    found = run_sequence(dataclasses.replace(sequence, seed=seed), TrackerConfig())
+    found = run_sequence(dataclasses.replace(sequence, seed=seed), create_tracker(TrackerConfig()))
     assert "clicks" in found.refused
     assert measures(found.scores).missing == 2
     assert sequence_counts([found])["refused"] == 1
@@ -227,7 +228,7 @@ def test_what_was_rendered_is_read_back_to_the_last_bit(tmp_path: Path, monkeypa
             if there.a is not None:
                 np.testing.assert_array_equal(here.a.pixels, there.a.pixels)
                 np.testing.assert_allclose(here.a.projection.matrix, there.a.projection.matrix, rtol=1e-15)
-    scores = [run_sequence(one, TrackerConfig()).scores for one in (first, second)]
+    scores = [run_sequence(one, create_tracker(TrackerConfig())).scores for one in (first, second)]
     assert [one.centre_error_mm for one in scores[0]] == [one.centre_error_mm for one in scores[1]]
     other = dataclasses.replace(SMALL, seed=2)
     SequenceCache(tmp_path).sequence(other)

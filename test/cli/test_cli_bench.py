@@ -18,7 +18,6 @@ from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.undecoded import read_undecoded
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.ring import loop_model
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.topics import image_topic
 
@@ -79,7 +78,6 @@ def test_the_cost_is_told_as_sizes_grow(
     assert {cost["varied"] for cost in costs} == varied
     for cost in costs:
         assert sum(cost["stages_ms"].values()) < cost["tracking_ms"] < cost["pair_ms"]
-    assert loop_model.POINTS == 120
 
 
 def test_memory_is_sampled_over_one_long_run_of_one_tracker(

@@ -283,3 +283,8 @@ def test_the_pair_shows_what_the_loop_rose_between_the_exposures():
 
 def test_exposed_together_the_planes_show_no_motion():
     assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).between is None
+
+
+def test_the_curve_has_as_many_points_as_asked_for() -> None:
+    assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG, points=60).points.shape == (60, 3)
+    assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).points.shape == (120, 3)

@@ -7,6 +7,7 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom.scenario import load_scenario
 from lasso_motion_ros.phantom.settings import Event
+from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 FIRST = 9  # pair of the event: two and a half seconds after the seed
 PAIRS = 16
@@ -17,7 +18,7 @@ TRACKING, LOST, DISPLACED = "TRACKING", "LOST", "DISPLACED"
 def scores_with(event: Event) -> tuple[PairScore, ...]:
     """3.75 pairs/s, 15 mm of breathing, 25 quanta a pixel, a heartbeat."""
     scenario = dataclasses.replace(load_scenario("06_hidden_then_moved"), pairs=PAIRS, events=(event,))
-    return run_sequence(render_sequence(scenario), TrackerConfig()).scores
+    return run_sequence(render_sequence(scenario), create_tracker(TrackerConfig())).scores
 
 
 def states(scores: tuple[PairScore, ...]) -> list[str]:

@@ -16,7 +16,7 @@ from lasso_motion_ros.bench.suite.trap_measures import TrapMeasures, trap_measur
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.tracker_factory import create_tracker
-from lasso_motion_ros.tracking.timed_tracker import TimedTracker
+from lasso_motion_ros.tracking.wrapped_tracker import TimedTracker
 
 # Changes smaller than these are not called a cost or a gain.
 NOTABLE_SHARE = 0.03  # of a length in millimetres
@@ -100,10 +100,9 @@ def _tracked(
     without: Idea | None, sequence: RenderedSequence, config: StreamConfig
 ) -> tuple[SequenceResult, Sequence[float]]:
     """What is made of a sequence, and the processor time of its pairs."""
-    with nullcontext() if without is None else without.switched_off():
-        changed = config if without is None else without.configuration(config)
-        tracker = TimedTracker(create_tracker(changed), time.process_time)
-        return run_sequence(sequence, changed, tracker), tracker.milliseconds
+    with nullcontext(create_tracker(config)) if without is None else without.switched_off(config) as tracker:
+        timed = TimedTracker(tracker, time.process_time)
+        return run_sequence(sequence, timed), timed.milliseconds
 
 
 def ablation_record(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:

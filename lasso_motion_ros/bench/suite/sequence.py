@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth, Truth, score_pairs
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.phantom import Scenario, Simulator
-from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 
 
@@ -62,15 +60,8 @@ def render_sequence(scenario: Scenario) -> RenderedSequence:
     return RenderedSequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
 
 
-def run_sequence(sequence: RenderedSequence, config: TrackerConfig, tracker: Tracker | None = None) -> SequenceResult:
-    """Track a sequence from its seed on and score every pair.
-
-    Args:
-        sequence: what is tracked.
-        config: the tracker's parameters.
-        tracker: a new one, if not the one that the configuration names.
-    """
-    tracker = tracker or create_tracker(config)
+def run_sequence(sequence: RenderedSequence, tracker: Tracker) -> SequenceResult:
+    """Track a sequence from its seed on and score every pair."""
     results: list[TrackResult] = []
     refused = ""
     try:

@@ -20,6 +20,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Scenario
+from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 Configurations = Mapping[str, StreamConfig]
 
@@ -42,7 +43,7 @@ def run_suite(
     for scenario in progress(scenarios, len(scenarios), "suite", quiet):
         sequence = rendered.sequence(scenario)
         for name, config in configs.items():
-            results[name].append(run_sequence(sequence, config))
+            results[name].append(run_sequence(sequence, create_tracker(config)))
     return results
 
 
@@ -68,7 +69,7 @@ def run_sweep(
     for value, scenario in progress(todo, len(todo), sweep.name, quiet):
         sequence = rendered.sequence(scenario)
         for name, config in configs.items():
-            scores[name].setdefault(value, []).extend(run_sequence(sequence, config).scores)
+            scores[name].setdefault(value, []).extend(run_sequence(sequence, create_tracker(config)).scores)
     return {
         name: {value: measures(of_value) for value, of_value in by_value.items()} for name, by_value in scores.items()
     }
@@ -101,7 +102,7 @@ def run_traps(
         sequence = rendered.sequence(scenario)
         by_config = results.setdefault(trap.name, {name: [] for name in configs})
         for name, config in configs.items():
-            by_config[name].append(run_sequence(sequence, config))
+            by_config[name].append(run_sequence(sequence, create_tracker(config)))
     return {
         trap: {name: trap_measures(TRAPS[trap], of_config) for name, of_config in by_config.items()}
         for trap, by_config in results.items()
