@@ -8,9 +8,9 @@ from graphlib import CycleError, TopologicalSorter
 from support.paths import ROOT
 from support.rooms import PACKAGE, arrows, files, floors, imports, room
 
-# What still replaces parts of the package by name: the ablation, and the benchmark's clocks. It may only shrink.
-MAY_PATCH = {f"{PACKAGE}/bench/{name}.py" for name in ("suite/ideas", "scaling", "stage_times")}
-MOST_ARROWS = 105
+# What an ablation switches inside the ring tracker, for which there are no seams yet.
+PATCHES = {f"{PACKAGE}/bench/suite/patches.py"}
+MOST_ARROWS = 100
 
 
 def circle(graph: dict[str, set[str]]) -> list[str]:
@@ -59,8 +59,8 @@ def test_the_picture_shows_the_rooms_and_arrows_that_are_there() -> None:
     assert drawn <= arrows().keys()
 
 
-def test_nothing_shipped_patches_itself() -> None:
+def test_the_package_patches_itself_in_one_file_only() -> None:
     patching = {
         str(path.relative_to(ROOT)) for path in files().values() if re.search(r"\bmock\b", path.read_text("utf-8"))
     }
-    assert patching <= MAY_PATCH
+    assert patching == PATCHES
