@@ -14,8 +14,8 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.recorded_topics import topic_handlers
 from msg_adapters.messages import ns_to_stamp, stamp_to_ns
 from msg_adapters.recordings.reader import RawMessage
 from msg_adapters.topics import MOTION_RAW, image_topic, seed_topic
@@ -65,7 +65,7 @@ def measure_memory(
         raise RecordingError(f"{STATM}: not there; memory is measured on Linux only")
     codec = available_codec()
     pipeline = TrackingPipeline(config, codec.factory)
-    feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
+    handlers = topic_handlers(pipeline.intake, {raw.topic: raw.type_name for raw in messages})
     stamps = [stamp_to_ns(codec.decode(raw.data, raw.type_name).header.stamp) for raw in messages]
     at_pair, resident, spent = [], [], []
     done = poses = 0
@@ -74,8 +74,8 @@ def measure_memory(
     for raw, stamp_ns in _forth_and_back(messages, stamps):
         message = codec.decode(raw.data, raw.type_name)
         message.header.stamp = codec.factory.make("builtin_interfaces/msg/Time", ns_to_stamp(stamp_ns))
-        for pair in feed[raw.topic](message):
-            outputs = pipeline.process(pair)
+        for task in handlers[raw.topic](message):
+            outputs = pipeline.session.process(task)
             for output in outputs:
                 codec.encode(output.message, output.topic.type_name)
             poses += any(output.topic is MOTION_RAW for output in outputs)

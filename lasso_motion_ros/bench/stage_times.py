@@ -19,8 +19,8 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.stream.intake import recorded_intake
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.recorded_topics import topic_handlers
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.stages import Stage, Stages
 from lasso_motion_ros.tracking.tracker import Tracker
@@ -157,7 +157,7 @@ def measure(
 
 def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
     """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
-    feed = recorded_intake(pipeline, {raw.topic: raw.type_name for raw in messages})
+    handlers = topic_handlers(pipeline.intake, {raw.topic: raw.type_name for raw in messages})
     tracked = False
     clock.drop()
     wall, processor = time.perf_counter(), time.process_time()
@@ -165,10 +165,10 @@ def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Cod
         with clock("deserialise"):
             message = codec.decode(raw.data, raw.type_name)
         with clock("decode and pair"):
-            ready = feed[raw.topic](message)
-        for pair in ready:
+            tasks = handlers[raw.topic](message)
+        for task in tasks:
             with clock("tracking"):
-                outputs = pipeline.process(pair)
+                outputs = pipeline.session.process(task)
             with clock("serialise"):
                 for output in outputs:
                     codec.encode(output.message, output.topic.type_name)

@@ -9,7 +9,7 @@ from pathlib import Path
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.stream.outputs import problem_lines
+from lasso_motion_ros.stream.problem_log import problem_lines
 from lasso_motion_ros.tools.offline_tracking import DEFAULT_CONFIG, counts, describe, track_recording
 from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP
 

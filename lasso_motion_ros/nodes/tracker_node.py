@@ -25,7 +25,7 @@ from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.stream.clicked_pairs import PairTask
+from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -142,7 +142,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         )
         self._watch = StreamWatch(time.monotonic())
         self._by_arrival = config.stamp_source == "arrival"
-        self._outlets.publish(pipeline.initial_outputs())
+        self._outlets.publish(pipeline.session.initial_outputs())
         for plane in PLANES:
             if plane in self._seeds:
                 self._on_seed(plane, self._messages.make(seed_topic(plane).type_name, self._seeds[plane]))
@@ -157,7 +157,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             self._worker.stop()
             self._worker = None
         if self._pipeline is not None:
-            self._pipeline.release()
+            self._pipeline.intake.release()
         self._calls.give_up("the node is not active")
         self._outlets.say_state(TrackerState.INACTIVE)
 
@@ -172,8 +172,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             message.header.stamp = self.get_clock().now().to_msg()
         self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
         pipeline = self._active()
-        self._enqueue(pipeline.add_image(plane, message))
-        if plane in pipeline.calibrated:
+        self._enqueue(pipeline.intake.add_image(plane, message))
+        if plane in pipeline.intake.calibrated:
             self._uncalibrated.pop(plane, None)
         elif self._outlets.watched:
             self._show_uncalibrated(plane, message)
@@ -183,14 +183,14 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         if self._by_arrival:
             message.header.stamp.sec = message.header.stamp.nanosec = 0  # holds until the next
         pipeline = self._active()
-        self._enqueue(pipeline.add_camera_info(plane, message, latched=latched))
+        self._enqueue(pipeline.intake.add_camera_info(plane, message, latched=latched))
         if self._outlets.state == TrackerState.WAITING_FOR_CALIBRATION.value:
             with self._answering:
                 self._outlets.publish(pipeline.pending_outputs())
 
     @guarded
     def _on_seed(self, plane: Plane, message: PolygonStamped) -> None:
-        self._enqueue(self._active().add_seed(plane, message))
+        self._enqueue(self._active().intake.add_seed(plane, message))
 
     @guarded
     def _on_click(self, plane: Plane, message: Point) -> None:
@@ -199,11 +199,11 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     @guarded
     def _on_r_peak(self, message: Header) -> None:
-        self._active().add_r_peak(message)
+        self._active().intake.add_r_peak(message)
 
     def _on_tuning(self, config: StreamConfig) -> None:
         if self._pipeline is not None:
-            self._pipeline.reconfigure(config)
+            self._pipeline.session.reconfigure(config)
 
     def _reset(self) -> None:
         pipeline = self._active()
@@ -230,8 +230,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         refusal = "the tracker failed on these clicks; its log says why"
         try:
             with self._answering:
-                self._outlets.publish(pipeline.process(task))
-            refusal = pipeline.last_refusal
+                self._outlets.publish(pipeline.session.process(task))
+            refusal = pipeline.session.last_refusal
         finally:
             self._calls.seeded(task, refusal)
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
@@ -245,10 +245,10 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         if pipeline is None or not self._outlets.watched:
             return
         board = self._calls.board
-        pair = board.pair or pipeline.last_pair
+        pair = board.pair or pipeline.session.last_pair
         if pair is None:
             return
-        result, statistics = pipeline.last_result, pipeline.statistics()
+        result, statistics = pipeline.session.last_result, pipeline.statistics()
         loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
         clicks = {plane: board.clicks(plane) for plane in PLANES}
         frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
@@ -266,7 +266,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     def _complain(self) -> None:
         if self._pipeline is not None:
-            for problem in self._pipeline.take_problems():
+            for problem in self._pipeline.problems.take():
                 self.complaints.complain(problem.topic or "stream", problem.text, kind=kind_of(problem.text))
 
     @guarded

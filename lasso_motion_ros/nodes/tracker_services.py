@@ -12,7 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
-from lasso_motion_ros.stream.clicked_pairs import PairTask
+from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 
 RESET_MEANWHILE = "reset meanwhile"
@@ -78,7 +78,7 @@ class TrackerServices:
 
     def _release(self) -> None:
         try:
-            self._active().release()
+            self._active().intake.release()
         except LassoMotionError:
             return  # no longer active: there is nothing to release
 
@@ -90,14 +90,17 @@ class TrackerServices:
         return self._answer(response, reset)
 
     def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, lambda: self._active().set_reference())
+        def set_reference() -> None:
+            self._active().session.set_reference()
+
+        return self._answer(response, set_reference)
 
     def _on_freeze(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         def freeze() -> None:
             pipeline = self._active()
             if not request.data:
-                pipeline.release()
-            self.board.freeze(pipeline.freeze() if request.data else None)
+                pipeline.intake.release()
+            self.board.freeze(pipeline.intake.freeze() if request.data else None)
             self._show()
 
         return self._answer(response, freeze)
@@ -109,9 +112,9 @@ class TrackerServices:
             with self._lock:
                 if self._awaited is not None:
                     raise LassoMotionError("the clicks before these are still being worked on")
-                tasks = pipeline.seed_frozen(seed)
-                self._awaited = (tasks[0].number, future)
-            self._enqueue(tasks)
+                task = pipeline.intake.seed_frozen(seed)
+                self._awaited = (task.number, future)
+            self._enqueue([task])
             refusal = await future
         except LassoMotionError as error:
             refusal = str(error)

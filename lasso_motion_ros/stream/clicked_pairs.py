@@ -10,34 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.stream.pair_task import PairTask
 
 # Stamps written as decimal seconds come back a fraction of a microsecond off.
 _SAME_STAMP_NS = 1_000_000
 _NEXT = 0
-
-
-@dataclass(frozen=True, eq=False)
-class PairTask:
-    """A pair for the tracker to answer, and the clicks on it, if any.
-
-    Attributes:
-        pair: the images.
-        seed: clicks on this pair: the model is built here.
-        answered: the pair was answered before, and comes again because its clicks came late.
-        later: the pairs since then, oldest first, to be answered again after it.
-        number: counts up from task to task.
-    """
-
-    pair: FramePair
-    seed: Seed | None = None
-    answered: bool = False
-    later: tuple[FramePair, ...] = ()
-    number: int = 0
-
-    @property
-    def begins_run(self) -> bool:
-        """Whether the stamps went back here; when the pair comes again, that has been dealt with."""
-        return self.pair.new_run and not self.answered
 
 
 @dataclass(frozen=True, eq=False)

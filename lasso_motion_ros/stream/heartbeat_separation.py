@@ -16,8 +16,9 @@ import numpy.typing as npt
 from lasso_motion_ros.config.stream import HeartbeatConfig
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.covariance import at_point
-from lasso_motion_ros.motion.heartbeat import CardiacGate, HeartPhase, RPeaks
+from lasso_motion_ros.motion.heartbeat import CardiacGate, HeartPhase
 from lasso_motion_ros.motion.respiratory_filter import RespiratoryFilter
+from lasso_motion_ros.stream.heart_phases import HeartPhases
 from lasso_motion_ros.tracking.tracker import TrackResult
 
 Array = npt.NDArray[np.float64]
@@ -54,23 +55,17 @@ class HeartbeatStatus:
 class HeartbeatSeparation:
     """Keeps the heartbeat out of `motion`, as configured.
 
-    The heart's phase is taken down when a pair is complete: a pair that waits for the tracker, or is gone through
-    again because clicks came late, has the phase that was known then, so timing changes no pose.
-
     Args:
         config: mode and parameters.
-        remembered: pairs whose phases are kept.
+        phases: the heart's phase at each pair; only read.
 
     Raises:
         ConfigurationError: parameters that contradict each other.
     """
 
-    def __init__(self, config: HeartbeatConfig, remembered: int) -> None:
+    def __init__(self, config: HeartbeatConfig, phases: HeartPhases) -> None:
         self._config = config
-        self._remembered = remembered
-        self._peaks = RPeaks()
-        self._peaks_received = 0
-        self._phases: dict[int, HeartPhase | None] = {}
+        self._phases = phases
         self._gate = CardiacGate(config.window_start, config.window_end)
         self._filter = RespiratoryFilter(config.slowest_bpm / 60.0, config.fastest_bpm / 60.0, config.excursion_mm)
         self._centre = np.zeros(3)
@@ -79,21 +74,6 @@ class HeartbeatSeparation:
         self._last_update_ns = 0
         self._status: HeartbeatStatus | None = None
         self.reset()
-
-    def add_r_peak(self, stamp_ns: int) -> None:
-        """Take an R peak's stamp."""
-        self._peaks.add(stamp_ns)
-        self._peaks_received += 1
-
-    def add_pair(self, stamp_ns: int, *, new_run: bool) -> None:
-        """Take down the heart's phase at a pair that has come."""
-        if self._config.mode == "none":
-            return
-        if new_run:
-            self._peaks.begin_run(stamp_ns)
-        self._phases[stamp_ns] = self._peaks.phase(stamp_ns)
-        while len(self._phases) > self._remembered:
-            del self._phases[next(iter(self._phases))]
 
     def reset(self) -> None:
         """The model was forgotten: there is no reference any more."""
@@ -123,7 +103,7 @@ class HeartbeatSeparation:
 
     def _gated(self, result: TrackResult, motion: Array) -> PublishedMotion | None:
         stamp_ns = result.stamp_ns
-        phase = self._phases.get(stamp_ns)
+        phase = self._phases.at(stamp_ns)
         is_open = self._gate.is_open(phase, stamp_ns)
         self._poses += 1
         self._in_window += is_open
@@ -135,17 +115,17 @@ class HeartbeatSeparation:
         values = {
             "poses in the window": f"{self._in_window} of {self._poses}",
             "age of motion (s)": f"{age_s:.2f}",
-            "R peaks": str(self._peaks_received),
+            "R peaks": str(self._phases.peaks_received),
         } | _heart_rate(phase)
         reference_ns = result.reference_stamp_ns
-        if reference_ns in self._phases:
-            inside = self._gate.is_open(self._phases[reference_ns], reference_ns)
+        if self._phases.is_remembered(reference_ns):
+            inside = self._gate.is_open(self._phases.at(reference_ns), reference_ns)
             # Otherwise what the heart moves between the reference's phase and the window's stays in.
             values["reference in the window"] = "yes" if inside else "no, which leaves a constant part in motion"
         window = f"{self._config.window_start:g} to {self._config.window_end:g} of the beat"
         text = f"motion is updated from {window} only"
         if phase is None:
-            text += f", and the heart's phase is not known ({self._peaks_received} R peaks received)"
+            text += f", and the heart's phase is not known ({self._phases.peaks_received} R peaks received)"
         elif phase.doubtful:
             text += "; this beat is left out: an R peak came too early"
         self._status = HeartbeatStatus(phase is not None, text, values)
@@ -156,18 +136,22 @@ class HeartbeatSeparation:
         if is_new or reference_ns != self._reference_ns:
             self._centre = _reference_centre(result, motion)
             known = not is_new and self._reference_ns is not None
-            self._filter.start(reference_ns, self._phases.get(reference_ns), keep_heart=known)
+            self._filter.start(reference_ns, self._phases.at(reference_ns), keep_heart=known)
             self._reference_ns = reference_ns
         if stamp_ns <= reference_ns:
             return PublishedMotion(motion, result.covariance)
         place = transforms.apply(motion, self._centre)
-        phase = self._phases.get(stamp_ns)
+        phase = self._phases.at(stamp_ns)
         found = self._filter.separate(
             stamp_ns, 1e3 * (place - self._centre), _noise_mm(result.covariance, place), phase
         )
         heart_rate = {} if found.heart_hz is None else {"heart rate (1/min)": f"{60.0 * found.heart_hz:.0f}"}
-        values = {"heartbeat taken away (mm)": f"{np.linalg.norm(found.heart_mm):.2f}", **heart_rate}
-        self._status = HeartbeatStatus(found.separated, found.text, values | {"R peaks": str(self._peaks_received)})
+        values = {
+            "heartbeat taken away (mm)": f"{np.linalg.norm(found.heart_mm):.2f}",
+            **heart_rate,
+            "R peaks": str(self._phases.peaks_received),
+        }
+        self._status = HeartbeatStatus(found.separated, found.text, values)
         breathing = motion.copy()
         breathing[:3, 3] -= 1e-3 * found.heart_mm
         covariance = result.covariance

@@ -1,9 +1,7 @@
-"""What the pipeline gives out besides pairs: messages to be published, problems, counts."""
+"""What the pipeline gives out: messages to be published, and counts."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,26 +13,13 @@ from msg_adapters.sync.pairing import PlaneCounts
 from msg_adapters.topics import Topic
 
 
-@dataclass(frozen=True)
-class Problem:
-    """Something wrong with what came in.
-
-    Attributes:
-        topic: relative name of the topic it came on, or empty where it is none's in particular.
-        text: what was found and what was expected.
-    """
-
-    topic: str
-    text: str
-
-
 @dataclass(frozen=True, eq=False)
 class Output:
     """A message to be published.
 
     Attributes:
         topic: where.
-        message: made by the pipeline's message factory.
+        message: made by the message factory.
         stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
     """
 
@@ -82,18 +67,3 @@ class PipelineStatistics:
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
     heartbeat: HeartbeatStatus | None = None
-
-
-def problem_lines(problems: Mapping[Problem, int]) -> list[str]:
-    """What was wrong with messages, a line each; what was wrong on several topics alike is said once."""
-    topics: dict[str, list[str]] = {}
-    often: Counter[str] = Counter()
-    for problem, count in problems.items():
-        topics.setdefault(problem.text, []).append(problem.topic)
-        often[problem.text] += count
-    return [
-        (f"{', '.join(names)}: " if any(names) else "")
-        + text
-        + (f" ({often[text]} times)" if often[text] > len(names) else "")
-        for text, names in topics.items()
-    ]

@@ -1,4 +1,4 @@
-"""The biplane pairs of a recording, one after another, by the rule by which the node pairs them."""
+"""The biplane pairs of a recording, one after another, paired as the node pairs them."""
 
 from __future__ import annotations
 
@@ -7,11 +7,9 @@ from collections.abc import Iterator
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.stream.clicked_pairs import PairTask
-from lasso_motion_ros.stream.intake import recorded_intake
-from lasso_motion_ros.stream.outputs import Problem
-from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from msg_adapters.messages import RecordedMessages
+from lasso_motion_ros.stream.intake import MessageIntake
+from lasso_motion_ros.stream.problem_log import Problem, ProblemLog
+from lasso_motion_ros.stream.recorded_topics import topic_handlers
 from msg_adapters.recordings.reader import RecordingReader
 
 
@@ -22,18 +20,18 @@ def recorded_pairs(
 
     Args:
         reader: the recording; its `damage` is known once the last pair was given.
-        config: how pairs are made (`sync`); nothing is tracked.
+        config: how pairs are made (`sync`).
         problems: what was wrong with messages is added to it, and is known once the last pair was given.
     """
-    pipeline = TrackingPipeline(config, RecordedMessages())
-    intake = recorded_intake(pipeline, reader.topics, seeds=False)
-    ready: list[PairTask]
-    for recorded in reader.messages(intake):
-        ready = intake[recorded.topic](recorded.message)
+    log = ProblemLog()
+    intake = MessageIntake(config, log)
+    handlers = topic_handlers(intake, reader.topics, seeds=False)
+    for recorded in reader.messages(handlers):
+        tasks = handlers[recorded.topic](recorded.message)
         if problems is not None:
-            problems.update(pipeline.take_problems())
-        yield from (one.pair for one in ready)
-    ready = pipeline.flush()
+            problems.update(log.take())
+        yield from (task.pair for task in tasks)
+    tasks = intake.flush()
     if problems is not None:
-        problems.update(pipeline.take_problems())
-    yield from (one.pair for one in ready)
+        problems.update(log.take())
+    yield from (task.pair for task in tasks)

@@ -42,19 +42,19 @@ def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
     outputs: list[Output] = []
     for number in range(PAIRS):
         header = header_fields(START_NS + number * PERIOD_NS)
-        ready = []
+        tasks = []
         for plane in PLANES:
             info = encode_camera_info(ring_projection(plane, SIDE_PX), header)
             pixels = ring_image(plane, SIDE_PX, breath_mm(number * PERIOD_NS * 1e-9), generator)
-            ready += pipeline.add_camera_info(plane, messages.make(camera_info_topic(plane).type_name, info))
-            ready += pipeline.add_image(plane, messages.make(IMAGE_TYPE, encode_image(pixels, header)))
+            tasks += pipeline.intake.add_camera_info(plane, messages.make(camera_info_topic(plane).type_name, info))
+            tasks += pipeline.intake.add_image(plane, messages.make(IMAGE_TYPE, encode_image(pixels, header)))
             if number == 0:
                 clicks = encode_polygon(seed.points(plane), header)
-                ready += pipeline.add_seed(plane, messages.make(seed_topic(plane).type_name, clicks))
+                tasks += pipeline.intake.add_seed(plane, messages.make(seed_topic(plane).type_name, clicks))
         if number == PAIRS - 1:
-            ready += pipeline.flush()
-        for pair in ready:
-            outputs += pipeline.process(pair)
+            tasks += pipeline.intake.flush()
+        for task in tasks:
+            outputs += pipeline.session.process(task)
     gc.collect()
     gc.freeze()
     return outputs

@@ -14,10 +14,11 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.stream.clicked_pairs import PairTask
-from lasso_motion_ros.stream.intake import recorded_intake
-from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, Problem, problem_lines
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
+from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.problem_log import Problem, problem_lines
+from lasso_motion_ros.stream.recorded_topics import topic_handlers
 from lasso_motion_ros.tracking.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
@@ -122,28 +123,28 @@ def track_recording(
     messages = RecordedMessages()
     pipeline = TrackingPipeline(config, messages, tracker)
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
-        session = _Session(pipeline, writer)
-        session.publish(pipeline.initial_outputs())
+        run = _Run(pipeline, writer)
+        run.write(pipeline.session.initial_outputs())
         for plane in PLANES:
             if given_calibration is not None:
-                topic = camera_info_topic(plane)
-                session.take(pipeline.add_camera_info(plane, messages.make(topic.type_name, given_calibration[plane])))
+                info = messages.make(camera_info_topic(plane).type_name, given_calibration[plane])
+                run.take(pipeline.intake.add_camera_info(plane, info))
             if given_seeds is not None:
-                topic = seed_topic(plane)
-                session.take(pipeline.add_seed(plane, messages.make(topic.type_name, given_seeds[plane])))
-        intake = recorded_intake(pipeline, reader.topics, seeds=seeds is None, calibrations=calibration is None)
-        for recorded in progress(reader.messages(intake), None, "tracking (messages)", quiet):
-            session.take(intake[recorded.topic](recorded.message))
-        session.take(pipeline.flush())
-        summary = TrackSummary(pipeline.statistics(), session.problems, reader.damage)
+                clicks = messages.make(seed_topic(plane).type_name, given_seeds[plane])
+                run.take(pipeline.intake.add_seed(plane, clicks))
+        handlers = topic_handlers(pipeline.intake, reader.topics, seeds=seeds is None, calibrations=calibration is None)
+        for recorded in progress(reader.messages(handlers), None, "tracking (messages)", quiet):
+            run.take(handlers[recorded.topic](recorded.message))
+        run.take(pipeline.intake.flush())
+        summary = TrackSummary(pipeline.statistics(), run.problems, reader.damage)
         lacking = "image pair could be made" if summary.statistics.pairs == 0 else "pair got a pose"
         if summary.statistics.pairs == 0 or (summary.statistics.poses == 0 and not without_poses):
             raise RecordingError(f"{recording}: no {lacking}: {why_nothing(summary)}")
     return summary
 
 
-class _Session:
-    """One run: pairs are processed as they become ready, and what comes out is written."""
+class _Run:
+    """Answers tasks as they fall due, and writes what comes out."""
 
     def __init__(self, pipeline: TrackingPipeline, writer: RecordingWriter) -> None:
         self._pipeline = pipeline
@@ -152,23 +153,23 @@ class _Session:
         self._time_ns = 0
         self.problems: Counter[Problem] = Counter()
 
-    def take(self, ready: list[PairTask]) -> None:
-        self.publish(self._pipeline.pending_outputs())
-        for pair in ready:
-            self._time_ns = pair.pair.stamp_ns
-            self.publish(self._pipeline.process(pair))
-        self.problems.update(self._pipeline.take_problems())
+    def take(self, tasks: list[PairTask]) -> None:
+        self.write(self._pipeline.pending_outputs())
+        for task in tasks:
+            self._time_ns = task.pair.stamp_ns
+            self.write(self._pipeline.session.process(task))
+        self.problems.update(self._pipeline.problems.take())
 
-    def publish(self, outputs: list[Output]) -> None:
+    def write(self, outputs: list[Output]) -> None:
         for output in outputs:
             if output.stamp_ns == 0 and self._time_ns == 0:
                 self._unstamped.append(output)  # before the first pair there is no time to write it at
                 continue
             waiting, self._unstamped = self._unstamped, []
             for one in [*waiting, output]:
-                self._write(one)
+                self._write_one(one)
 
-    def _write(self, output: Output) -> None:
+    def _write_one(self, output: Output) -> None:
         topic = output.topic
         self._writer.write(
             topic.recorded_name,

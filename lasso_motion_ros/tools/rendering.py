@@ -22,7 +22,7 @@ from lasso_motion_ros.overlay.style import overlay_style
 from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, OverlayView, video_picture
 from lasso_motion_ros.reports.picture_files import write_png
 from lasso_motion_ros.reports.video import VideoWriter
-from lasso_motion_ros.stream.outputs import Problem, problem_lines
+from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
 

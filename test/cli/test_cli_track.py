@@ -14,8 +14,8 @@ from support.message_inputs import FakeTracker, projection, seed, stamp, stream
 
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import bundled_recording
-from lasso_motion_ros.stream import tracker_factory
-from lasso_motion_ros.stream.outputs import Problem, problem_lines
+from lasso_motion_ros.stream import pipeline
+from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from msg_adapters.images import decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -26,7 +26,7 @@ from msg_adapters.seeds import decode_seed
 
 @pytest.fixture(autouse=True)
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tracker_factory, "create_tracker", lambda config: FakeTracker())
+    monkeypatch.setattr(pipeline, "create_tracker", lambda config: FakeTracker())
 
 
 def record(path: Path, messages: Any = None, drop: str = "nothing", rename: dict[str, str] | None = None) -> Path:
@@ -83,8 +83,9 @@ def test_a_cut_recording_is_used_and_said_so(tmp_path: Path, capsys: pytest.Capt
 
 
 def seeds_file(path: Path) -> Path:
-    points = decode_seed(seed(0)).tolist()
-    path.write_text(yaml.safe_dump({"plane_a": {"points": points}, "plane_b": {"points": points}}))
+    # A list for each plane: of one list for both PyYAML would write an alias, which is refused.
+    planes = {f"plane_{plane}": {"points": decode_seed(seed(0)).tolist()} for plane in "ab"}
+    path.write_text(yaml.safe_dump(planes))
     return path
 
 
@@ -160,7 +161,7 @@ def test_images_that_are_all_refused_leave_no_output(tmp_path: Path, capsys: pyt
 def test_refused_clicks_are_one_line_and_leave_no_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tracker_factory, "create_tracker", lambda config: FakeTracker(refuse=True))
+    monkeypatch.setattr(pipeline, "create_tracker", lambda config: FakeTracker(refuse=True))
     recording = record(tmp_path / "in.mcap")
     assert track(recording, "-o", tmp_path / "out.mcap") == 2
     assert capsys.readouterr().err == f"lasso-motion track: {recording}: no pair got a pose: seed: no loop here\n"

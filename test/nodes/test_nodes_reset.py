@@ -19,7 +19,7 @@ from support.message_inputs import stamp
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.nodes.tracker_node import TrackerNode
 from lasso_motion_ros.nodes.tracker_services import RESET_MEANWHILE, TrackerServices
-from lasso_motion_ros.stream.clicked_pairs import PairTask
+from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.tools.processes import free_domain
 
 pytestmark = pytest.mark.ros
@@ -35,7 +35,10 @@ class FakePipeline:
     failure: Exception | None = None
     released = False
 
-    def process(self, ready: PairTask) -> list[str]:
+    def __init__(self) -> None:
+        self.intake = self.session = self.problems = self
+
+    def process(self, task: PairTask) -> list[str]:
         if self.failure is not None:
             raise self.failure
         return ["TRACKING"]
@@ -46,10 +49,10 @@ class FakePipeline:
     def release(self) -> None:
         self.released = True
 
-    def seed_frozen(self, seed: Seed) -> list[PairTask]:
-        return [TASK]
+    def seed_frozen(self, seed: Seed) -> PairTask:
+        return TASK
 
-    def take_problems(self) -> list[Any]:
+    def take(self) -> list[Any]:
         return []
 
 

@@ -6,7 +6,8 @@ import numpy as np
 from support.message_inputs import projection, stamp
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.stream.clicked_pairs import ClickedPairs, PairTask
+from lasso_motion_ros.stream.clicked_pairs import ClickedPairs
+from lasso_motion_ros.stream.pair_task import PairTask
 
 POINTS = np.zeros((6, 2))
 

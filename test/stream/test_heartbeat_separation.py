@@ -10,6 +10,7 @@ import pytest
 from lasso_motion_ros.config.stream import HeartbeatConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry.transforms import apply, rigid
+from lasso_motion_ros.stream.heart_phases import HeartPhases
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation, PublishedMotion, _noise_mm
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -24,8 +25,17 @@ def ns(time_s: float) -> int:
     return START_NS + round(time_s * 1e9)
 
 
-def separation(**values: Any) -> HeartbeatSeparation:
-    return HeartbeatSeparation(HeartbeatConfig(**values), remembered=100)
+class Separation(HeartbeatSeparation):
+    """With the phases that it reads."""
+
+    def __init__(self, **values: Any) -> None:
+        phases = HeartPhases(remembered=100)
+        super().__init__(HeartbeatConfig(**values), phases)
+        self.add_r_peak, self.add_pair = phases.add_r_peak, phases.add_pair
+
+
+def separation(**values: Any) -> Separation:
+    return Separation(**values)
 
 
 def result(time_s: float, x_mm: float, reference_s: float = 0.0, motion: np.ndarray | None = None) -> TrackResult:
@@ -38,7 +48,7 @@ def beat_mm(time_s: float) -> float:
     return float(np.cos(2 * np.pi * time_s / 0.8))
 
 
-def run(line: HeartbeatSeparation, times_s: Any, displacement_mm: Any, peaks_s: Any = ()) -> list[Any]:
+def run(line: Separation, times_s: Any, displacement_mm: Any, peaks_s: Any = ()) -> list[Any]:
     """What is published for each; the first is the reference."""
     waiting, published = list(peaks_s), []
     for k, time_s in enumerate(times_s):

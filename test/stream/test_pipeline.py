@@ -41,10 +41,10 @@ def test_the_first_seeded_pair_gives_reference_state_and_identity_in_this_order(
 
 def test_before_anything_comes_it_waits_for_calibration_and_then_for_a_seed() -> None:
     line = pipeline()
-    assert states(line.initial_outputs()) == ["WAITING_FOR_CALIBRATION"]
-    assert line.add_camera_info("a", camera_info("a")) == []
+    assert states(line.session.initial_outputs()) == ["WAITING_FOR_CALIBRATION"]
+    assert line.intake.add_camera_info("a", camera_info("a")) == []
     assert line.pending_outputs() == []
-    line.add_camera_info("b", camera_info("b"))
+    line.intake.add_camera_info("b", camera_info("b"))
     assert states(line.pending_outputs()) == ["WAITING_FOR_SEED"]
     assert line.pending_outputs() == []
 
@@ -80,7 +80,7 @@ def test_mathematics_that_fail_on_a_pair_are_a_reported_loss(error: Exception, w
     run(line, stream(2))
     tracker.error = error
     assert states(run(line, stream(1, seeded=None, start=2))) == ["LOST"]
-    assert [problem.text for problem in line.take_problems()] == [words]
+    assert [problem.text for problem in line.problems.take()] == [words]
     assert line.statistics().reason == words
     tracker.error = None
     assert states(run(line, stream(1, seeded=None, start=3))) == ["TRACKING"]
@@ -92,14 +92,14 @@ def test_mathematics_that_fail_on_clicks_refuse_them(error: Exception, words: st
     tracker.error = error
     line = pipeline(tracker)
     assert set(states(run(line, stream(2)))) == {"WAITING_FOR_SEED"}
-    assert line.last_refusal == words
-    assert [(problem.topic, problem.text) for problem in line.take_problems()] == [("seed", words)]
+    assert line.session.last_refusal == words
+    assert [(problem.topic, problem.text) for problem in line.problems.take()] == [("seed", words)]
 
 
 def test_a_model_from_before_the_start_is_lost_until_a_pair_comes() -> None:
     line = pipeline()
     run(line, stream(2))
-    again = line.initial_outputs()
+    again = line.session.initial_outputs()
     assert names(again) == ["state", "catheter"]
     assert states(again) == ["LOST"]
     assert again[1].message.action == DELETE
@@ -142,7 +142,7 @@ def test_stamps_that_go_back_are_a_new_run() -> None:
     assert poses(outputs) == {stamp(k): float(k) for k in range(8)}
     assert names(outputs)[:2] == ["catheter", "state"]
     assert states(outputs)[0] == "WAITING_FOR_SEED"
-    assert [problem.text for problem in line.take_problems()] == [
+    assert [problem.text for problem in line.problems.take()] == [
         "the stamps of both planes went back: a new run, which needs a seed of its own"
     ]
 
@@ -163,11 +163,11 @@ def test_reset_forgets_and_set_reference_is_refused_then() -> None:
     tracker = FakeTracker()
     line = pipeline(tracker)
     run(line, stream(2))
-    line.set_reference()
+    line.session.set_reference()
     assert tracker.calls[-1] == ("set_reference", 0)
     assert names(line.reset()) == ["catheter", "state"]
     with pytest.raises(TrackingError, match="WAITING_FOR_SEED"):
-        line.set_reference()
+        line.session.set_reference()
     assert states(run(line, stream(1, seeded=None, start=2))) == ["WAITING_FOR_SEED"]
 
 
@@ -179,10 +179,10 @@ def test_a_displaced_lasso_can_be_made_the_reference_but_no_lost_one() -> None:
         tracker.state = state
         run(line, stream(1, seeded=None, start=line.statistics().pairs))
         with pytest.raises(TrackingError, match=state.value):
-            line.set_reference()
+            line.session.set_reference()
     tracker.state = TrackerState.DISPLACED
     run(line, stream(1, seeded=None, start=line.statistics().pairs))
-    line.set_reference()
+    line.session.set_reference()
     assert tracker.calls[-1] == ("set_reference", 0)
 
 
@@ -203,7 +203,7 @@ def _spoilt_image() -> Any:
 def test_a_bad_message_is_one_problem_and_no_exception(topic: str, message: Any, text: str) -> None:
     line = pipeline()
     assert give(line, topic, message()) == []
-    (problem,) = line.take_problems()
+    (problem,) = line.problems.take()
     assert problem.topic == topic[1:]
     assert text in problem.text
     assert line.statistics().problems == {topic[1:]: 1}
@@ -226,10 +226,10 @@ def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_non
     outputs: list[Output] = []
     # A beat of four periods, an R peak with pairs -4, 0, 4 …: pairs 2, 3, 6, 7 … lie at 0.5 and 0.75 of it.
     for index in (-4, 0):
-        assert line.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index), "ecg"))) == []
+        assert line.intake.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index), "ecg"))) == []
     for index in range(0, 8, 4):
         outputs += run(line, stream(4, start=index, seeded=0))
-        line.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index + 4), "ecg")))
+        line.intake.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index + 4), "ecg")))
     assert poses(outputs) == {stamp(k): float(k) for k in (0, 2, 3, 6, 7)}
     assert names(outputs).count("motion_with_covariance") == 5
     assert names(outputs).count("motion_raw") == 8
@@ -262,7 +262,7 @@ def test_images_are_released() -> None:
     kept = []
     for topic, _, message, _ in stream(40, offset_ns=PERIOD_NS // 2):
         for ready in give(line, topic, message):
-            line.process(ready)
+            line.session.process(ready)
             kept.append(weakref.ref(ready.pair))
         del message
     del ready

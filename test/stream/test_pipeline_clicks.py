@@ -21,34 +21,34 @@ def test_clicks_that_come_late_change_no_pose(late_by: int) -> None:
 def test_clicks_with_stamp_zero_are_for_the_next_pair() -> None:
     line = pipeline()
     run(line, stream(3, seeded=None))
-    assert line.add_seed("a", seed(0)) == line.add_seed("b", seed(0)) == []
+    assert line.intake.add_seed("a", seed(0)) == line.intake.add_seed("b", seed(0)) == []
     assert poses(run(line, stream(2, seeded=None, start=3))) == {stamp(3): 0.0, stamp(4): 1.0}
 
 
 def test_clicks_on_two_pairs_are_refused_and_can_be_completed() -> None:
     line = pipeline()
     run(line, stream(4, seeded=None))
-    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(2))) == []
-    problem = line.take_problems()[-1]
+    assert line.intake.add_seed("a", seed(stamp(1))) == line.intake.add_seed("b", seed(stamp(2))) == []
+    problem = line.problems.take()[-1]
     assert problem.topic == "plane_a/seed"
     assert "one pair" in problem.text
-    assert [ready.pair.stamp_ns for ready in line.add_seed("a", seed(stamp(2)))] == [stamp(2)]
+    assert [ready.pair.stamp_ns for ready in line.intake.add_seed("a", seed(stamp(2)))] == [stamp(2)]
 
 
 def test_clicks_on_an_image_that_is_gone_are_refused() -> None:
     line = pipeline(seed_buffer_pairs=3)
     run(line, stream(6, seeded=None))
-    assert line.add_seed("a", seed(stamp(1))) == []
-    assert "not among the last 3 pairs" in line.take_problems()[-1].text
-    line.add_seed("a", seed(stamp(4)))
-    assert [ready.pair.stamp_ns for ready in line.add_seed("b", seed(stamp(4)))] == [stamp(4)]
+    assert line.intake.add_seed("a", seed(stamp(1))) == []
+    assert "not among the last 3 pairs" in line.problems.take()[-1].text
+    line.intake.add_seed("a", seed(stamp(4)))
+    assert [ready.pair.stamp_ns for ready in line.intake.add_seed("b", seed(stamp(4)))] == [stamp(4)]
 
 
 def test_clicks_that_fit_no_loop_are_reported_and_leave_the_state() -> None:
     line = pipeline(FakeTracker(refuse=True))
     outputs = run(line, stream(3))
     assert set(states(outputs)) == {"WAITING_FOR_SEED"}
-    assert [problem.text for problem in line.take_problems()] == ["no loop here"]
+    assert [problem.text for problem in line.problems.take()] == ["no loop here"]
     assert len(states(outputs)) == 3, "one answer a pair"
 
 
@@ -57,34 +57,34 @@ def test_refused_clicks_do_not_disturb_a_running_track() -> None:
     line = pipeline(tracker)
     run(line, stream(3))
     tracker.refuse = True
-    line.add_seed("a", seed(stamp(1)))
-    (ready,) = line.add_seed("b", seed(stamp(1)))
-    assert line.process(ready) == []
+    line.intake.add_seed("a", seed(stamp(1)))
+    (ready,) = line.intake.add_seed("b", seed(stamp(1)))
+    assert line.session.process(ready) == []
     assert poses(run(line, stream(1, seeded=None, start=3))) == {stamp(3): 3.0}
 
 
 def test_a_refusal_does_not_outlive_a_reset() -> None:
     line = pipeline(FakeTracker(refuse=True))
     run(line, stream(1))
-    assert line.last_refusal == "no loop here"
+    assert line.session.last_refusal == "no loop here"
     line.reset()
-    assert line.last_refusal == ""
+    assert line.session.last_refusal == ""
 
 
 def test_clicks_of_the_run_before_are_forgotten() -> None:
     line = pipeline()
     run(line, stream(8))
-    line.add_seed("a", seed(stamp(9)))  # of a pair that never came
+    line.intake.add_seed("a", seed(stamp(9)))  # of a pair that never came
     run(line, stream(10, seeded=None))
-    assert line.add_seed("b", seed(stamp(9))) == []
+    assert line.intake.add_seed("b", seed(stamp(9))) == []
 
 
 def test_clicks_given_again_give_the_reference_again() -> None:
     line = pipeline()
     run(line, stream(2))
-    line.add_seed("a", seed(stamp(0)))
-    (again,) = line.add_seed("b", seed(stamp(0)))
-    outputs = line.process(again)
+    line.intake.add_seed("a", seed(stamp(0)))
+    (again,) = line.intake.add_seed("b", seed(stamp(0)))
+    outputs = line.session.process(again)
     assert names(outputs)[0] == "reference"
     assert poses(outputs) == {stamp(0): 0.0, stamp(1): 1.0}
     assert line.statistics().pairs == 2
@@ -94,7 +94,7 @@ def test_a_busy_node_may_skip_pairs_but_loses_no_seed() -> None:
     line = pipeline()
     ready = [one for topic, _, message, _ in stream(6) for one in give(line, topic, message)]
     assert [one.seed is not None for one in ready] == [False, True, False, False, False, False, False]
-    outputs = line.process(ready[-1])
+    outputs = line.session.process(ready[-1])
     assert sorted(poses(outputs)) == [stamp(0), stamp(5)]
 
 
@@ -102,5 +102,5 @@ def test_clicks_given_while_one_plane_went_back_for_a_moment_are_used() -> None:
     line = pipeline()
     run(line, stream(4, seeded=None))
     run(line, [("/plane_a/image_raw", "", image(stamp(-30)), 0)])  # a stray one: A goes on forwards afterwards
-    assert line.add_seed("a", seed(stamp(1))) == line.add_seed("b", seed(stamp(1))) == []
+    assert line.intake.add_seed("a", seed(stamp(1))) == line.intake.add_seed("b", seed(stamp(1))) == []
     assert poses(run(line, stream(1, seeded=None, start=4))) == {stamp(k): k - 1.0 for k in range(1, 5)}

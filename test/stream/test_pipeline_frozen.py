@@ -24,69 +24,69 @@ def pipeline(tracker: FakeTracker) -> TrackingPipeline:
 def feed(line: TrackingPipeline, start: int, pairs: int) -> None:
     for topic, _, message, _ in stream(pairs, seeded=None, start=start):
         plane = topic[7]
-        ready = line.add_image(plane, message) if "image" in topic else line.add_camera_info(plane, message)
-        for pair in ready:
-            line.process(pair)
+        add = line.intake.add_image if "image" in topic else line.intake.add_camera_info
+        for task in add(plane, message):
+            line.session.process(task)
 
 
 def test_a_pair_that_the_buffer_has_lost_is_seeded_while_it_is_held() -> None:
     tracker = FakeTracker()
     line = pipeline(tracker)
     feed(line, 0, 2)
-    assert line.freeze().stamp_ns == stamp(1)
+    assert line.intake.freeze().stamp_ns == stamp(1)
     feed(line, 2, 6)
-    (ready,) = line.seed_frozen(SEED)
+    ready = line.intake.seed_frozen(SEED)
     assert ready.pair.stamp_ns == stamp(1)
     assert [pair.stamp_ns for pair in ready.later] == [stamp(5), stamp(6), stamp(7)]
-    motions = [stamp_to_ns(o.message.header.stamp) for o in line.process(ready) if o.topic.name == "motion"]
+    motions = [stamp_to_ns(o.message.header.stamp) for o in line.session.process(ready) if o.topic.name == "motion"]
     assert motions == [stamp(1), stamp(5), stamp(6), stamp(7)]
-    assert line.last_refusal == ""
+    assert line.session.last_refusal == ""
 
 
 def test_one_that_the_buffer_still_has_is_not_gone_through_twice() -> None:
     line = pipeline(FakeTracker())
     feed(line, 0, 3)
-    line.freeze()
+    line.intake.freeze()
     feed(line, 3, 1)
-    (ready,) = line.seed_frozen(SEED)
+    ready = line.intake.seed_frozen(SEED)
     assert (ready.pair.stamp_ns, [pair.stamp_ns for pair in ready.later]) == (stamp(2), [stamp(3)])
 
 
 def test_seed_messages_on_the_held_pair_are_taken_too() -> None:
     line = pipeline(FakeTracker())
     feed(line, 0, 1)
-    line.freeze()
+    line.intake.freeze()
     feed(line, 1, 5)
-    assert line.add_seed("a", seed(stamp(0))) == []
-    (ready,) = line.add_seed("b", seed(stamp(0)))
+    assert line.intake.add_seed("a", seed(stamp(0))) == []
+    (ready,) = line.intake.add_seed("b", seed(stamp(0)))
     assert ready.pair.stamp_ns == stamp(0)
-    line.release()
-    line.add_seed("a", seed(stamp(0)))
-    assert "is not among the last 3 pairs" in line.take_problems()[-1].text
+    line.intake.release()
+    line.intake.add_seed("a", seed(stamp(0)))
+    assert "is not among the last 3 pairs" in line.problems.take()[-1].text
 
 
 def test_without_a_whole_pair_nothing_is_held_and_a_refusal_is_kept() -> None:
     tracker = FakeTracker(refuse=True)
     line = pipeline(tracker)
-    for act in (line.freeze, lambda: line.seed_frozen(SEED)):
+    for act in (line.intake.freeze, lambda: line.intake.seed_frozen(SEED)):
         with pytest.raises(TrackingError):
             act()
     feed(line, 0, 1)
-    line.freeze()
-    (ready,) = line.seed_frozen(SEED)
-    assert line.process(ready) == []
-    assert line.last_refusal == "no loop here"
+    line.intake.freeze()
+    ready = line.intake.seed_frozen(SEED)
+    assert line.session.process(ready) == []
+    assert line.session.last_refusal == "no loop here"
 
 
 def test_tuning_reaches_the_tracker() -> None:
     tracker = FakeTracker()
     line = pipeline(tracker)
-    line.reconfigure(configuration_from_values(StreamConfig, {"search.candidates": 7}))
+    line.session.reconfigure(configuration_from_values(StreamConfig, {"search.candidates": 7}))
     assert tracker.calls == [("reconfigure", 7)]
 
 
 def test_an_image_without_a_stamp_is_refused() -> None:
     line = pipeline(FakeTracker())
-    assert line.add_image("a", image(0)) == []
+    assert line.intake.add_image("a", image(0)) == []
     assert line.statistics().frames["a"].refused_images == 1
-    assert "header.stamp: expected the time of exposure, found zero" in line.take_problems()[-1].text
+    assert "header.stamp: expected the time of exposure, found zero" in line.problems.take()[-1].text

@@ -9,8 +9,8 @@ from support.message_inputs import MESSAGES, FakeTracker
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.stream.clicked_pairs import PairTask
 from lasso_motion_ros.stream.outputs import Output
+from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
@@ -23,15 +23,15 @@ def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipel
 
 def give(line: TrackingPipeline, topic: str, message: Any) -> list[PairTask]:
     plane: Plane = "a" if topic.startswith("/plane_a") else "b"
-    add = {"image_raw": line.add_image, "camera_info": line.add_camera_info, "seed": line.add_seed}
+    add = {"image_raw": line.intake.add_image, "camera_info": line.intake.add_camera_info, "seed": line.intake.add_seed}
     return add[topic.rsplit("/", 1)[1]](plane, message)
 
 
 def run(line: TrackingPipeline, messages: Any) -> list[Output]:
     outputs = []
     for topic, _, message, _ in messages:
-        for ready in give(line, topic, message):
-            outputs += line.process(ready)
+        for task in give(line, topic, message):
+            outputs += line.session.process(task)
     return outputs
 
 
