@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,19 +17,19 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.bench.overlay import GRID_STEP_MM
+from lasso_motion_ros.bench.publisher import publisher_arguments
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import DROPPED_PAIRS
 from lasso_motion_ros.overlay.atrium import left_atrium_surface
 from lasso_motion_ros.overlay.surface import write_stl
+from lasso_motion_ros.tools.child_graph import START_WAIT_S, TooLateError, child_graph
 from lasso_motion_ros.tools.listener import Listener
-from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
+from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.topics import CATHETER, DIAGNOSTICS, MOTION, STATE, Topic
 
-START_WAIT_S = 60.0
 ANSWER_WAIT_S = 5.0
-TICK_S = 0.05
 MEDIAN_BUDGET_MS, TAIL_BUDGET_MS = 15.0, 40.0
 """What tracking may add to the bare transport, at the median and at the 99th percentile."""
 PICTURE_BUDGET_MS = 150.0
@@ -123,8 +124,7 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
         LassoMotionError: a process failed, or the tracker gave no pose.
         KeyboardInterrupt: interrupted; no process is left behind.
     """
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     domain = free_domain()
     answers = _Answers()
     load = os.getloadavg()[0]
@@ -134,36 +134,25 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
         )
         with (
             Listener((DIAGNOSTICS, CATHETER, MOTION, STATE), answers, domain=domain),
-            held_signals() as interrupted,
-            Processes({"ROS_DOMAIN_ID": str(domain)}, Path(directory)) as processes,
+            child_graph(domain, Path(directory)) as graph,
         ):
-
-            def wait(what: Callable[[], bool], patience_s: float, otherwise: str | None) -> None:
-                deadline = time.monotonic() + patience_s
-                while not what():
-                    for name, status in processes.ended().items():
-                        raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 3)}")
-                    if time.monotonic() > deadline:
-                        if otherwise is None:
-                            return
-                        raise LassoMotionError(f"{otherwise}: {processes.log('tracker', 3)}")
-                    if interrupted.wait(TICK_S):
-                        raise KeyboardInterrupt
-
-            parameters = ["--ros-args", "--params-file", str(configuration)]
-            processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", parameters)
-            processes.start("subscriber", "lasso_motion_ros.bench.subscriber", ["images", str(bare)])
+            graph.start_tracker(configuration)
+            graph.start("subscriber", "lasso_motion_ros.bench.subscriber", ["images", str(bare)])
             if overlay:
                 write_stl(surface, left_atrium_surface(GRID_STEP_MM), "mm")
-                shown = ["--ros-args", "-p", f"volume_file:={surface}", "-p", "units:=mm"]
-                processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", shown)
-                processes.start("viewer", "lasso_motion_ros.bench.subscriber", ["overlays", str(pictures)])
-            wait(answers.up.is_set, START_WAIT_S, "the tracker has not come up")
-            words = [str(rate), str(pairs), str(side), "3" if overlay else "2", str(sent)]
-            processes.start("publisher", "lasso_motion_ros.bench.publisher", words)
-            wait(sent.is_file, START_WAIT_S + pairs / rate, "the stream has not ended")
-            wait(lambda: len(answers.answered) > pairs, ANSWER_WAIT_S, None)
-            processes.stop()
+                graph.start_overlay(surface)
+                graph.start("viewer", "lasso_motion_ros.bench.subscriber", ["overlays", str(pictures)])
+            graph.wait_until(answers.up.is_set, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
+            words = publisher_arguments(rate, pairs, side, 3 if overlay else 2, sent)
+            graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
+            graph.wait_until(
+                sent.is_file,
+                START_WAIT_S + pairs / rate,
+                lambda: f"the stream has not ended: {graph.log('tracker', 1)}",
+            )
+            with contextlib.suppress(TooLateError):  # what is not answered by then is told
+                graph.wait_until(lambda: len(answers.answered) > pairs, ANSWER_WAIT_S)
+            graph.stop()
         return summarise(
             rate, side, read_times(json.loads(sent.read_text(encoding="utf-8"))), read_notes(bare), answers.poses,
             answers.answered, answers.dropped, (load, os.getloadavg()[0]), read_notes(pictures) if overlay else None,

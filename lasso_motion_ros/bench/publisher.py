@@ -1,6 +1,6 @@
 """A child of the live benchmark: publishes a biplane stream at a steady rate and notes when.
 
-`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json [MOST_AHEAD]`
+`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json MOST_AHEAD`
 """
 
 from __future__ import annotations
@@ -149,13 +149,19 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return began
 
 
+def publisher_arguments(
+    rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
+) -> list[str]:
+    """The process's arguments, for `BenchPublisher`'s own."""
+    return [str(rate), str(pairs), str(side), str(image_subscribers), str(notes), str(most_ahead)]
+
+
 def main() -> int:
     """Run until stopped; returns the exit status."""
-    rate, pairs, side, subscribers, notes = sys.argv[1:6]
-    most_ahead = int(sys.argv[6]) if len(sys.argv) > 6 else 0
+    rate, pairs, side, subscribers, notes, most_ahead = sys.argv[1:7]
 
     def make() -> RunnableNode:
-        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes), most_ahead)
+        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes), int(most_ahead))
 
     return run_node(make, [])
 

@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.bench.publisher import publisher_arguments
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.tools.child_graph import START_WAIT_S, child_graph
 from lasso_motion_ros.tools.listener import Listener
-from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
+from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 from msg_adapters.topics import CATHETER, MOTION, STATE, Topic
 
 PAIRS = 20_000
@@ -25,9 +27,7 @@ WARM_PAIRS = 1000
 RATE = 40.0
 SIDE = 256
 LARGEST_GROWTH_MB = 5.0
-START_WAIT_S = 60.0
 SILENCE_S = 20.0
-TICK_S = 0.25
 MOST_AHEAD = 8
 """Pairs on their way to the tracker: fewer than it has room for, so that none is left out where the machine is slow."""
 
@@ -116,8 +116,7 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
         LassoMotionError: a process failed, or the answers ceased.
         KeyboardInterrupt: interrupted.
     """
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     domain = free_domain()
     answers = _Answers()
     warm: Resources | None = None
@@ -125,34 +124,30 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
         sent = Path(directory) / "sent.json"
         with (
             Listener((CATHETER, MOTION, STATE), answers, domain=domain, raw=True),
-            held_signals() as interrupted,
-            Processes({"ROS_DOMAIN_ID": str(domain)}, Path(directory)) as processes,
+            child_graph(domain, Path(directory)) as graph,
         ):
-            parameters = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml"))]
-            tracker = processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", parameters)
+            tracker = graph.start_tracker(share_file("config/tracker.yaml"))
             # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
-            came_up_by_s = time.monotonic() + START_WAIT_S
-            while not answers.up:
-                if interrupted.wait(TICK_S):
-                    raise KeyboardInterrupt
-                if processes.ended() or time.monotonic() > came_up_by_s:
-                    raise LassoMotionError(f"the tracker has not come up: {processes.log('tracker', 3)}")
-            words = [str(rate), str(pairs), str(side), "1", str(sent), str(MOST_AHEAD)]
-            processes.start("publisher", "lasso_motion_ros.bench.publisher", words)
+            graph.wait_until(lambda: answers.up, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
+            words = publisher_arguments(rate, pairs, side, 1, sent, MOST_AHEAD)
+            graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S
-            while not (sent.is_file() and answers.answered == last and time.monotonic() > changed_s + 1.0):
-                if interrupted.wait(TICK_S):
-                    raise KeyboardInterrupt
-                for name, status in processes.ended().items():
-                    raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 3)}")
+
+            def has_ended() -> bool:
+                nonlocal last, changed_s, warm
+                if sent.is_file() and answers.answered == last and time.monotonic() > changed_s + 1.0:
+                    return True
                 if answers.answered != last:
                     last, changed_s = answers.answered, time.monotonic()
                 elif time.monotonic() > changed_s + SILENCE_S:
-                    raise LassoMotionError(f"no answer any more after {last} pairs: {processes.log('tracker', 3)}")
+                    raise LassoMotionError(f"no answer any more after {last} pairs: {graph.log('tracker', 1)}")
                 if warm is None and answers.answered >= warm_pairs:
                     warm = resources(tracker.pid)
+                return False
+
+            graph.wait_until(has_ended)
             end = resources(tracker.pid)
-            processes.stop()
+            graph.stop()
     if warm is None:
         raise LassoMotionError(f"only {answers.answered} of {pairs} pairs were answered")
     return SoakFigures(answers.answered, answers.poses, warm, end)

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import threading
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.tools.recorded_examination import describe_facts, examine_recording
 from msg_adapters.checks.examination import Examination
-from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
+from msg_adapters.checks.graph_checks import TopicFacts
 from msg_adapters.checks.issue import Issue
-from msg_adapters.recordings.reader import RecordingReader
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
 service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
@@ -55,7 +51,7 @@ def run(args: argparse.Namespace) -> int:
     works = all(issue.severity != "error" for issue in issues)
     facts = examination.facts()
     if not args.quiet:
-        print("\n".join(_describe(facts)))
+        print("\n".join(describe_facts(facts)))
     for issue in issues:
         if issue.severity != "note" or not args.quiet:
             print(issue)
@@ -76,47 +72,12 @@ def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, Topi
     namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
     with held_signals() as interrupted:
         examination, topics = examine(args.seconds, namespace, interrupted)
-        _stop_if(interrupted)
+        if interrupted.is_set():
+            raise KeyboardInterrupt
     return examination, topics, []
 
 
-def _stop_if(interrupted: threading.Event) -> None:
-    if interrupted.is_set():
-        raise KeyboardInterrupt
-
-
 def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
-    reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
-    examination = Examination(live=False)
-    for message in progress(reader.raw_messages(), None, "looking", args.quiet):
-        examination.add(message.topic, message.type_name, message.data, message.log_time_ns)
-    latched, best_effort = reader.latched_topics, reader.best_effort_topics
-    topics = {
-        name: TopicFacts(
-            type_name,
-            publishers=(Endpoint("recorded", name not in best_effort, name in latched),),
-            messages=examination.counts[name],
-        )
-        for name, type_name in reader.topics.items()
-    }
-    more = []
-    if reader.damage is not None:
-        more.append(Issue("warning", "recording", reader.damage, "lasso-motion record --repair FILE"))
-    return examination, topics, more
-
-
-def _describe(facts: Mapping[str, Any]) -> list[str]:
-    """What was seen, a line a plane and one for the pairs."""
-    lines = []
-    for plane in PLANES:
-        seen = facts[f"plane_{plane}"]
-        rate = "" if seen["rate_hz"] is None else f" at {seen['rate_hz']:.3g}/s"
-        kinds = ", ".join([*seen["sizes"], *seen["encodings"]]) or "none"
-        lines.append(
-            f"plane {plane}: {seen['images']} images{rate} ({kinds}),"
-            f" {seen['calibrations']} calibrations, {seen['seeds']} sets of clicks"
-        )
-    offset = "" if facts["plane_b_offset_s"] is None else f", b {facts['plane_b_offset_s'] * 1e3:.1f} ms behind a"
-    state = "" if facts["state"] is None else f"; the tracker's state: {facts['state']}"
-    lines.append(f"pairs: {facts['pairs']}{offset}{state}")
-    return lines
+    examination, topics, damage = examine_recording(args.recording, parse_remap(args.remap), quiet=args.quiet)
+    cut = [] if damage is None else [Issue("warning", "recording", damage, "lasso-motion record --repair FILE")]
+    return examination, topics, cut

@@ -3,26 +3,18 @@
 from __future__ import annotations
 
 import argparse
-import platform
 import sys
-from collections.abc import Sequence
-from importlib.metadata import version as installed_version
 from pathlib import Path
-
-import cv2
-import numpy as np
 
 from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.core.share import share_file, version
-from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
+from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.evaluation.evaluated import mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import DETECTOR_M
-from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.evaluation.summary import format_table, report, summarise
-from lasso_motion_ros.tools.evaluation_runs import evaluated_file, evaluated_tracking, worst_frames
+from lasso_motion_ros.tools.evaluation_runs import evaluate_recordings, write_evaluation_report
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
 Millimetres are at the loop's depth; the reference pair gives the model error and is left out of the means."""
@@ -76,26 +68,9 @@ def add_arguments(parser: CommandParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate; returns the exit status (0, or 3 where a recording was only read in part)."""
     _check(args)
-    one_by_one = len(args.recordings) > 1
-    complete = True
-    results: list[Evaluated] = []
-    for number, recording in enumerate(
-        progress(args.recordings, len(args.recordings), "evaluating", args.quiet or not one_by_one)
-    ):
-        read = read_truth(recording)
-        if read.damage is not None:
-            print(f"lasso-motion evaluate: {read.damage}", file=sys.stderr)
-            complete = False
-        name = _unused_name(recording, {one.recording for one in results})
-        if args.result:
-            files = [args.result[number]] if one_by_one else args.result
-            for file, result in zip(files, _distinct(files), strict=True):
-                results.append(evaluated_file(name, recording, read, file, result, args.sid))
-        else:
-            files = args.config or [share_file(DEFAULT_CONFIG)]
-            for file, result in zip(files, _distinct(files), strict=True):
-                quiet = args.quiet or one_by_one
-                results.append(evaluated_tracking(name, recording, read, file, result, args.sid, quiet))
+    results, complete = evaluate_recordings(
+        args.recordings, args.result, args.config or [share_file(DEFAULT_CONFIG)], args.sid, _say, quiet=args.quiet
+    )
     scores = dict(zip(row_names(results), (one.scores for one in results), strict=True))
     print(format_table({name: summarise(pairs) for name, pairs in scores.items()}, mean_groups(results)))
     if not args.quiet:
@@ -103,7 +78,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         write_json(args.json, report(scores))
     if args.report is not None:
-        page = _write_report(args.report, results, args.worst, args.quiet)
+        page = write_evaluation_report(args.report, results, args.worst, quiet=args.quiet)
         if not args.quiet:
             print(f"\nreport: {page}")
     return EXIT_DONE if complete else EXIT_PART
@@ -112,18 +87,6 @@ def run(args: argparse.Namespace) -> int:
 def names_recording(word: str) -> bool:
     """Whether an argument is a recording: an MCAP file or a bag directory."""
     return word.endswith(".mcap") or Path(word).is_dir()
-
-
-def versions() -> dict[str, str]:
-    """What figures were made with, by name."""
-    return {
-        "lasso_motion_ros": version(),
-        "Python": platform.python_version(),
-        "numpy": np.__version__,
-        "SciPy": installed_version("scipy"),
-        "OpenCV": cv2.__version__,
-        "machine": f"{platform.system()} {platform.machine()}",
-    }
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -142,21 +105,5 @@ def _check(args: argparse.Namespace) -> None:
         raise LassoMotionError(f"--worst must not be negative, found {args.worst}")
 
 
-def _write_report(directory: Path, results: Sequence[Evaluated], count: int, quiet: bool) -> Path:
-    from lasso_motion_ros.reports.evaluation_report import write_report
-
-    worst = [worst_frames(one, count) for one in progress(results, len(results), "worst frames", quiet)]
-    return write_report(
-        directory, results, worst, versions(), lambda numbers: progress(numbers, len(numbers), "plots", quiet)
-    )
-
-
-def _distinct(files: Sequence[Path]) -> list[str]:
-    """A name for each file beside the others: its stem where that tells them apart, else its whole path."""
-    stems = [file.stem for file in files]
-    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
-
-
-def _unused_name(recording: Path, taken: set[str]) -> str:
-    """A recording's name: the file's, or the whole path where two files share it."""
-    return str(recording) if recording.stem in taken else recording.stem
+def _say(line: str) -> None:
+    print(f"lasso-motion evaluate: {line}", file=sys.stderr)

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import sys
-import threading
 from dataclasses import asdict
 from pathlib import Path
 
@@ -16,7 +13,7 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import counting
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.tools.processes import LOOPBACK
+from lasso_motion_ros.tools.processes import held_signals, stay_on_this_machine
 from msg_adapters.recordings.reader import RecordingReader
 
 HELP = """Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker
@@ -48,15 +45,10 @@ def add_arguments(parser: CommandParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Play the recording and say what was published."""
     require_ros()
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     from lasso_motion_ros.tools.player import PlayOptions, play
 
     reader = RecordingReader(args.recording, remap=parse_remap(args.remap))
-
-    interrupted = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: interrupted.set())
     options = PlayOptions(
         rate=args.rate,
         loop=args.loop,
@@ -67,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
         wait_s=args.wait,
         subscribers=args.subscribers,
     )
-    with counting("published", args.quiet) as show:
+    with held_signals() as interrupted, counting("published", args.quiet) as show:
         summary = play(reader, options, interrupted, show)
     if args.json is not None:
         write_json(args.json, asdict(summary))

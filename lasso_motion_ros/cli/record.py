@@ -3,37 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
-import threading
 from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, not_negative
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
-from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy, counting
-from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.tools.processes import held_signals
+from lasso_motion_ros.tools.recorded_topics import NEEDED, live_topics
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
-from msg_adapters.topics import (
-    DIAGNOSTICS,
-    GROUND_TRUTH,
-    INPUTS,
-    OUTPUTS,
-    camera_info_topic,
-    click_topic,
-    image_topic,
-)
 
 HELP = """Record the tracker's inputs and outputs (images, calibrations, clicks, motion, state, diagnostics, truth where
 it is published) as they come over the wire, until Ctrl-C. Every half second all of it is handed to the operating
 system: killed at any moment, the file is read by our commands up to there, and --repair makes it whole for other
 readers. Exit status: 0 done; 2 nothing came, or the file cannot be written; 3 recorded, but messages were lost."""
-
-RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANES), *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
-NEEDED = tuple(make(plane) for plane in PLANES for make in (image_topic, camera_info_topic))
 
 
 def add_arguments(parser: CommandParser) -> None:
@@ -63,10 +50,10 @@ def run(args: argparse.Namespace) -> int:
     require_ros()
     from lasso_motion_ros.tools.recorder import record
 
-    interrupted = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: interrupted.set())
-    with RecordingWriter(args.output, compression=args.compression, overwrite=args.overwrite) as writer:
+    with (
+        held_signals() as interrupted,
+        RecordingWriter(args.output, compression=args.compression, overwrite=args.overwrite) as writer,
+    ):
         if not args.quiet:
             print(f"recording into {args.output}; Ctrl-C ends it", flush=True)
         with counting("recorded", args.quiet) as show:
@@ -94,21 +81,6 @@ def run(args: argparse.Namespace) -> int:
     for topic, count in summary.dropped.items():
         print(f"lasso-motion record: {topic}: {count} messages dropped, the disk is too slow", file=sys.stderr)
     return EXIT_PART if summary.lost or summary.dropped else EXIT_DONE
-
-
-def live_topics(namespace: str, more: list[str]) -> dict[str, str]:
-    """Full name of each live topic → the name it is recorded under (without the namespace).
-
-    Raises:
-        LassoMotionError: two topics would get one name.
-    """
-    prefix = f"/{namespace.strip('/')}" if namespace.strip("/") else ""
-    names = {topic.recorded_name if topic.name.startswith("/") else prefix + topic.recorded_name for topic in RECORDED}
-    names |= {name if name.startswith("/") else f"{prefix}/{name}" for name in more}
-    topics = {name: name.removeprefix(prefix) if name.startswith(f"{prefix}/") else name for name in sorted(names)}
-    if len(set(topics.values())) != len(topics):
-        raise LassoMotionError("--topics: two topics would be recorded under one name")
-    return topics
 
 
 def _repair(path: Path, quiet: bool) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
@@ -11,7 +10,7 @@ from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.running import require_ros
-from lasso_motion_ros.tools.processes import LOOPBACK
+from lasso_motion_ros.tools.processes import stay_on_this_machine
 
 HELP = """A page in the browser: both planes live with overlay and tracked loop, state, motion and latency; clicking
 along the loop in both planes starts the tracker. With --annotate, the same tool draws the loop's centrelines into a
@@ -45,8 +44,7 @@ def run(args: argparse.Namespace) -> int:
     if args.output is not None:
         raise LassoMotionError("-o goes with --annotate IN.mcap")
     require_ros()
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     from lasso_motion_ros.nodes.lasso_web import main
 
     values = {"host": args.host, "port": args.port, "allowed_hosts": " ".join(args.allow_host)}

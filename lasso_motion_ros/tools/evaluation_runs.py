@@ -2,24 +2,124 @@
 
 from __future__ import annotations
 
-import sys
+import platform
 import tempfile
+from collections.abc import Callable, Sequence
+from importlib.metadata import version as installed_version
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from lasso_motion_ros.config.parameters import configuration_values, load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.share import version
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, score_pairs
-from lasso_motion_ros.evaluation.recorded_input import ReadTruth, read_estimates, read_latencies_ms
+from lasso_motion_ros.evaluation.recorded_input import ReadTruth, read_estimates, read_latencies_ms, read_truth
 from lasso_motion_ros.reports.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
+from lasso_motion_ros.tools.offline_tracking import track_recording, why_nothing
 from lasso_motion_ros.tracking.wrapped_tracker import TimedTracker
 from msg_adapters.recordings.reader import RecordingReader
 
 
-def evaluated_file(name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float) -> Evaluated:
+def evaluate_recordings(
+    recordings: Sequence[Path],
+    results: Sequence[Path],
+    configurations: Sequence[Path],
+    sid_m: float,
+    say: Callable[[str], None],
+    *,
+    quiet: bool = True,
+) -> tuple[list[Evaluated], bool]:
+    """Score what a tracker made of recordings with truth.
+
+    Args:
+        recordings: MCAP files or bag directories.
+        results: what a tracker published: several on one recording, or one on each; empty: each recording is tracked.
+        configurations: parameter files to track with.
+        sid_m: source–detector distance for millimetres on the detector, metres.
+        say: takes a line for the user: what is wrong with a recording.
+        quiet: no progress bar.
+
+    Returns:
+        The results in order, and whether all recordings could be read as a whole.
+
+    Raises:
+        LassoMotionError: a file that cannot be read, or a recording without truth.
+    """
+    many = len(recordings) > 1
+    complete = True
+    found: list[Evaluated] = []
+    for number, recording in enumerate(progress(recordings, len(recordings), "evaluating", quiet or not many)):
+        read = read_truth(recording)
+        if read.damage is not None:
+            say(read.damage)
+            complete = False
+        name = _unused_name(recording, {one.recording for one in found})
+        files = configurations if not results else [results[number]] if many else results
+        for file, result in zip(files, _distinct(files), strict=True):
+            if results:
+                found.append(_evaluated_file(name, recording, read, file, result, sid_m))
+            else:
+                found.append(_evaluated_tracking(name, recording, read, file, result, sid_m, say, quiet or many))
+    return found, complete
+
+
+def write_evaluation_report(directory: Path, results: Sequence[Evaluated], worst: int, *, quiet: bool = True) -> Path:
+    """Write the page with tables, plots and pictures.
+
+    Args:
+        directory: where; made if need be.
+        results: what is shown.
+        worst: how many of each result's worst pairs are shown.
+        quiet: no progress bar.
+
+    Returns:
+        The page.
+
+    Raises:
+        LassoMotionError: a recording that cannot be read again, or a file that cannot be written.
+    """
+    from lasso_motion_ros.reports.evaluation_report import write_report
+
+    frames = [worst_frames(one, worst) for one in progress(results, len(results), "worst frames", quiet)]
+    return write_report(
+        directory, results, frames, versions(), lambda numbers: progress(numbers, len(numbers), "plots", quiet)
+    )
+
+
+def versions() -> dict[str, str]:
+    """What figures were made with, by name."""
+    return {
+        "lasso_motion_ros": version(),
+        "Python": platform.python_version(),
+        "numpy": np.__version__,
+        "SciPy": installed_version("scipy"),
+        "OpenCV": cv2.__version__,
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
+    """The result's worst pairs with their pictures, for which the recording is read again."""
+    worst = worst_pairs(one.scores, count)
+    shown: dict[int, WorstFrame] = {}
+    if not worst:
+        return []
+    for pair in recorded_pairs(RecordingReader(one.path), StreamConfig()):
+        score = next((s for s in worst if abs(s.stamp_ns - pair.stamp_ns) <= SAME_PAIR_NS), None)
+        if score is not None:
+            picture = worst_picture(pair, one.truth.pairs[score.index], one.estimate(score.stamp_ns))
+            shown[score.index] = WorstFrame(score, picture)
+            if len(shown) == len(worst):
+                break
+    return [shown[score.index] for score in worst if score.index in shown]
+
+
+def _evaluated_file(name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float) -> Evaluated:
     """Score what a file holds.
 
     Args:
@@ -39,36 +139,28 @@ def evaluated_file(name: str, recording: Path, read: ReadTruth, file: Path, resu
     return Evaluated(name, result, recording, read.truth, estimates, scores, timing)
 
 
-def evaluated_tracking(
-    name: str, recording: Path, read: ReadTruth, file: Path, result: str, sid_m: float, quiet: bool
+def _evaluated_tracking(
+    name: str,
+    recording: Path,
+    read: ReadTruth,
+    file: Path,
+    result: str,
+    sid_m: float,
+    say: Callable[[str], None],
+    quiet: bool,
 ) -> Evaluated:
-    """Track a recording with the parameters in `file` and score that; otherwise as `evaluated_file`."""
+    """Track a recording with the parameters in `file` and score that; otherwise as `_evaluated_file`."""
     config = load_configuration(file, StreamConfig)
-    estimates, timing = _tracked(recording, config, quiet)
+    estimates, timing = _tracked(recording, config, say, quiet)
     scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
     return Evaluated(name, result, recording, read.truth, estimates, scores, timing, configuration_values(config))
 
 
-def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
-    """The result's worst pairs with their pictures, for which the recording is read again."""
-    worst = worst_pairs(one.scores, count)
-    shown: dict[int, WorstFrame] = {}
-    if not worst:
-        return []
-    for pair in recorded_pairs(RecordingReader(one.path), StreamConfig()):
-        score = next((s for s in worst if abs(s.stamp_ns - pair.stamp_ns) <= SAME_PAIR_NS), None)
-        if score is not None:
-            picture = worst_picture(pair, one.truth.pairs[score.index], one.estimate(score.stamp_ns))
-            shown[score.index] = WorstFrame(score, picture)
-            if len(shown) == len(worst):
-                break
-    return [shown[score.index] for score in worst if score.index in shown]
-
-
-def _tracked(recording: Path, config: StreamConfig, quiet: bool) -> tuple[list[PairEstimate], Timing | None]:
+def _tracked(
+    recording: Path, config: StreamConfig, say: Callable[[str], None], quiet: bool
+) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
     from lasso_motion_ros.stream.tracker_factory import create_tracker
-    from lasso_motion_ros.tools.offline_tracking import track_recording, why_nothing
 
     tracker = TimedTracker(create_tracker(config))
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
@@ -76,8 +168,19 @@ def _tracked(recording: Path, config: StreamConfig, quiet: bool) -> tuple[list[P
         summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker, without_poses=True)
         if summary.statistics.poses == 0:
             # A table of dashes would leave the reader to guess.
-            print(f"lasso-motion evaluate: {recording}: no pair got a pose: {why_nothing(summary)}", file=sys.stderr)
+            say(f"{recording}: no pair got a pose: {why_nothing(summary)}")
         timing = None
         if tracker.milliseconds:
             timing = Timing("Offline: wall time of each pair in the tracker alone.", np.array(tracker.milliseconds))
         return read_estimates(result), timing
+
+
+def _distinct(files: Sequence[Path]) -> list[str]:
+    """A name for each file beside the others: its stem where that tells them apart, else its whole path."""
+    stems = [file.stem for file in files]
+    return stems if len(set(stems)) == len(stems) else [str(file) for file in files]
+
+
+def _unused_name(recording: Path, taken: set[str]) -> str:
+    """A recording's name: the file's, or the whole path where two files share it."""
+    return str(recording) if recording.stem in taken else recording.stem

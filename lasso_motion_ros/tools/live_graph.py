@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import os
-import threading
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -18,17 +15,16 @@ from rclpy.serialization import deserialize_message
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import HALF_PAIRS, PAIRS
+from lasso_motion_ros.tools.child_graph import START_WAIT_S, TooLateError, child_graph
 from lasso_motion_ros.tools.listener import Listener
-from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
+from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.topics import DIAGNOSTICS, OUTPUTS, OVERLAY_SURFACE, STATE, Topic, overlay_topic
 
-START_WAIT_S = 60.0
 ANSWER_WAIT_S = 20.0
 PICTURE_WAIT_S = 3.0
 MOTION_WAIT_S = 0.3
 """How long the overlay waits for an image's own motion: nobody looks on live, so rather late than of another pair."""
-LOOK_PERIOD_S = 0.05
 LOGS = "logs"
 LIVE_RECORDING = "live.mcap"
 
@@ -54,10 +50,6 @@ class DemonstrationInput:
     directory: Path
 
 
-class _TooLateError(LassoMotionError):
-    """What was waited for has not happened in time."""
-
-
 def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
     """Play a recording through the live graph in real time.
 
@@ -72,8 +64,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
         LassoMotionError: a process failed, or did not answer in time; none is left behind.
         KeyboardInterrupt: interrupted; none is left behind then either.
     """
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     domain = free_domain()
     logs = given.directory / LOGS
     logs.mkdir(parents=True, exist_ok=True)
@@ -88,69 +79,34 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
     ]
     with RecordingWriter(output, compression="none", overwrite=True) as writer:
         wire = _Wire(writer)
-        with (
-            Listener(topics, wire, domain=domain, raw=True) as listener,
-            held_signals() as interrupted,
-            Processes({"ROS_DOMAIN_ID": str(domain)}, logs) as processes,
-        ):
-            wait = partial(_wait, processes, interrupted)
+        with Listener(topics, wire, domain=domain, raw=True) as listener, child_graph(domain, logs) as graph:
             say(f"starting tracker and overlay (ROS_DOMAIN_ID={domain}, this machine only)")
-            processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", _tracker_arguments(given))
-            processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", _overlay_arguments(given))
-            wait(
+            graph.start_tracker(given.configuration)
+            graph.start_overlay(given.surface, {"motion_wait_s": MOTION_WAIT_S})
+            graph.wait_until(
                 lambda: wire.count(STATE) > 0 and all(listener.publishers(overlay_topic(plane)) for plane in PLANES),
                 START_WAIT_S,
                 "the nodes have not come up",
             )
             say(f"playing {given.recording.name} in real time")
-            processes.start("player", "lasso_motion_ros.cli.main", _player_arguments(given))
-            wait(lambda: "player" in processes.ended(), None)
+            # Tracker and overlay listen to the images.
+            words = ["--wait", str(START_WAIT_S), "--subscribers", "2"]
+            graph.start_command("player", "play", str(given.recording), *words)
+            wait = partial(graph.wait_until, may_end=("player",))
+            wait(lambda: "player" in graph.ended())
             say("waiting for the last answers")
             wait(
                 lambda: wire.unanswered(given) == 0,
                 ANSWER_WAIT_S,
                 lambda: f"{wire.unanswered(given)} of {given.whole_pairs} pairs were not answered",
             )
-            with contextlib.suppress(_TooLateError):  # a picture that is missing shows as such in the video
+            with contextlib.suppress(TooLateError):  # a picture that is missing shows as such in the video
                 wait(lambda: wire.has_pictures(given), PICTURE_WAIT_S)
-            statuses = processes.stop()
+            statuses = graph.stop()
     failed = {name: status for name, status in statuses.items() if status != 0}
     if failed:
         raise LassoMotionError(f"ended badly: {failed}; their output is in {logs}")
     return output
-
-
-def _tracker_arguments(given: DemonstrationInput) -> list[str]:
-    return ["--ros-args", "--params-file", str(given.configuration)]
-
-
-def _overlay_arguments(given: DemonstrationInput) -> list[str]:
-    values = {"volume_file": str(given.surface), "units": "mm", "motion_wait_s": MOTION_WAIT_S}
-    return ["--ros-args", *(word for name, value in values.items() for word in ("-p", f"{name}:={value}"))]
-
-
-def _player_arguments(given: DemonstrationInput) -> list[str]:
-    # Tracker and overlay listen to the images.
-    return ["play", str(given.recording), "--wait", str(START_WAIT_S), "--subscribers", "2"]
-
-
-def _wait(
-    processes: Processes,
-    interrupted: threading.Event,
-    what: Callable[[], bool],
-    patience_s: float | None,
-    otherwise: Callable[[], str] | str = "",
-) -> None:
-    """Wait until it holds; a child that fails meanwhile, a signal, or time that runs out ends the demonstration."""
-    deadline = None if patience_s is None else time.monotonic() + patience_s
-    while not what():
-        for name, status in processes.ended().items():
-            if name != "player" or status != 0:
-                raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 1)}")
-        if deadline is not None and time.monotonic() > deadline:
-            raise _TooLateError(otherwise if isinstance(otherwise, str) else otherwise())
-        if interrupted.wait(LOOK_PERIOD_S):
-            raise KeyboardInterrupt
 
 
 class _Wire:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
-import threading
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain, held_signals
+from lasso_motion_ros.tools.child_graph import START_WAIT_S, child_graph
+from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 
-START_WAIT_S = 60.0
-LOOK_PERIOD_S = 0.1
 LOGS = "logs"
 READY = "the page is at "
 
@@ -51,43 +48,26 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
     Raises:
         LassoMotionError: a process failed; none is left behind.
     """
-    for name, value in LOOPBACK.items():
-        os.environ.setdefault(name, value)
+    stay_on_this_machine()
     # A domain that the user has chosen is kept, so that other tools see the graph.
-    domain = os.environ.get("ROS_DOMAIN_ID") or str(free_domain())
+    domain = int(os.environ.get("ROS_DOMAIN_ID") or free_domain())
     logs = given.directory / LOGS
     logs.mkdir(parents=True, exist_ok=True)
-    with held_signals() as interrupted, Processes({"ROS_DOMAIN_ID": domain}, logs) as processes:
-        processes.start(
-            "tracker", "lasso_motion_ros.nodes.lasso_tracker", ["--ros-args", "--params-file", str(given.configuration)]
-        )
+    with contextlib.suppress(KeyboardInterrupt), child_graph(domain, logs) as graph:
+        graph.start_tracker(given.configuration)
         if given.surface is not None:
-            parameters = ["-p", f"volume_file:={given.surface}", "-p", "units:=mm"]
-            processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *parameters])
-        page = ["web", "--host", given.host, "--port", str(given.port)]
-        processes.start("page", "lasso_motion_ros.cli.main", page)
-        deadline = time.monotonic() + START_WAIT_S
-        while READY not in processes.log("page", 50):
-            _check(processes)
-            if time.monotonic() > deadline:
-                raise LassoMotionError(f"the page has not come up within {START_WAIT_S:g} s; see {logs}")
-            if interrupted.wait(LOOK_PERIOD_S):
-                return
-        url = processes.log("page", 50).partition(READY)[2].split()[0]
+            graph.start_overlay(given.surface)
+        graph.start_command("page", "web", "--host", given.host, "--port", str(given.port))
+        graph.wait_until(
+            lambda: READY in graph.log("page", 50),
+            START_WAIT_S,
+            f"the page has not come up within {START_WAIT_S:g} s; see {logs}",
+        )
+        url = graph.log("page", 50).partition(READY)[2].split()[0]
         listeners = 2 if given.surface is None else 3
         # Clicks that come with the recording come in each round; a user's are to hold, so nothing may begin anew.
         again = "--loop" if given.seeded else "--endless"
-        player = ["play", str(given.recording), again, "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
-        processes.start("player", "lasso_motion_ros.cli.main", player)
+        words = [again, "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
+        graph.start_command("player", "play", str(given.recording), *words)
         say(f"open {url} in a browser (ROS_DOMAIN_ID={domain}, this machine only); Ctrl-C ends it")
-        _wait(processes, interrupted)
-
-
-def _wait(processes: Processes, interrupted: threading.Event) -> None:
-    while not interrupted.wait(LOOK_PERIOD_S):
-        _check(processes)
-
-
-def _check(processes: Processes) -> None:
-    for name, status in processes.ended().items():
-        raise LassoMotionError(f"the {name} ended with status {status}: {processes.log(name, 1)}")
+        graph.wait_until(lambda: False)

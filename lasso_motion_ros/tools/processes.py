@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import IO
+from typing import IO, Self
 
 from lasso_motion_ros.core.errors import LassoMotionError
 
@@ -22,8 +22,15 @@ PORTS_PER_DOMAIN = 250
 FIRST_PARTICIPANT_PORTS = (10, 11)
 
 LOOPBACK = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+"""Environment by which DDS looks for nobody beyond this machine."""
 STOP_WAIT_S = 20.0
 """A node says goodbye before it ends, which takes its time on a busy machine; killed, it would count as failed."""
+
+
+def stay_on_this_machine() -> None:
+    """Keep this process's DDS, and that of its children, on this machine, unless the user has chosen otherwise."""
+    for name, value in LOOPBACK.items():
+        os.environ.setdefault(name, value)
 
 
 def free_domain() -> int:
@@ -81,7 +88,7 @@ class Processes:
         self._children: dict[str, subprocess.Popen[bytes]] = {}
         self._logs: list[IO[bytes]] = []
 
-    def __enter__(self) -> Processes:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
