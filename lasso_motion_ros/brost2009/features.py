@@ -8,13 +8,31 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.config.brost2009 import FeatureConfig
+from lasso_motion_ros.config.brost2009 import REFERENCE_WIDTH_PX, FeatureConfig
+from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.seeding.line_filter import sato
 
 Array = npt.NDArray[np.float64]
 
-REFERENCE_WIDTH_PX = 1024  # the image width for which the configuration's pixels are given
-FAINTEST_RESPONSE = 0.1  # grey levels; below it there is rounding, and no line, in 8 bits
+
+@dataclass(frozen=True)
+class FeatureTuning:
+    """What keeps the features defined on small images and faint ones.
+
+    Attributes:
+        smallest_roi_px: side of the region of interest, pixels of this image.
+        smallest_sigma_px: scale of the line filter, pixels of this image; below it the sampled kernel is no Gaussian.
+        faintest_response: grey levels; a line response below it is rounding of 8 bits.
+        quantile_step: every so many rows and columns serve to estimate the response's quantile.
+    """
+
+    smallest_roi_px: int = 32
+    smallest_sigma_px: float = 0.7
+    faintest_response: float = 0.1
+    quantile_step: int = 4
+
+
+TUNING = FeatureTuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,34 +81,41 @@ def equalise(image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> npt.NDArr
     return np.asarray(table[image])
 
 
-def line_mask(response: npt.NDArray[np.float32]) -> npt.NDArray[np.uint8]:
-    """Otsu's threshold (1979) on a line response: 255 on lines, 0 elsewhere."""
-    # A handful of the strongest pixels must not squeeze the rest into a few grey levels.
-    ceiling = float(np.quantile(response[::4, ::4], 0.999))
-    grey = np.clip(response * (255.0 / max(ceiling, FAINTEST_RESPONSE)), 0, 255).astype(np.uint8)
+def line_mask(response: npt.NDArray[np.float32], clipped_share: float = 0.0) -> npt.NDArray[np.uint8]:
+    """Otsu's threshold (1979) on a line response, in 256 grey levels: 255 on lines, 0 elsewhere.
+
+    Args:
+        response: (H, W) response, ≥ 0.
+        clipped_share: share of the pixels that are clipped to the brightest grey level.
+    """
+    if clipped_share > 0.0:
+        step = TUNING.quantile_step
+        ceiling = float(np.quantile(response[::step, ::step], 1.0 - clipped_share))
+    else:
+        ceiling = float(response.max())
+    grey = np.clip(response * (255.0 / max(ceiling, TUNING.faintest_response)), 0, 255).astype(np.uint8)
     _, mask = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     return np.asarray(mask, dtype=np.uint8)
 
 
-def distance_map(
-    image: npt.NDArray[np.uint8] | npt.NDArray[np.uint16], centre: Array, config: FeatureConfig, *, bright: bool
-) -> DistanceMap:
+def distance_map(frame: Frame, centre: Array, config: FeatureConfig, *, bright: bool) -> DistanceMap:
     """Distance to the nearest line about a point: ROI → equalisation → Sato → Otsu → distance transform.
 
     Args:
-        image: (H, W) uint8 or uint16.
+        frame: the image; its projection tells the detector's width, with which the configured pixels scale.
         centre: (2,) middle of the region, pixels.
-        config: sizes in pixels of a 1024-pixel-wide image; scaled to this image's width.
+        config: sizes in pixels of a 1024-pixel-wide detector.
         bright: True where the catheter is brighter than its background.
     """
-    scale = image.shape[1] / REFERENCE_WIDTH_PX
-    rows, columns = region_of_interest(image.shape, centre, max(32, round(config.roi_px * scale)))
-    equalised = equalise(image[rows, columns].copy())
+    scale = frame.projection.detector_width / REFERENCE_WIDTH_PX
+    side = max(TUNING.smallest_roi_px, round(config.roi_px * scale))
+    rows, columns = region_of_interest(frame.pixels.shape, centre, side)
+    equalised = equalise(frame.pixels[rows, columns].copy())
     sigmas = np.geomspace(config.sigma_min_px, config.sigma_max_px, config.scales) * scale
-    response = sato(cv2.bitwise_not(equalised) if bright else equalised, np.maximum(sigmas, 0.7))
-    mask = line_mask(response)
-    # 5×5 chamfer distances are within 2 % of the exact ones at a fifth of their cost.
-    values = cv2.distanceTransform(cv2.bitwise_not(mask), cv2.DIST_L2, cv2.DIST_MASK_5)
+    response = sato(cv2.bitwise_not(equalised) if bright else equalised, np.maximum(sigmas, TUNING.smallest_sigma_px))
+    mask = line_mask(response, config.clipped_share)
+    method = cv2.DIST_MASK_PRECISE if config.distance == "exact" else cv2.DIST_MASK_5
+    values = cv2.distanceTransform(cv2.bitwise_not(mask), cv2.DIST_L2, method)
     if not mask.any():  # no line at all, for which OpenCV's distance is the largest float
         values[:] = sum(mask.shape)
     return DistanceMap(np.asarray(values, dtype=np.float32), (columns.start, rows.start))

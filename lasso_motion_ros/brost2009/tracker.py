@@ -1,4 +1,4 @@
-"""The published method, faithfully: Brost, Liao, Hornegger and Strobel, MICCAI 2009. The baseline."""
+"""The published method's tracker: a model from the clicks, then features and registration for each pair."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.brost2009.features import distance_map
-from lasso_motion_ros.brost2009.registration import View, register
+from lasso_motion_ros.brost2009.model import reconstruct_model
+from lasso_motion_ros.brost2009.registration import PlaneDistances, register
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.core.errors import SeedError, TrackingError
+from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import apply, inverse
 from lasso_motion_ros.seeding.outlines import is_bright, outlines, require_both_planes, require_lasso_size
-from lasso_motion_ros.seeding.reconstruction import reconstruct_ellipse
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -26,7 +26,7 @@ class Brost2009Tracker:
     that lacks a plane gets none (LOST), since the method is defined on two views.
 
     Args:
-        config: the parameters.
+        config: the parameters, of which those of the published method count.
         stages: told of each stage of the work on a pair.
     """
 
@@ -43,20 +43,20 @@ class Brost2009Tracker:
         """Build the model from the clicks on `pair`; its motion is the identity, its phase the reference.
 
         Raises:
-            SeedError: clicks that are too few or outside the image, that make a loop of no lasso's size, or a pair that
+            SeedError: too few clicks, clicks outside the image, a loop that is not the size of a lasso, or a pair that
                 lacks a plane.
             ReconstructionError: no 3-D ellipse explains the clicks.
         """
         projections = require_both_planes(pair)
         bright = is_bright(pair, seed, self._config)
-        reconstruction = reconstruct_ellipse(projections, outlines(pair, seed, self._config, bright=bright))
-        ellipse = reconstruction.chosen.ellipse
-        require_lasso_size(1e3 * float(np.linalg.norm(ellipse.semi_major)))
-        self._model = ellipse.points(self._config.model.points)
+        paths = outlines(pair, seed, self._config, bright=bright)
+        found = reconstruct_model(projections, paths, self._config.model)
+        require_lasso_size(1e3 * float(np.linalg.norm(found.ellipse.semi_major)))
+        self._model = found.ellipse.points(self._config.model.points)
         self._bright = bright
         self._motion = self._reference = np.eye(4)
         self._reference_stamp_ns = self._stamp_ns = pair.stamp_ns
-        return self._result(dict.fromkeys(PLANES, reconstruction.chosen.reprojection_px))
+        return self._result(dict.fromkeys(PLANES, found.reprojection_px))
 
     def track(self, pair: FramePair) -> TrackResult:
         """Register the model to the next pair, starting from the last one's motion.
@@ -67,9 +67,7 @@ class Brost2009Tracker:
         if self._model is None:
             raise TrackingError("there is no model to track: seed the tracker first")
         self._stamp_ns = pair.stamp_ns
-        try:
-            projections = require_both_planes(pair)
-        except SeedError:
+        if pair.missing:
             missing = pair.missing[0].upper()
             return TrackResult(
                 stamp_ns=pair.stamp_ns,
@@ -82,17 +80,13 @@ class Brost2009Tracker:
             )
         centre = apply(self._motion, self._model).mean(axis=0)
         with self._stages("features"):
-            views = tuple(
-                View(
-                    projections[plane],
-                    distance_map(
-                        frame.pixels, projections[plane].project(centre), self._config.features, bright=self._bright
-                    ),
-                )
-                for plane, frame in pair.frames.items()
-            )
+            planes = []
+            for frame in pair.frames.values():
+                expected = frame.projection.project(centre)
+                distances = distance_map(frame, expected, self._config.features, bright=self._bright)
+                planes.append(PlaneDistances(frame.projection, distances))
         with self._stages("registration"):
-            self._motion, residuals = register(self._model, self._motion, views, self._config.registration)
+            self._motion, residuals = register(self._model, self._motion, planes, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))
 
     def reset(self) -> None:

@@ -55,7 +55,7 @@ PARAMETER_FILES = (
     ParameterFile(
         "brost2009.yaml",
         (
-            "The published method: Brost, Liao, Hornegger and Strobel, MICCAI 2009.",
+            "The published method: Brost, Liao, Hornegger and Strobel, MICCAI 2009. What differs: docs/brost2009.md",
             "What is not about the method (frames, pairing, heartbeat) is as in tracker.yaml and may be set here too.",
         ),
         "lasso_tracker",

@@ -3,12 +3,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from support.method_inputs import draw_curve
+from support.method_inputs import draw_curve, plane
 
 from lasso_motion_ros.brost2009.features import DistanceMap, distance_map, equalise, line_mask, region_of_interest
 from lasso_motion_ros.config.brost2009 import FeatureConfig
+from lasso_motion_ros.geometry.frames import Frame
 
 CONFIG = FeatureConfig()
+
+
+def map_of(pixels, centre, *, bright=False, config=CONFIG):
+    """The distance map of an image of the whole detector."""
+    frame = Frame(0, pixels, plane(0.0, side=pixels.shape[1]))
+    return distance_map(frame, np.array(centre), config, bright=bright)
 
 
 @pytest.mark.parametrize(
@@ -65,11 +72,12 @@ def test_otsu_separates_two_populations():
     assert np.count_nonzero(mask) == 4 * 80
 
 
-def test_a_few_very_strong_pixels_do_not_hide_the_lines():
+def test_a_few_very_strong_pixels_hide_the_lines_unless_they_are_clipped():
     response = np.ones((80, 80), np.float32)
     response[20:24] = 10.0
     response[50, 51] = 1e5
-    mask = line_mask(response)
+    assert np.count_nonzero(line_mask(response)) == 1
+    mask = line_mask(response, clipped_share=0.001)
     assert np.count_nonzero(mask[20:24]) == 4 * 80
     assert np.count_nonzero(mask) == 4 * 80 + 1
 
@@ -105,7 +113,7 @@ def vertical_line(side, x, *, bright=False, **options):
 @pytest.mark.parametrize("bright", [False, True])
 def test_distance_to_a_line_by_hand(bright):
     image = vertical_line(1024, 500.0, sigma_px=2.0, bright=bright)
-    found = distance_map(image, np.array([510.0, 400.0]), CONFIG, bright=bright)
+    found = map_of(image, [510.0, 400.0], bright=bright)
     assert found.values.shape == (400, 400)
     assert found.origin == (310, 200)
     at = found.sample(np.array([[x, 400.0] for x in (460.0, 480.0, 500.0, 520.0, 540.0)]))
@@ -119,14 +127,14 @@ def test_distance_to_a_line_by_hand(bright):
 
 def test_the_wrong_polarity_does_not_see_the_line():
     image = vertical_line(1024, 500.0, sigma_px=2.0)
-    found = distance_map(image, np.array([510.0, 400.0]), CONFIG, bright=True)
+    found = map_of(image, [510.0, 400.0], bright=True)
     assert found.sample(np.array([[500.0, 400.0]]))[0] > 0.0
 
 
-def test_sizes_scale_with_the_image():
-    # A 512-pixel image: half the region, half the scales; the same scene, at half the distances.
-    full = distance_map(vertical_line(1024, 500.0, sigma_px=2.0), np.array([510.0, 400.0]), CONFIG, bright=False)
-    half = distance_map(vertical_line(512, 250.0, sigma_px=1.0), np.array([255.0, 200.0]), CONFIG, bright=False)
+def test_sizes_scale_with_the_detector():
+    # A 512-pixel detector: half the region, half the scales; the same scene, at half the distances.
+    full = map_of(vertical_line(1024, 500.0, sigma_px=2.0), [510.0, 400.0])
+    half = map_of(vertical_line(512, 250.0, sigma_px=1.0), [255.0, 200.0])
     assert half.values.shape == (200, 200)
     assert half.origin == (155, 100)
     far_full = full.sample(np.array([[580.0, 400.0]]))[0]
@@ -136,12 +144,41 @@ def test_sizes_scale_with_the_image():
 
 def test_deep_images_give_the_same_map():
     image = vertical_line(512, 250.0)
-    shallow = distance_map(image, np.array([250.0, 250.0]), CONFIG, bright=False)
-    deep = distance_map(image.astype(np.uint16) * 16, np.array([250.0, 250.0]), CONFIG, bright=False)
+    shallow = map_of(image, [250.0, 250.0])
+    deep = map_of(image.astype(np.uint16) * 16, [250.0, 250.0])
     np.testing.assert_allclose(deep.values, shallow.values, atol=1.5)
 
 
 def test_an_empty_image_gives_finite_distances():
-    found = distance_map(np.full((512, 512), 77, np.uint8), np.array([250.0, 250.0]), CONFIG, bright=False)
+    found = map_of(np.full((512, 512), 77, np.uint8), [250.0, 250.0])
     # Everywhere the same, and more than any distance within the region of 200 × 200.
     np.testing.assert_array_equal(found.values, 400.0)
+
+
+def test_a_cropped_image_has_the_whole_ones_map():
+    image = vertical_line(1024, 500.0, sigma_px=2.0)
+    whole = map_of(image, [510.0, 400.0])
+    part = Frame(0, image[100:700, 200:800].copy(), plane(0.0, side=1024).cropped(200, 100, 600, 600))
+    found = distance_map(part, np.array([310.0, 300.0]), CONFIG, bright=False)
+    assert found.origin == (whole.origin[0] - 200, whole.origin[1] - 100)
+    np.testing.assert_array_equal(found.values, whole.values)
+
+
+def test_a_binned_image_has_the_whole_ones_region():
+    binned = Frame(0, vertical_line(512, 250.0), plane(0.0, side=1024).binned(2, 2))
+    found = distance_map(binned, np.array([255.0, 200.0]), CONFIG, bright=False)
+    assert found.values.shape == (200, 200)
+
+
+def test_distances_are_exact_or_those_of_a_chamfer():
+    # A slanted line: 5×5 chamfer distances to it are off by up to 2 %.
+    image = draw_curve(np.array([[300.0, 200.0], [420.0, 620.0]]), (1024, 1024), sigma_px=2.0)
+    exact, chamfer = (
+        map_of(image, [400.0, 400.0], config=FeatureConfig(distance=distance)) for distance in ("exact", "chamfer")
+    )
+    rows, columns = np.nonzero(exact.values == 0.0)
+    np.testing.assert_array_equal(chamfer.values == 0.0, exact.values == 0.0)
+    for row, column in ((30, 350), (200, 390), (390, 20)):
+        assert exact.values[row, column] == pytest.approx(np.hypot(rows - row, columns - column).min(), rel=1e-5)
+    far = exact.values > 10.0
+    assert 0.005 < np.abs(chamfer.values[far] / exact.values[far] - 1.0).max() < 0.025

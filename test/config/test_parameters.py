@@ -242,6 +242,10 @@ def test_the_published_methods_file_names_the_parameters_of_its_method_only():
     # As published: 400 × 400 of 1024 × 1024, ± 5 px.
     assert named["features"]["roi_px"] == 400
     assert named["registration"]["normal_search_px"] == 5
+    # What the paper does not have is off.
+    assert named["registration"]["tie_break"] == named["features"]["clipped_share"] == 0.0
+    assert named["features"]["distance"] == "exact"
+    assert named["model"]["candidate"] == "circular"
 
 
 def test_a_file_of_the_published_method_may_set_the_stream_but_not_the_other_method(write):
