@@ -1,8 +1,7 @@
 """A procedural thorax about the left atrium: what is still, what the heart and the breath move.
 
 Patient axes LPS (+x left, +y posterior, +z cranial) with the left atrium at the origin, in millimetres in the tables
-below. Attenuation coefficients are those of a monochromatic beam of about 60 keV (NIST XCOM: water 0.206 /cm, cortical
-bone about 0.6 /cm, inflated lung about a quarter of water's density).
+below.
 """
 
 from __future__ import annotations
@@ -18,13 +17,27 @@ from lasso_motion_ros.phantom.tubes import Segments, chain, joined
 
 Array = npt.NDArray[np.float64]
 
-# Linear attenuation, 1/m.
-SOFT = 20.6
-FAT = 18.2
-LUNG = 5.6
-TRABECULAR = 27.0
-CORTICAL = 50.0
-VESSEL_BLOOD = 21.4
+
+@dataclass(frozen=True)
+class TissueAttenuation:
+    """Linear attenuation coefficients of a monochromatic beam of about 60 keV, 1/m (NIST XCOM).
+
+    Attributes:
+        soft: soft tissue, as water.
+        lung: inflated lung, about a quarter of water's density.
+        trabecular: bone's inside.
+        cortical: bone's shell; compact bone has about 60.
+        blood: in the vessels of the lungs.
+    """
+
+    soft: float = 20.6
+    lung: float = 5.6
+    trabecular: float = 27.0
+    cortical: float = 50.0
+    blood: float = 21.4
+
+
+TISSUE = TissueAttenuation()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +128,7 @@ def build_thorax(random: np.random.Generator) -> Thorax:
         ellipsoid((74, 4, -140), (80, 98, 84), _turn(0.0, -0.06)),
         ellipsoid((30, -45, -125), (75, 60, 66), _turn(0.1, 0.1)),  # the heart's bed, with its fat
     ]
-    under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * SOFT)]
+    under_diaphragm = [Additive(ellipsoid((66, -22, -92), (31, 22, 11), _turn(0.12, 0.1)), -0.75 * TISSUE.soft)]
     return Thorax(
         trunk=ellipsoid((0, 2, -20), (176, 116, 520)),
         fixed=_spine(random)
@@ -138,7 +151,8 @@ def _turn(about_z: float, about_y: float) -> Array:
 
 
 def _spine(random: np.random.Generator) -> list[Additive]:
-    """Vertebrae with end plates, pedicles, transverse and spinous processes, 24 mm apart."""
+    """Thirteen vertebrae, 24 mm apart."""
+    vertebra = _vertebra()
     parts: list[Additive] = []
     for index in range(-6, 7):
         z = 24.0 * index + 5.0 + random.normal(0.0, 0.5)
@@ -146,22 +160,30 @@ def _spine(random: np.random.Generator) -> list[Additive]:
         y = 62.0 - 0.0009 * z * z
         x = -4.0 + random.normal(0.0, 0.7)
         tilt = rotation_from_vector((0.0018 * z + random.normal(0.0, 0.02), random.normal(0.0, 0.03), 0.0))
+        for offset, body, value in vertebra:
+            moved = body.shifted(1e-3 * (np.array([x, y, z]) + tilt @ np.asarray(offset)))
+            parts.append(Additive(Body(moved.centre, tilt @ body.axes, body.cylinder), value))
+    return parts
 
-        def add(offset: tuple[float, float, float], body: Body, value: float, at: Array, turn: Array) -> None:
-            moved = body.shifted(1e-3 * (at + turn @ np.asarray(offset)))
-            parts.append(Additive(Body(moved.centre, turn @ body.axes, body.cylinder), value))
 
-        at = np.array([x, y, z])
-        add((0, 0, 0), cylinder((0, 0, 0), (16.0, 13.0, 9.5)), TRABECULAR - SOFT, at, tilt)
-        for side in (-1.0, 1.0):
+def _vertebra() -> list[tuple[tuple[float, float, float], Body, float]]:
+    """One vertebra: per part its place in mm, its shape about there, and what it adds to soft tissue, 1/m."""
+    spongy, compact = TISSUE.trabecular - TISSUE.soft, TISSUE.cortical - TISSUE.soft
+    parts = [((0.0, 0.0, 0.0), cylinder((0, 0, 0), (16.0, 13.0, 9.5)), spongy)]
+    for side in (-1.0, 1.0):
+        parts += [
             # The body widens to its end plates, which are dense and a little curved.
-            add((0, 0, side * 7.0), cylinder((0, 0, 0), (17.2, 14.2, 2.6)), 0.45 * (TRABECULAR - SOFT), at, tilt)
-            add((0, 0, side * 9.0), ellipsoid((0, 0, 0), (17.5, 14.5, 1.6)), 0.22 * (CORTICAL - SOFT), at, tilt)
-            add((side * 11, 18, 4), ellipsoid((0, 0, 0), (4.0, 9.0, 6.5)), 13.0, at, tilt)
-            process = ellipsoid((0, 0, 0), (15.0, 4.5, 5.0), _turn(side * 0.45, 0.0))
-            add((side * 24, 27, 3), process, 10.0, at, tilt)
-            add((side * 8, 25, -6), ellipsoid((0, 0, 0), (5.5, 4.0, 9.0)), 10.0, at, tilt)
-        add((0, 36, -12), ellipsoid((0, 0, 0), (3.0, 13.0, 13.0)), 10.0, at, tilt)
+            ((0.0, 0.0, side * 7.0), cylinder((0, 0, 0), (17.2, 14.2, 2.6)), 0.45 * spongy),
+            ((0.0, 0.0, side * 9.0), ellipsoid((0, 0, 0), (17.5, 14.5, 1.6)), 0.22 * compact),
+            ((side * 11.0, 18.0, 4.0), ellipsoid((0, 0, 0), (4.0, 9.0, 6.5)), 13.0),  # pedicle
+            (
+                (side * 24.0, 27.0, 3.0),
+                ellipsoid((0, 0, 0), (15.0, 4.5, 5.0), _turn(side * 0.45, 0.0)),
+                10.0,
+            ),  # transverse
+            ((side * 8.0, 25.0, -6.0), ellipsoid((0, 0, 0), (5.5, 4.0, 9.0)), 10.0),  # articular process
+        ]
+    parts.append(((0.0, 36.0, -12.0), ellipsoid((0, 0, 0), (3.0, 13.0, 13.0)), 10.0))  # spinous process
     return parts
 
 
@@ -206,7 +228,8 @@ def _lumps(
 
 
 def _ribs(random: np.random.Generator) -> Segments:
-    """Twelve pairs of ribs, a cortical shell about trabecular bone, sloping down to the front."""
+    """Thirteen pairs of ribs, a cortical shell about trabecular bone, sloping down to the front."""
+    shell = 0.62 * (TISSUE.cortical - TISSUE.soft)
     parts = []
     for index in range(-6, 7):
         top = 24.0 * index + 12.0
@@ -219,8 +242,8 @@ def _ribs(random: np.random.Generator) -> Segments:
             z = top - slope * (angle / 2.55) ** 1.25 + random.normal(0.0, 1.0)
             curve = np.stack([x, y, np.broadcast_to(z, x.shape)], axis=1) * 1e-3
             bone, cartilage = curve[:29], curve[28:]
-            parts.append(chain(bone, 5.4e-3, 0.62 * (CORTICAL - SOFT)))
-            parts.append(chain(bone, 4.3e-3, TRABECULAR - SOFT - 0.62 * (CORTICAL - SOFT)))
+            parts.append(chain(bone, 5.4e-3, shell))
+            parts.append(chain(bone, 4.3e-3, TISSUE.trabecular - TISSUE.soft - shell))
             parts.append(chain(cartilage, 5.0e-3, 3.0))
     return joined(parts)
 
@@ -235,7 +258,7 @@ def _airways() -> Segments:
     parts = []
     for points, radius in paths:
         curve = _smooth(np.asarray(points, dtype=np.float64), 14) * 1e-3
-        parts.append(chain(curve, radius * 1e-3, -0.8 * SOFT))
+        parts.append(chain(curve, radius * 1e-3, -0.8 * TISSUE.soft))
     return joined(parts)
 
 
@@ -279,5 +302,5 @@ def _lung_vessels(random: np.random.Generator) -> Segments:
                         turned = direction + random.normal(0.0, 0.42, 3)
                         stack.append((place, turned / np.linalg.norm(turned), child))
     count = len(radii)
-    attenuation = np.full(count, VESSEL_BLOOD - LUNG)
+    attenuation = np.full(count, TISSUE.blood - TISSUE.lung)
     return Segments(np.asarray(starts) * 1e-3, np.asarray(ends) * 1e-3, np.asarray(radii) * 1e-3, attenuation)

@@ -36,6 +36,12 @@ def pixel_rays(projection: Projection) -> Rays:
     return Rays(projection.source, directions, (projection.height, projection.width))
 
 
+def covering_grid(projection: Projection, binning: int) -> Projection:
+    """The image binned, its last pixels reaching beyond it where its size is no multiple: all of it is covered."""
+    width, height = (-(-size // binning) * binning for size in (projection.width, projection.height))
+    return projection.cropped(0, 0, width, height).binned(binning, binning)
+
+
 @dataclass(frozen=True, eq=False)
 class Body:
     """A convex body: the image of the unit sphere, or of the unit cylinder |z| ≤ 1, under an affine map.

@@ -9,18 +9,31 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.phantom.anatomy import LUNG, SOFT, Additive, Thorax
-from lasso_motion_ros.phantom.bodies import Body, Rays, pixel_rays, union_length
+from lasso_motion_ros.phantom.anatomy import TISSUE, Additive, Thorax
+from lasso_motion_ros.phantom.bodies import Body, Rays, covering_grid, pixel_rays, union_length
 from lasso_motion_ros.phantom.tubes import Segments, optical_depth
 
 Array = npt.NDArray[np.float64]
 
-# Anatomy has no detail below half a millimetre, so its rays may lie further apart than the pixels.
-COARSE_SIDE = 256
-# Lung borders are blurred by the heartbeat within an exposure and by partial volume; their rays lie a millimetre apart.
-MOVING_BINNING = 2
-EDGE_BLUR_PX = 0.6
+
+@dataclass(frozen=True)
+class Sampling:
+    """How far apart the rays through the body lie.
+
+    Attributes:
+        coarse_side: pixels of the coarse grid along the image's longer side. Anatomy has no detail below half a
+            millimetre, so its rays may lie further apart than the pixels.
+        moving_binning: coarse pixels per ray and direction for what moves: lung borders are blurred by the heartbeat
+            within an exposure and by partial volume, so their rays lie a millimetre apart.
+        edge_blur_px: that blur (sigma), in pixels of the moving grid.
+    """
+
+    coarse_side: int = 256
+    moving_binning: int = 2
+    edge_blur_px: float = 0.6
+
+
+SAMPLING = Sampling()
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,26 +66,24 @@ class BodyRenderer:
 
     def optical_depth(self, projection: Projection, state: BodyState) -> npt.NDArray[np.float32]:
         """Line integral of the attenuation through every pixel, (H, W), dimensionless."""
-        binning = max(1, max(projection.width, projection.height) // COARSE_SIDE)
-        width, height = -(-projection.width // binning), -(-projection.height // binning)
-        coarse = projection.cropped(0, 0, width * binning, height * binning).binned(binning, binning)
+        binning = max(1, max(projection.width, projection.height) // SAMPLING.coarse_side)
+        coarse = covering_grid(projection, binning)
         rays = self._prepare(coarse)
         depth = self._fixed + self._shifted_ribs(coarse, state)
         depth += self._moving(coarse, rays, state)
         # Binned pixel i covers pixels i·b … i·b + b − 1: the convention of cv2.resize.
-        full = cv2.resize(depth.astype(np.float32), (width * binning, height * binning), interpolation=cv2.INTER_CUBIC)
+        size = (coarse.width * binning, coarse.height * binning)
+        full = cv2.resize(depth.astype(np.float32), size, interpolation=cv2.INTER_CUBIC)
         return np.ascontiguousarray(full[: projection.height, : projection.width])
 
     def _prepare(self, coarse: Projection) -> Rays:
         key = (coarse.matrix.tobytes(), coarse.width, coarse.height)
         if key != self._key or self._rays is None:
             rays = pixel_rays(coarse)
-            depth = SOFT * self._thorax.trunk.chord(rays) + _added(self._thorax.fixed, rays)
+            depth = TISSUE.soft * self._thorax.trunk.chord(rays) + _added(self._thorax.fixed, rays)
             self._fixed = depth.reshape(rays.shape) + optical_depth(coarse, self._thorax.airways, 1)
             self._ribs = optical_depth(coarse, self._thorax.ribs, 1)
-            wide, high = -(-coarse.width // MOVING_BINNING), -(-coarse.height // MOVING_BINNING)
-            covering = coarse.cropped(0, 0, wide * MOVING_BINNING, high * MOVING_BINNING)
-            self._rays = pixel_rays(covering.binned(MOVING_BINNING, MOVING_BINNING))
+            self._rays = pixel_rays(covering_grid(coarse, SAMPLING.moving_binning))
             self._key = key
         return self._rays
 
@@ -101,13 +112,14 @@ class BodyRenderer:
             inside, covered = union_length(cavity, solid, rays)
             air += inside - covered
         # Breathing in thins the lung.
-        lung = LUNG * (1.0 - 0.12 * min(state.depth, 1.5))
-        depth = (lung - SOFT) * air
+        lung = TISSUE.lung * (1.0 - 0.12 * min(state.depth, 1.5))
+        depth = (lung - TISSUE.soft) * air
         depth += _added([Additive(part.body.moved(state.heart), part.attenuation) for part in thorax.heart_fat], rays)
         under = [Additive(part.body.shifted(dome_shift), part.attenuation) for part in thorax.under_diaphragm]
         depth += _added(under, rays)
-        soft = cv2.GaussianBlur(depth.reshape(rays.shape), (0, 0), EDGE_BLUR_PX, borderType=cv2.BORDER_REPLICATE)
-        size = (rays.shape[1] * MOVING_BINNING, rays.shape[0] * MOVING_BINNING)
+        sigma, binning = SAMPLING.edge_blur_px, SAMPLING.moving_binning
+        soft = cv2.GaussianBlur(depth.reshape(rays.shape), (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+        size = (rays.shape[1] * binning, rays.shape[0] * binning)
         image = cv2.resize(soft, size, interpolation=cv2.INTER_CUBIC)[: coarse.height, : coarse.width]
         start, end = (_lung_shift(points, state.breath) for points in (self._vessels.start, self._vessels.end))
         return np.asarray(image + optical_depth(coarse, self._vessels.moved_by(start, end), 1))
@@ -152,8 +164,8 @@ def _contains(body: Body, points: Array) -> npt.NDArray[np.bool_]:
 
 
 def heart_surface_points(thorax: Thorax, count: int, random: np.random.Generator) -> Array:
-    """(count, 3) points on the left atrium, metres, even over its area to the eye."""
+    """(count, 3) points on the left atrium at end-expiration, metres, about evenly over its area."""
     atrium = thorax.heart[0]
     directions = random.normal(size=(count, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    return apply(np.eye(4), atrium.centre + directions @ atrium.axes.T)
+    return np.asarray(atrium.centre + directions @ atrium.axes.T)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline
 
+from lasso_motion_ros.geometry.curves import arc_length, resample
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.phantom.settings import LassoSettings
 from lasso_motion_ros.phantom.tubes import Segments, chain, joined
@@ -16,14 +17,38 @@ Array = npt.NDArray[np.float64]
 
 LOOP_POINTS = 90
 
-# Attenuation in excess of blood's, 1/m: the mean over the cylinder of a polymer tube with braid or core wire, and of
-# a thin-walled platinum ring on it. Solid platinum would be opaque; real rings are 0.05 mm thin.
-LOOP_SHAFT, LOOP_CORE = 120.0, 700.0
-SHAFT, CORE = 55.0, 330.0
-RING = 620.0
-LARGE_RING = 400.0
-TIP = 380.0
-LOOP_RADIUS, LOOP_CORE_RADIUS = 0.35e-3, 0.18e-3
+
+@dataclass(frozen=True)
+class CatheterMaterials:
+    """Attenuation in excess of blood's, 1/m, and the lasso's radii, metres.
+
+    Attenuation is the mean over the cylinder, of a polymer tube with its braid or core wire, or of a thin-walled
+    platinum ring. Solid platinum would be opaque; real rings are 0.05 mm thin.
+
+    Attributes:
+        loop_shaft: the lasso's loop.
+        loop_core: the wire inside it.
+        shaft: the bodies of all catheters.
+        core: their pull wires.
+        ring: electrodes of the loop.
+        large_ring: electrodes of the thicker catheters.
+        tip: the ablation catheter's tip electrode.
+        loop_radius_m: of the loop's shaft.
+        loop_core_radius_m: of its core wire.
+    """
+
+    loop_shaft: float = 120.0
+    loop_core: float = 700.0
+    shaft: float = 55.0
+    core: float = 330.0
+    ring: float = 620.0
+    large_ring: float = 400.0
+    tip: float = 380.0
+    loop_radius_m: float = 0.35e-3
+    loop_core_radius_m: float = 0.18e-3
+
+
+MATERIAL = CatheterMaterials()
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +93,7 @@ def build_loop(settings: LassoSettings, shaft_from: Array) -> Loop:
         + radius * settings.aspect * (shrink * np.sin(angle))[:, None] * second
         + 1e-3 * settings.helix_mm * (part - 0.5)[:, None] * normal
     )
-    points = resampled(curve, LOOP_POINTS)
+    points = resample(curve, LOOP_POINTS)
     return Loop(points + (centre - points.mean(axis=0)), centre, normal, first)
 
 
@@ -78,17 +103,10 @@ def deformed_loop(loop: Loop, tilt_rad: float, stretch: float) -> Array:
     along = offset @ loop.normal
     in_plane = offset - along[:, None] * loop.normal
     offset = in_plane * (1.0 + stretch) + along[:, None] * loop.normal
-    # Rodrigues' formula about the in-plane axis.
     axis, cosine, sine = loop.across, np.cos(tilt_rad), np.sin(tilt_rad)
+    # Rodrigues' formula about the in-plane axis.
     turned = offset * cosine + np.cross(axis, offset) * sine + np.outer(offset @ axis, axis) * (1.0 - cosine)
     return np.asarray(loop.centre + turned)
-
-
-def resampled(curve: Array, count: int) -> Array:
-    """A polyline (N, 3) as `count` points evenly spaced along it."""
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
-    at = np.linspace(0.0, length[-1], count)
-    return np.stack([np.interp(at, length, curve[:, axis]) for axis in range(curve.shape[1])], axis=1)
 
 
 def spline(knots: Array, spacing_m: float = 1.1e-3) -> Array:
@@ -96,12 +114,12 @@ def spline(knots: Array, spacing_m: float = 1.1e-3) -> Array:
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(knots, axis=0), axis=1) ** 0.5)])
     dense = CubicSpline(length, knots)(np.linspace(0.0, length[-1], 1500))
     total = float(np.linalg.norm(np.diff(dense, axis=0), axis=1).sum())
-    return resampled(np.asarray(dense), max(8, int(total / spacing_m)))
+    return resample(np.asarray(dense), max(8, int(total / spacing_m)))
 
 
 def electrode(curve: Array, at_m: float, length_m: float, radius_m: float, attenuation: float) -> Segments:
     """A flat-ended ring on a curve (N, 3), centred `at_m` along it from its first point."""
-    distance = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(curve, axis=0), axis=1))])
+    distance = arc_length(curve)
     ends = [
         np.array([np.interp(at_m + half, distance, curve[:, axis]) for axis in range(3)])
         for half in (-0.5 * length_m, 0.5 * length_m)
@@ -111,18 +129,21 @@ def electrode(curve: Array, at_m: float, length_m: float, radius_m: float, atten
 
 def loop_segments(points: Array, electrodes: int, contrast: float = 1.0) -> Segments:
     """The loop's shaft (0.7 mm) with evenly spaced ring electrodes, from its centreline (90, 3)."""
-    fine = resampled(points, 2 * len(points))
-    parts = [chain(fine, LOOP_RADIUS, contrast * LOOP_SHAFT), chain(fine, LOOP_CORE_RADIUS, contrast * LOOP_CORE)]
+    fine = resample(points, 2 * len(points))
+    parts = [
+        chain(fine, MATERIAL.loop_radius_m, contrast * MATERIAL.loop_shaft),
+        chain(fine, MATERIAL.loop_core_radius_m, contrast * MATERIAL.loop_core),
+    ]
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     for index in range(electrodes):
         at = 0.8e-3 + (length - 2.4e-3) * index / max(electrodes - 1, 1)
-        parts.append(electrode(fine, at, 1.0e-3, 0.62e-3, contrast * RING))
+        parts.append(electrode(fine, at, 1.0e-3, 0.62e-3, contrast * MATERIAL.ring))
     return joined(parts)
 
 
 def body_segments(curve: Array, radius_m: float) -> Segments:
     """A catheter's body along a curve (N, 3): a loaded polymer tube round a pull wire."""
-    return joined([chain(curve, radius_m, SHAFT), chain(curve, 0.2e-3, CORE)])
+    return joined([chain(curve, radius_m, MATERIAL.shaft), chain(curve, 0.2e-3, MATERIAL.core)])
 
 
 # Knots in millimetres at end-expiration, with the share of the heart's motion each follows.
@@ -170,7 +191,7 @@ def coronary_sinus(motion: Array, contraction: float) -> Segments:
     at = 1.2e-3
     for _pair in range(5):
         for within in range(2):
-            parts.append(electrode(curve, at + 2.6e-3 * within, 1.2e-3, 1.06e-3, LARGE_RING))
+            parts.append(electrode(curve, at + 2.6e-3 * within, 1.2e-3, 1.06e-3, MATERIAL.large_ring))
         at += 8.2e-3
     return joined(parts)
 
@@ -182,7 +203,7 @@ def ablation(tip: Array, heading: Array, motion: Array) -> Segments:
     knots.append(apply(motion, SEPTUM + np.array([2.0, 5.0, -5.0]) * 1e-3))
     knots += [followed(np.asarray(place) * 1e-3 + 4e-3, share, motion) for place, share in _CAVA]
     curve = spline(np.asarray(knots))
-    parts = [body_segments(curve, 1.25e-3), electrode(curve, 2.0e-3, 4.0e-3, 1.33e-3, TIP)]
+    parts = [body_segments(curve, 1.25e-3), electrode(curve, 2.0e-3, 4.0e-3, 1.33e-3, MATERIAL.tip)]
     for at in (6.0e-3, 9.5e-3, 12.8e-3):
-        parts.append(electrode(curve, at, 1.3e-3, 1.28e-3, LARGE_RING))
+        parts.append(electrode(curve, at, 1.3e-3, 1.28e-3, MATERIAL.large_ring))
     return joined(parts)

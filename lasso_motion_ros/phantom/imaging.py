@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +13,34 @@ from lasso_motion_ros.phantom.settings import ImagingSettings
 Image = npt.NDArray[np.float32]
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
-SCATTER_WIDTH = 0.14
-PENUMBRA_PX = 1.6
+
+@dataclass(frozen=True)
+class ChainConstants:
+    """Constants of the imaging chain that no scenario varies.
+
+    Attributes:
+        fwhm_per_sigma: full width at half maximum of a Gaussian in units of its standard deviation.
+        scatter_width: of scattered radiation (sigma), as a share of the image's width: as broad as the patient is
+            thick.
+        scatter_behind_leaves: the share of it that arrives behind the collimator's leaves.
+        leaf_transmission: what the leaves let through.
+        penumbra_px: blur of the leaves' edges (sigma), pixels.
+        white_percentile: of the open field in the first picture; with white_headroom it is the display's white.
+        white_headroom: white as a multiple of that percentile.
+        edge_sigma_px: blur of the unsharp mask (sigma) in an image 1024 pixels wide; at least one pixel.
+    """
+
+    fwhm_per_sigma: float = 2.3548
+    scatter_width: float = 0.14
+    scatter_behind_leaves: float = 0.2
+    leaf_transmission: float = 0.02
+    penumbra_px: float = 1.6
+    white_percentile: float = 99.5
+    white_headroom: float = 1.1
+    edge_sigma_px: float = 2.5
+
+
+CHAIN = ChainConstants()
 
 
 class ImagingChain:
@@ -28,7 +56,7 @@ class ImagingChain:
 
     def __init__(self, settings: ImagingSettings, focal_spot_px: float) -> None:
         self._settings = settings
-        self._focal_sigma = focal_spot_px / 2.3548
+        self._focal_sigma = focal_spot_px / CHAIN.fwhm_per_sigma
         self._gain = 0.0
         self._white = 0.0
         self._last: Image | None = None
@@ -41,12 +69,14 @@ class ImagingChain:
         primary *= opening
         # Scatter is as broad as the patient is thick; it also reaches what the collimator covers.
         small = cv2.resize(primary, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA)
-        sigma = SCATTER_WIDTH * small.shape[1]
+        sigma = CHAIN.scatter_width * small.shape[1]
         spread = cv2.GaussianBlur(small, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
         height, width = primary.shape
         scatter = cv2.resize(spread, (width, height), interpolation=cv2.INTER_LINEAR)
         # Behind the leaves less of it arrives: less patient is lit there.
-        return np.asarray(primary + np.float32(settings.scatter) * scatter * (0.2 + 0.8 * opening), dtype=np.float32)
+        behind = CHAIN.scatter_behind_leaves
+        reached = behind + (1.0 - behind) * opening
+        return np.asarray(primary + np.float32(settings.scatter) * scatter * reached, dtype=np.float32)
 
     def expose(self, optical_depth: npt.NDArray[np.floating], dose: float, random: np.random.Generator) -> Pixels:
         """One picture.
@@ -65,7 +95,8 @@ class ImagingChain:
             opening = collimator_mask(fluence.shape, self._settings.collimator)
             high, wide = fluence.shape[0] // 4, fluence.shape[1] // 4
             self._gain = self._settings.quanta / float(fluence[high:-high, wide:-wide].mean())
-            self._white = float(np.percentile(fluence[opening > 0.5], 99.5)) * self._gain * 1.1
+            brightest = float(np.percentile(fluence[opening > 0.5], CHAIN.white_percentile))
+            self._white = brightest * self._gain * CHAIN.white_headroom
         signal = self.detect(fluence * np.float32(self._gain * dose), random)
         lag = np.float32(self._settings.lag)
         self._last = signal if self._last is None else signal * (1 - lag) + self._last * lag
@@ -86,7 +117,7 @@ class ImagingChain:
         settings = self._settings
         grey = np.power(np.maximum(signal, 0.0) / np.float32(self._white), np.float32(settings.gamma))
         if settings.edge_enhancement > 0.0:
-            width = max(1.0, 2.5 * grey.shape[1] / 1024.0)
+            width = max(1.0, CHAIN.edge_sigma_px * grey.shape[1] / 1024.0)
             grey += np.float32(settings.edge_enhancement) * (grey - blurred(grey, width))
         if settings.polarity == "bright":
             grey = np.float32(1.0) - grey
@@ -112,8 +143,8 @@ def collimator_mask(shape: tuple[int, ...], covered: tuple[float, ...]) -> Image
     """
     height, width = shape[:2]
     left, top, right, bottom = covered
-    mask = np.full((height, width), 0.02, dtype=np.float32)
+    mask = np.full((height, width), CHAIN.leaf_transmission, dtype=np.float32)
     rows = slice(round(top * height), height - round(bottom * height))
     columns = slice(round(left * width), width - round(right * width))
     mask[rows, columns] = 1.0
-    return mask if not any(covered) else blurred(mask, PENUMBRA_PX)
+    return mask if not any(covered) else blurred(mask, CHAIN.penumbra_px)

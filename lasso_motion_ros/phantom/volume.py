@@ -8,6 +8,7 @@ breathing and heartbeat by a smooth warp, and only that part is sampled again fo
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -19,18 +20,36 @@ from lasso_motion_ros.core.errors import ScenarioError, VolumeError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.volumes import read_volume_image
-from lasso_motion_ros.phantom.anatomy import SOFT
-from lasso_motion_ros.phantom.bodies import Rays, pixel_rays
+from lasso_motion_ros.phantom.anatomy import TISSUE
+from lasso_motion_ros.phantom.bodies import Rays, covering_grid, pixel_rays
 from lasso_motion_ros.phantom.body_renderer import BodyState
 
 Array = npt.NDArray[np.float64]
 Sampler = Callable[[Array], npt.NDArray[np.float32]]
 
-FIXED_SIDE, MOVING_SIDE = 256, 128
-STEP_M = 1.5e-3
-# The heart moves as a whole within the first radius; the motion fades to nothing at the second.
-HEART_RADIUS_M, FADE_RADIUS_M = 0.055, 0.105
-CHUNK_SAMPLES = 4_000_000
+
+@dataclass(frozen=True)
+class Sampling:
+    """How finely the volume is sampled, and how far about the origin it moves.
+
+    Attributes:
+        fixed_side: rays along the image's longer side through what stays.
+        moving_side: the same through what moves, which is computed for every picture.
+        step_m: between samples along a ray, metres.
+        heart_radius_m: within it the heart moves as a whole, metres.
+        fade_radius_m: from there to here the motion fades to nothing, metres.
+        chunk_samples: samples taken at once, which bounds the memory.
+    """
+
+    fixed_side: int = 256
+    moving_side: int = 128
+    step_m: float = 1.5e-3
+    heart_radius_m: float = 0.055
+    fade_radius_m: float = 0.105
+    chunk_samples: int = 4_000_000
+
+
+SAMPLING = Sampling()
 
 
 class Volume:
@@ -68,26 +87,27 @@ class VolumeRenderer:
         """Line integral of the attenuation through every pixel, (H, W), dimensionless."""
         key = (projection.matrix.tobytes(), projection.width, projection.height)
         if key != self._key:
-            self._fixed = self._on_grid(projection, FIXED_SIDE, None)
+            self._fixed = self._on_grid(projection, SAMPLING.fixed_side, None)
             self._key = key
-        return np.asarray(self._fixed + self._on_grid(projection, MOVING_SIDE, state), np.float32)
+        return np.asarray(self._fixed + self._on_grid(projection, SAMPLING.moving_side, state), np.float32)
 
     def _on_grid(self, projection: Projection, side: int, state: BodyState | None) -> npt.NDArray[np.float32]:
         binning = max(1, max(projection.width, projection.height) // side)
-        width, height = -(-projection.width // binning), -(-projection.height // binning)
-        rays = pixel_rays(projection.cropped(0, 0, width * binning, height * binning).binned(binning, binning))
+        coarse = covering_grid(projection, binning)
+        rays = pixel_rays(coarse)
         if state is None:
             depth = _integrate(rays, self._volume.centre, self._volume.radius, self._volume.sample)
         else:
-            shift = _heart_shift(state)
+            shift = state.heart[:3, 3]
 
             def change(points: Array) -> npt.NDArray[np.float32]:
                 moved = points - _warp_weight(points) * shift[:, None]
                 return np.asarray(self._volume.sample(moved) - self._volume.sample(points))
 
-            depth = _integrate(rays, np.zeros(3), FADE_RADIUS_M, change)
+            depth = _integrate(rays, np.zeros(3), SAMPLING.fade_radius_m, change)
         image = depth.reshape(rays.shape).astype(np.float32)
-        full = cv2.resize(image, (width * binning, height * binning), interpolation=cv2.INTER_CUBIC)
+        size = (coarse.width * binning, coarse.height * binning)
+        full = cv2.resize(image, size, interpolation=cv2.INTER_CUBIC)
         return np.asarray(full[: projection.height, : projection.width], np.float32)
 
 
@@ -123,34 +143,30 @@ def read_volume(path: str | Path, centre_mm: npt.ArrayLike | None = None) -> Vol
     to_lps[:3, 3] -= middle if centre_mm is None else np.asarray(centre_mm, dtype=np.float64)
     to_lps[:3] *= 1e-3
     reverse = np.eye(4)[[2, 1, 0, 3]]
-    attenuation = (SOFT * np.maximum(1.0 + hounsfield / 1000.0, 0.0)).astype(np.float32)
+    attenuation = (TISSUE.soft * np.maximum(1.0 + hounsfield / 1000.0, 0.0)).astype(np.float32)
     return Volume(attenuation, reverse @ np.linalg.inv(to_lps))
 
 
 def _integrate(rays: Rays, centre: Array, radius: float, value: Sampler) -> Array:
     """Midpoint rule along each ray's part inside a ball; (N,)."""
     middle = (centre - rays.source) @ rays.directions
-    count = int(np.ceil(2.0 * radius / STEP_M))
+    count = int(np.ceil(2.0 * radius / SAMPLING.step_m))
     depth = np.zeros(rays.directions.shape[1])
     nearest_squared = np.sum((centre - rays.source) ** 2) - middle**2
     hit = np.flatnonzero(nearest_squared < radius * radius)
-    offsets = (np.arange(count) + 0.5) * STEP_M - 0.5 * count * STEP_M
-    chunk = max(1, CHUNK_SAMPLES // count)
+    offsets = (np.arange(count) + 0.5) * SAMPLING.step_m - 0.5 * count * SAMPLING.step_m
+    chunk = max(1, SAMPLING.chunk_samples // count)
     for first in range(0, hit.size, chunk):
         part = hit[first : first + chunk]
         distance = middle[part, None] + offsets
         points = rays.source[:, None, None] + rays.directions[:, part, None] * distance
         samples = value(points.reshape(3, -1))
-        depth[part] = STEP_M * samples.reshape(part.size, count).sum(axis=1)
+        depth[part] = SAMPLING.step_m * samples.reshape(part.size, count).sum(axis=1)
     return depth
-
-
-def _heart_shift(state: BodyState) -> Array:
-    return np.asarray(state.heart[:3, 3])
 
 
 def _warp_weight(points: Array) -> Array:
     """1 inside the heart's radius, falling smoothly to 0; (N,) for world points (3, N)."""
     distance = np.sqrt(np.einsum("in,in->n", points, points))
-    part = np.clip((FADE_RADIUS_M - distance) / (FADE_RADIUS_M - HEART_RADIUS_M), 0.0, 1.0)
+    part = np.clip((SAMPLING.fade_radius_m - distance) / (SAMPLING.fade_radius_m - SAMPLING.heart_radius_m), 0.0, 1.0)
     return np.asarray(part * part * (3.0 - 2.0 * part))

@@ -14,7 +14,6 @@ from lasso_motion_ros.phantom.catheters import (
     followed,
     lasso_shaft,
     loop_segments,
-    resampled,
     spline,
 )
 from lasso_motion_ros.phantom.distractors import distractor_segments
@@ -76,7 +75,6 @@ def test_electrodes_are_short_flat_cylinders_on_the_loop(count: int) -> None:
 
 def test_curves() -> None:
     line = np.array([[0.0, 0, 0], [1.0, 0, 0], [3.0, 0, 0]])
-    assert resampled(line, 4)[:, 0] == pytest.approx([0, 1, 2, 3])
     ring = electrode(line, 1.5, 1.0, 0.1, 5.0)
     assert (ring.start[0, 0], ring.end[0, 0]) == pytest.approx((1.0, 2.0))
     smooth = spline(line * 0.01)

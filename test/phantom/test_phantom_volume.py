@@ -11,7 +11,7 @@ from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom import Simulator
-from lasso_motion_ros.phantom.anatomy import SOFT
+from lasso_motion_ros.phantom.anatomy import TISSUE
 from lasso_motion_ros.phantom.body_renderer import BodyState
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 from lasso_motion_ros.phantom.volume import Volume, VolumeRenderer, read_volume, volume_bodies
@@ -52,13 +52,13 @@ def cube(side: int = 41, spacing_m: float = 5e-3) -> Volume:
     to_index[:3, 3] = (side - 1) / 2
     grid = (np.arange(side) - (side - 1) / 2) * spacing_m
     distance = np.sqrt(grid[:, None, None] ** 2 + grid[:, None] ** 2 + grid**2)
-    return Volume(np.where(distance < 0.011, 3 * SOFT, SOFT).astype(np.float32), to_index)
+    return Volume(np.where(distance < 0.011, 3 * TISSUE.soft, TISSUE.soft).astype(np.float32), to_index)
 
 
 @pytest.mark.parametrize("suffix", [".nii.gz", ".nrrd", ".mha"])
 def test_line_integrals_through_a_ball_of_water(tmp_path: Path, suffix: str) -> None:
     depth = VolumeRenderer(read_volume(ball_in_air(tmp_path, suffix))).optical_depth(frontal(), AT_REST)
-    assert depth.max() == pytest.approx(SOFT * 0.120, rel=0.03)
+    assert depth.max() == pytest.approx(TISSUE.soft * 0.120, rel=0.03)
     # 5 mm cranial is up.
     assert centroid(depth) == pytest.approx([-5.0 / PIXEL_MM, 0.0], abs=0.2)
 
