@@ -1,4 +1,4 @@
-"""Residual against static error axis by axis, the constant offset apart from the jitter."""
+"""Residual and static error axis by axis, with the constant part and the jitter apart."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ class AxisErrors:
 
     Attributes:
         static_mm: (3,) root mean square of the true displacement since the reference: the error without compensation.
-        residual_mm: (3,) root mean square of the error that is left.
-        constant_mm: (3,) mean of the error that is left.
-        jitter_mm: (3,) its standard deviation about that mean.
+        residual_mm: (3,) root mean square of the remaining error.
+        constant_mm: (3,) mean of the remaining error.
+        jitter_mm: (3,) its standard deviation.
     """
 
     static_mm: Array
@@ -31,9 +31,9 @@ class AxisErrors:
 
 
 def displacements_mm(scores: Sequence[PairScore]) -> tuple[Array, Array]:
-    """(N, 3) true displacement of the loop's centre since the reference and (N, 3) published one, mm; NaN if unknown.
+    """True and published displacement of the loop's centre since the reference, (N, 3) each, mm; NaN if unknown.
 
-    The reference pair's own true centre is the origin of both.
+    Both are from the true centre in the reference pair.
     """
     true, found = np.full((len(scores), 3), np.nan), np.full((len(scores), 3), np.nan)
     origin = next((s.true_centre_m for s in scores if s.is_reference and s.true_centre_m is not None), None)
@@ -48,7 +48,7 @@ def displacements_mm(scores: Sequence[PairScore]) -> tuple[Array, Array]:
 
 
 def residuals_mm(scores: Sequence[PairScore]) -> Array:
-    """(N, 3) error of the centre, mm, in pairs that count: posed, the lasso in its place, not the reference."""
+    """(N, 3) error of the centre, mm; NaN where there is no pose or no lasso in its place, and in the reference."""
     residual = np.full((len(scores), 3), np.nan)
     for number, score in enumerate(scores):
         if score.centre_error_m is not None and not score.is_reference:
@@ -57,7 +57,7 @@ def residuals_mm(scores: Sequence[PairScore]) -> Array:
 
 
 def axis_errors(scores: Sequence[PairScore]) -> AxisErrors | None:
-    """The measures of one recording, or None where no pair tells."""
+    """The errors of one recording, or None where no pair has any."""
     static, _ = displacements_mm(scores)
     residual = residuals_mm(scores)
     known = np.isfinite(residual).all(axis=1) & np.isfinite(static).all(axis=1)

@@ -1,4 +1,4 @@
-"""One result on one recording with everything that a report shows of it."""
+"""One result on one recording, with all that a report shows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Timing:
     """How long answers took.
 
     Attributes:
-        what: what the times are of, for people.
+        what: which times these are, in words.
         milliseconds: (N,) one a pair.
     """
 
@@ -34,13 +34,13 @@ class Evaluated:
 
     Attributes:
         recording: the recording's name.
-        result: what the result is called beside others of the same recording: a configuration's or a file's name.
-        path: the recording, for its pictures.
+        result: the result's name beside others of the same recording: that of a configuration or a file.
+        path: the recording, for its images.
         truth: what is known of it.
         estimates: what was published.
         scores: the measures, pair by pair.
-        timing: how long the answers took, or None where nothing tells.
-        configuration: all parameters by full name, or None where nothing tells.
+        timing: how long the answers took, or None if unknown.
+        configuration: all parameters by full name, or None if unknown.
     """
 
     recording: str

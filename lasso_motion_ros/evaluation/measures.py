@@ -21,11 +21,11 @@ from lasso_motion_ros.geometry.transforms import apply, inverse
 
 Array = npt.NDArray[np.float64]
 
-SILENT_LOSS_MM = 2.0  # a published pose further off than this misleads
-DISPLACED_MM = 3.0  # the true loop further than this from where the atrium's motion would carry it was moved
-SAME_PAIR_NS = 5_000_000  # a pair whose A is missing gets its stamp from B, rounded
-DETECTOR_M = 1.2  # source–detector distance assumed where millimetres on the detector are asked for
-SAMPLES = 256  # even steps along a curve, so that a mean over them is one along its length
+SILENT_LOSS_MM = 2.0  # a published pose with a larger error misleads
+DISPLACED_MM = 3.0  # a true loop further than this from where the atrium's motion carries it has been moved
+SAME_PAIR_NS = 5_000_000  # stamps this near are one pair's: a pair that lacks A has its stamp from B, rounded
+DETECTOR_M = 1.2  # source–detector distance assumed for millimetres on the detector
+SAMPLES = 256  # points spaced evenly along a curve, so that their mean is a mean over its length
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Truth:
     """What is known of a recording.
 
     Attributes:
-        pairs: every pair that should be answered, in order of time.
+        pairs: every pair that has truth, in order of time.
         loop: (N, 3) the loop at the truth's reference, world metres, or None.
         targets: (M, 3) points on the atrium at the truth's reference, world metres, or None.
     """
@@ -93,21 +93,21 @@ class PairScore:
     Attributes:
         index: number of the pair in the truth.
         stamp_ns: plane A's exposure.
-        is_reference: the motion is the identity by definition.
-        expected: it comes after the reference and shows the lasso in its place: a pose is due.
+        is_reference: the pair is the reference, whose motion is the identity by definition.
+        expected: a pose is due: the pair comes after the reference and shows the lasso in its place.
         hidden: no plane shows the lasso.
-        displaced: the lasso was moved to another place; it no longer follows the atrium.
+        displaced: the lasso was moved to another place and no longer moves with the atrium.
         has_pose: a pose was published.
         state: the state published with it.
         error_2d_mm: per plane, symmetric mean distance of the curves at the loop's depth.
         error_detector_mm: the same on the detector.
         centre_error_m: (3,) T·c − T_true·c in the world frame, metres.
-        respiratory_error_mm: the same length for the filtered motion against breathing alone.
-        target_error_mm: mean over the targets.
-        static_error_mm: the same with T = identity; known of pairs without a pose too.
+        respiratory_error_mm: distance of the centre under `motion` from where breathing alone carries it.
+        target_error_mm: target registration error, mean over the targets.
+        static_error_mm: the same with T = identity; known for pairs without a pose too.
         true_centre_m: (3,) where the loop's centre is by the truth.
         centre_m: (3,) where the published motion puts it.
-        nees: error of the centre squared, normalised by its covariance (3 degrees of freedom).
+        nees: normalised estimation error squared of the centre: squared Mahalanobis distance, 3 degrees of freedom.
         centre_sigma_mm: square root of the trace of the centre's covariance.
     """
 
@@ -155,7 +155,7 @@ class PairScore:
 
 
 def symmetric_mean_distance(first: Array, second: Array) -> float:
-    """Mean distance between two curves (N, D) and (M, D): half from the one to the other, half back."""
+    """Mean distance between two curves (N, D) and (M, D), in their unit: the mean of both directions."""
     there = distance_to_curve(resample(first, SAMPLES), second).mean()
     back = distance_to_curve(resample(second, SAMPLES), first).mean()
     return float((there + back) / 2.0)
@@ -251,9 +251,10 @@ def _with_curve_errors(
         if estimate.loop is None or projection is None or plane not in pair.centrelines:
             continue
         pixels = symmetric_mean_distance(projection.project(estimate.loop), pair.centrelines[plane])
-        # A lost model's own depth would scale its error; the true loop's is used where it is known.
-        known = truth.loop is not None and pair.motion is not None
-        curve = apply(pair.motion, truth.loop) if known else estimate.loop  # type: ignore[arg-type]
+        curve = estimate.loop
+        if truth.loop is not None and pair.motion is not None:
+            # The depth of a model that is lost would scale its error.
+            curve = apply(pair.motion, truth.loop)
         at_loop[plane] = pixels * projection.millimetres_per_pixel(curve.mean(axis=0))
         on_detector[plane] = pixels * 1e3 * source_detector_m / projection.focal_length_px
     return replace(score, error_2d_mm=at_loop, error_detector_mm=on_detector)
@@ -295,14 +296,14 @@ def _with_motion_errors(
         error = published - true_centre
         score = replace(
             score,
-            nees=_normalised_error_squared(error, spread),
+            nees=_nees(error, spread),
             centre_sigma_mm=1e3 * float(np.sqrt(np.trace(spread))),
         )
     return score
 
 
-def _normalised_error_squared(error: Array, covariance: Array) -> float:
-    """Squared length of an error (3,) in units of its covariance (3, 3); infinite where that claims to be exact."""
+def _nees(error: Array, covariance: Array) -> float:
+    """NEES of an error (3,) m under a covariance (3, 3) m²; infinite where the covariance claims to be exact."""
     try:
         np.linalg.cholesky(covariance)
     except np.linalg.LinAlgError:

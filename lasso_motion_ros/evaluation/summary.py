@@ -1,4 +1,4 @@
-"""A recording's measures from those of its pairs, and the table that people read (after the paper's Table 1)."""
+"""A recording's measures from those of its pairs, and the table to read (after the paper's Table 1)."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ class Summary:
         expected: pairs that show the lasso in its place after the reference.
         poses: poses published, the reference's left out.
         missing: expected pairs without a pose.
-        lost_in_silence: poses that mislead (more than 2 mm off, or false).
-        false_poses: of these, poses while the lasso was hidden, gone or displaced.
-        degraded_share: of the poses, how many were DEGRADED.
+        lost_in_silence: poses that mislead: more than 2 mm off, or false.
+        false_poses: poses while the lasso was hidden, gone or displaced.
+        degraded_share: share of the poses that were DEGRADED.
         model_error_a_mm: 2-D error in the reference pair, plane A.
         model_error_b_mm: the same in plane B.
         error_2d_a_mm: mean 2-D error in plane A at the loop's depth.
@@ -44,15 +44,15 @@ class Summary:
         centre_error_mm: mean distance of the loop's centre from the truth.
         centre_error_p95_mm: its 95th percentile.
         centre_constant_mm: length of the mean error vector.
-        centre_jitter_mm: root mean square of what is left.
-        respiratory_error_mm: mean distance of the filtered motion's centre from breathing alone.
+        centre_jitter_mm: root mean square of the error about that mean.
+        respiratory_error_mm: mean distance of the centre under `motion` from where breathing alone carries it.
         target_error_mm: mean target registration error.
         target_error_p95_mm: its 95th percentile over the pairs.
         static_error_mm: mean target error without compensation, in the pairs with a pose.
-        removed_share: of the static error.
-        covariance_68_share: of the centre's errors inside their 68 % ellipsoid.
-        covariance_95_share: inside the 95 % ellipsoid.
-        centre_sigma_mm: mean size of that covariance, root of its trace.
+        removed_share: share of the static error that compensation removed.
+        covariance_68_share: share of the centre's errors inside their 68 % ellipsoid.
+        covariance_95_share: share inside the 95 % ellipsoid.
+        centre_sigma_mm: mean square root of the covariance's trace.
     """
 
     pairs: int
@@ -196,11 +196,11 @@ def mean_row(summaries: Sequence[Summary]) -> dict[str, float | int | None]:
 
 
 def format_table(summaries: Mapping[str, Summary], groups: Mapping[str, Sequence[str]] | None = None) -> str:
-    """Two blocks for people, in the images and in space: one row a recording, then the means (counts added up).
+    """Two blocks of text, in the images and in space: one row a recording, then the means (counts are added up).
 
     Args:
         summaries: by the recording's name, in the order of the rows.
-        groups: the rows that each mean is taken over, by the mean row's name; None: one mean over all, if several.
+        groups: the rows that each mean is over, by the mean row's name; None: one mean over all rows, if several.
     """
     rows: list[tuple[str, Values]] = [(name, asdict(summary)) for name, summary in summaries.items()]
     if groups is None:

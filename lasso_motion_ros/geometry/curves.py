@@ -10,7 +10,7 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 Real = TypeVar("Real", bound=np.floating[Any])
 
-SMALLEST_SPACING = 1e-9  # pixels; points nearer than this to each other have no direction
+SMALLEST_SPACING = 1e-9  # pixels; points nearer to each other than this have no direction
 
 
 def arc_length(points: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Ellipses in the image: direct least-squares fit, conic matrices, points and normals along the curve."""
+"""Ellipses in the image: direct least-squares fit, conic matrices, points along the curve."""
 
 from __future__ import annotations
 

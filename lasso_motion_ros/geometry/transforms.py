@@ -36,7 +36,13 @@ def cross_product_matrix(vector: npt.ArrayLike) -> Array:
 
 
 def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike, centre: npt.ArrayLike = (0, 0, 0)) -> Array:
-    """(4, 4) transform: rotate about `centre` (3,) m by a rotation vector (3,) rad, then shift (3,) m."""
+    """(4, 4) transform of the world, metres: rotate about a point, then shift.
+
+    Args:
+        rotation_vector: (3,) axis times angle, rad.
+        translation: (3,) metres.
+        centre: (3,) the point that the rotation leaves where it is, metres.
+    """
     matrix = np.eye(4)
     centre = np.asarray(centre, dtype=np.float64)
     matrix[:3, :3] = rotation_from_vector(rotation_vector)
@@ -45,7 +51,7 @@ def rigid(rotation_vector: npt.ArrayLike, translation: npt.ArrayLike, centre: np
 
 
 def inverse(transform: Array) -> Array:
-    """Inverse of a (4, 4) rigid transform."""
+    """(4, 4) inverse of a rigid transform, by its transposed rotation."""
     matrix = np.eye(4)
     matrix[:3, :3] = transform[:3, :3].T
     matrix[:3, 3] = -transform[:3, :3].T @ transform[:3, 3]
@@ -53,7 +59,7 @@ def inverse(transform: Array) -> Array:
 
 
 def apply(transform: Array, points: Array) -> Array:
-    """Move world points (..., 3) by a (4, 4) transform."""
+    """Points (..., 3) moved by a (4, 4) transform, in its unit."""
     return np.asarray(np.asarray(points) @ transform[:3, :3].T + transform[:3, 3])
 
 

@@ -4,8 +4,8 @@ The ring tilts and spins by itself, with the heartbeat and in the hand, while th
 turn, it turns with the breath: in proportion to how far the breath has moved it. A Bayesian linear regression (Bishop,
 "Pattern Recognition and Machine Learning", 2006, section 3.3) of the ring's turn on that displacement tells the two
 apart, with the ring's stretch as a witness of the heartbeat. How much of it is used is the probability that it turns
-at all: the Bayes factor against no rotation (ibid., section 3.4) at even odds. So the pose is
-never switched from one to the other.
+at all: the Bayes factor against no rotation (ibid., section 3.4) at even odds. So the pose never jumps from one to the
+other.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Phase of the heart from R peaks, and the gate that opens in a part of the beat.
 
-All is causal: the end of the running beat is not known yet, so phases are parts of the typical beat so far.
+Causal: the end of the current beat is not known yet, so a phase is a part of the typical beat so far.
 """
 
 from __future__ import annotations
@@ -13,13 +13,31 @@ import numpy as np
 
 from lasso_motion_ros.core.errors import ConfigurationError
 
-REMEMBERED_PEAKS = 24
-TYPICAL_OF = 8  # intervals whose median is the typical beat: one missing and one extra peak do not change it
-SHORTEST_BEAT = 0.6  # of the typical beat; an earlier peak is a false detection or a premature beat
-LONGEST_BEAT = 1.6  # a longer interval has a missing peak in it
-LAST_SURE_BEAT = 2.5  # beats after the last peak at which its phase still means something
-NEW_RUN_NS = 1_000_000_000  # stamps back by more than this: another run, as for images
-SAME_PEAK_NS = 20_000_000
+
+@dataclass(frozen=True)
+class PeakTuning:
+    """Which R peaks are believed, and for how long. Lengths are in typical beats unless the name has a unit.
+
+    Attributes:
+        remembered: peaks kept.
+        typical_of: intervals whose median is the typical beat: one missing and one extra peak do not change it.
+        shortest_beat: an earlier peak is a false detection or a premature beat.
+        longest_beat: a longer interval has a missing peak in it.
+        last_sure_beat: so long after the last peak its phase still means something.
+        new_run_ns: stamps that go back by more begin another run, as for images.
+        same_peak_ns: peaks closer than this are one.
+    """
+
+    remembered: int = 24
+    typical_of: int = 8
+    shortest_beat: float = 0.6
+    longest_beat: float = 1.6
+    last_sure_beat: float = 2.5
+    new_run_ns: int = 1_000_000_000
+    same_peak_ns: int = 20_000_000
+
+
+TUNING = PeakTuning()
 
 
 @dataclass(frozen=True)
@@ -47,22 +65,22 @@ class HeartPhase:
 
 
 class RPeaks:
-    """R peaks as they come: late ones are sorted in, repeated ones dropped, unexpected ones doubted."""
+    """R peaks as they come: late ones are sorted in, repeated ones dropped, unexpected ones marked doubtful."""
 
     def __init__(self) -> None:
         self._peaks: list[int] = []
 
     def add(self, stamp_ns: int) -> None:
         """Take a peak's stamp; one more than a second before the last begins a new run."""
-        if self._peaks and stamp_ns < self._peaks[-1] - NEW_RUN_NS:
+        if self._peaks and stamp_ns < self._peaks[-1] - TUNING.new_run_ns:
             self._peaks.clear()
-        if all(abs(stamp_ns - peak) > SAME_PEAK_NS for peak in self._peaks):
+        if all(abs(stamp_ns - peak) > TUNING.same_peak_ns for peak in self._peaks):
             insort(self._peaks, stamp_ns)
-            del self._peaks[:-REMEMBERED_PEAKS]
+            del self._peaks[: -TUNING.remembered]
 
     def begin_run(self, stamp_ns: int) -> None:
         """A new run begins at a stamp: forget the peaks of the last, unless the new run's own came first."""
-        if self._peaks and abs(self._peaks[-1] - stamp_ns) > NEW_RUN_NS:
+        if self._peaks and abs(self._peaks[-1] - stamp_ns) > TUNING.new_run_ns:
             self._peaks.clear()
 
     def phase(self, stamp_ns: int) -> HeartPhase | None:
@@ -74,16 +92,16 @@ class RPeaks:
         peaks = self._peaks[: bisect_right(self._peaks, stamp_ns)]
         if len(peaks) < 2:
             return None
-        rough = float(np.median(np.diff(peaks)[-TYPICAL_OF:]))
+        rough = float(np.median(np.diff(peaks)[-TUNING.typical_of :]))
         accepted = peaks[:1]
         for peak in peaks[1:]:
-            if peak - accepted[-1] >= SHORTEST_BEAT * rough:
+            if peak - accepted[-1] >= TUNING.shortest_beat * rough:
                 accepted.append(peak)
         beats = np.diff(accepted)
-        beats = beats[beats <= LONGEST_BEAT * rough][-TYPICAL_OF:]
+        beats = beats[beats <= TUNING.longest_beat * rough][-TUNING.typical_of :]
         beat_ns = round(float(np.median(beats)) if len(beats) else rough)
         phase = HeartPhase(accepted[-1], beat_ns, doubtful=peaks[-1] != accepted[-1])
-        return phase if phase.at(stamp_ns) <= LAST_SURE_BEAT else None
+        return phase if phase.at(stamp_ns) <= TUNING.last_sure_beat else None
 
 
 class CardiacGate:

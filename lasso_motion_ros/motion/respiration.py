@@ -43,7 +43,7 @@ TIME_SCALE_S = 1.0  # of breathing, which is smoother than a Matérn process: lo
 HEARTBEAT_SPREAD_M = 0.00015
 HEARTBEAT_TIME_SCALE_S = 0.12
 _IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
-TIMES_AHEAD = 8  # kept; a loop that stays away is asked after at ever new times
+TIMES_AHEAD = 8  # predictions kept; while the loop stays lost they are for ever new times
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,13 +1,13 @@
-"""Breathing and heartbeat in one measured displacement, told apart as it comes.
+"""Breathing and heartbeat in one measured displacement, separated as it comes.
 
 A Kalman filter over the sum of two processes: breathing, which is smooth (Matérn-5/2), and the heartbeat, three
 harmonics that turn with the heart's phase (the periodic process of Solin and Särkkä, "Explicit link between periodic
 covariance functions and state space models", AISTATS 2014, cut after its third harmonic). With R peaks the phase is
-known. Without, a row of heart rates is tried side by side, "none" among them, and weighted by how well each foretells
+known. Without, a row of heart rates is tried side by side, "none" among them, and weighted by how well each predicts
 the measurements.
 
-What is taken away is the estimated heartbeat alone, so breathing is not delayed as a low-pass filter would delay it
-(its fastest 40 mm/s times a low-pass filter's 0.3 s is 12 mm, more than the heartbeat ever moves).
+Only the estimated heartbeat is subtracted, so breathing is not delayed as by a low-pass filter: 0.3 s of delay at
+breathing's fastest 40 mm/s is 12 mm, more than the heartbeat ever moves.
 """
 
 from __future__ import annotations
@@ -24,24 +24,49 @@ from lasso_motion_ros.motion.matern import stationary, transition
 
 Array = npt.NDArray[np.float64]
 
-# The state, one for each axis of the world.
+# Layout of the state; each axis of the world has one. Breathing is VALUE + MEAN, the heartbeat the sum of the COSINES.
 VALUE, SLOPE, CURVATURE, MEAN, HEART, ORIGIN, SIZE = 0, 1, 2, 3, slice(4, 10), 10, 11
 COSINES = slice(4, 10, 2)
 HARMONICS = np.array([1, 2, 3])
-SHARES = np.array([1.0, 0.5, 0.4])  # standard deviation of each harmonic, of the first
 
-TIME_SCALE_S = 1.2  # of breathing: inspiration sets in faster than its period suggests
-FIRST_SPREAD_MM = 12.0  # of breathing along an axis, before any has been seen; counts as one measurement
-SMALLEST_SPREAD_MM = 0.5
-COHERENCE_S = 60.0  # by phase, a beat looks like those so long ago
-COHERENCE_UNTIMED_S = 15.0  # without R peaks, the beats' own irregularity counts too
-EVIDENCE_S = 30.0  # rates are judged by the measurements of this time: the heart's rate changes
-STEP_HZ = 0.05  # between the rates tried
-SMALLEST_NOISE_MM = 0.03
-LOG_ODDS = 10.0  # for a heartbeat where there are R peaks: a few beats show too little of it to be seen
-BREATHING_BAND_HZ = 0.5  # up to here breathing itself has power
-INTERVALS = 9  # of exposures, whose median is the frame rate
-LONGEST_REPLAY = 64  # measurements kept until the first beat's length is known
+
+@dataclass(frozen=True)
+class FilterTuning:
+    """What the filter expects of breathing, heart and stream.
+
+    Attributes:
+        time_scale_s: of breathing, seconds: inspiration sets in faster than its period suggests.
+        first_spread_mm: standard deviation of breathing along an axis before any has been seen, mm; it counts as one
+            measurement.
+        smallest_spread_mm: the least it can be learned to be, mm.
+        harmonic_shares: standard deviation of each of the heartbeat's harmonics, relative to the first.
+        coherence_s: with R peaks, time after which a beat looks different, seconds.
+        coherence_untimed_s: without, where the beats' irregularity counts too, seconds.
+        evidence_s: the time over which heart rates are judged, seconds: the rate changes.
+        step_hz: between the rates tried, Hz.
+        smallest_noise_mm: of a measurement, mm.
+        log_odds: for a heartbeat where there are R peaks: a few beats show too little of it to be seen.
+        breathing_band_hz: up to here breathing itself has power, Hz.
+        intervals: between exposures, whose median gives the frame rate.
+        longest_replay: measurements kept until the first beat's length is known.
+    """
+
+    time_scale_s: float = 1.2
+    first_spread_mm: float = 12.0
+    smallest_spread_mm: float = 0.5
+    harmonic_shares: tuple[float, ...] = (1.0, 0.5, 0.4)
+    coherence_s: float = 60.0
+    coherence_untimed_s: float = 15.0
+    evidence_s: float = 30.0
+    step_hz: float = 0.05
+    smallest_noise_mm: float = 0.03
+    log_odds: float = 10.0
+    breathing_band_hz: float = 0.5
+    intervals: int = 9
+    longest_replay: int = 64
+
+
+TUNING = FilterTuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +74,10 @@ class Separation:
     """The heartbeat's part of one displacement.
 
     Attributes:
-        heart_mm: (3,) what the heartbeat added since the reference, mm; zero where it cannot be told.
-        variance_mm2: (3,) of it.
-        separated: whether it could be told.
-        text: how it is told, or why it cannot be, with the numbers.
+        heart_mm: (3,) what the heartbeat added since the reference, mm; zero where it cannot be separated.
+        variance_mm2: (3,) its variance, mm².
+        separated: whether it could be separated.
+        text: how it was, or why it could not be, with the numbers.
         heart_hz: the heart's frequency, measured (R peaks) or found; None where it is not known.
     """
 
@@ -64,12 +89,12 @@ class Separation:
 
 
 class RespiratoryFilter:
-    """Tells breathing from heartbeat; causal, for exposures at any intervals.
+    """Separates breathing from heartbeat; causal, for exposures at any intervals.
 
     Args:
         slowest_hz: slowest heart looked for where there are no R peaks.
         fastest_hz: fastest; more than twice as many exposures a second are needed then.
-        excursion_mm: size of the heartbeat's motion along an axis, roughly.
+        excursion_mm: rough size of the heartbeat's motion along an axis, mm.
 
     Raises:
         ConfigurationError: a slowest rate that is not below the fastest.
@@ -82,17 +107,17 @@ class RespiratoryFilter:
             )
         self._fastest_hz = fastest_hz
         # Hypotheses: no heartbeat, each of the rates, and last the phase by the R peaks.
-        rates = np.arange(slowest_hz, fastest_hz + STEP_HZ / 2, STEP_HZ)
+        rates = np.arange(slowest_hz, fastest_hz + TUNING.step_hz / 2, TUNING.step_hz)
         self._rates_hz = np.concatenate([[0.0], rates])
         count = len(self._rates_hz) + 1
-        amplitude = np.repeat((excursion_mm * SHARES) ** 2 / 2.0, 2)
+        amplitude = np.repeat((excursion_mm * np.array(TUNING.harmonic_shares)) ** 2 / 2.0, 2)
         self._prior = np.tile(amplitude, (count, 1))
         self._prior[0] = 0.0
-        self._coherence_s = np.full(count, COHERENCE_UNTIMED_S)
-        self._coherence_s[-1] = COHERENCE_S
+        self._coherence_s = np.full(count, TUNING.coherence_untimed_s)
+        self._coherence_s[-1] = TUNING.coherence_s
         self._heart = np.zeros((count, 3, 6))
         self._heart_covariance = self._unknown_heart()
-        self._intervals: deque[float] = deque(maxlen=INTERVALS)
+        self._intervals: deque[float] = deque(maxlen=TUNING.intervals)
         self._start_ns = self._time_ns = 0
         self._phase: HeartPhase | None = None
 
@@ -115,7 +140,7 @@ class RespiratoryFilter:
         self._begin(stamp_ns, phase)
 
     def separate(self, stamp_ns: int, displacement_mm: Array, noise_mm: Array, phase: HeartPhase | None) -> Separation:
-        """Take in the displacement at the next exposure, and tell what of it is the heartbeat's.
+        """Take in the displacement at the next exposure, and say which part of it is the heartbeat's.
 
         Args:
             stamp_ns: its time, later than the last.
@@ -127,7 +152,7 @@ class RespiratoryFilter:
         if self._replay is not None:
             if phase is not None:
                 self._again(phase)
-            elif len(self._replay) < LONGEST_REPLAY:
+            elif len(self._replay) < TUNING.longest_replay:
                 self._replay.append((stamp_ns, displacement_mm, noise_mm))
             else:
                 self._replay = None
@@ -153,7 +178,7 @@ class RespiratoryFilter:
             heart_hz = phase.frequency_hz
             apparent_hz = abs(heart_hz - rate * round(heart_hz / rate))
             beats = f"a heart of {60 * heart_hz:.0f}/min"
-            if apparent_hz < BREATHING_BAND_HZ:
+            if apparent_hz < TUNING.breathing_band_hz:
                 return _nothing(
                     f"at {rate:.1f} pairs/s {beats} looks like {apparent_hz:.2f} Hz, which breathing has, too:"
                     " motion is motion_raw",
@@ -174,7 +199,7 @@ class RespiratoryFilter:
 
     def _weights(self, members: slice | list[int]) -> Array:
         """How far each hypothesis is to be believed, among some of them; the others get 0."""
-        evidence = self._evidence + np.append(np.zeros(len(self._rates_hz)), LOG_ODDS)
+        evidence = self._evidence + np.append(np.zeros(len(self._rates_hz)), TUNING.log_odds)
         weights = np.zeros(len(evidence))
         weights[members] = np.exp(evidence[members] - evidence[members].max())
         return weights / float(weights.sum())
@@ -195,7 +220,7 @@ class RespiratoryFilter:
     @property
     def _spread_mm2(self) -> Array:
         """(3,) variance of breathing along each axis, learned so far."""
-        return np.asarray((self._scatter + FIRST_SPREAD_MM**2) / (self._seen + 1) + SMALLEST_SPREAD_MM**2)
+        return np.asarray((self._scatter + TUNING.first_spread_mm**2) / (self._seen + 1) + TUNING.smallest_spread_mm**2)
 
     def _begin(self, stamp_ns: int, phase: HeartPhase | None) -> None:
         self._seen, self._mean, self._scatter = 0, np.zeros(3), np.zeros(3)
@@ -205,7 +230,7 @@ class RespiratoryFilter:
         shape = (len(self._prior), 3)
         self._state, self._covariance = np.zeros((*shape, SIZE)), np.zeros((*shape, SIZE, SIZE))
         spread = self._spread_mm2
-        self._covariance[:, :, :3, :3] = spread[:, None, None] * stationary(TIME_SCALE_S)
+        self._covariance[:, :, :3, :3] = spread[:, None, None] * stationary(TUNING.time_scale_s)
         self._covariance[:, :, MEAN, MEAN] = spread
         self._state[:, :, HEART] = self._heart
         self._covariance[:, :, HEART, HEART] = self._heart_covariance
@@ -220,7 +245,7 @@ class RespiratoryFilter:
         interval_s = 1e-9 * (stamp_ns - self._time_ns)
         turn, decay = self._turned(stamp_ns, phase)
         forward, noise = np.zeros((len(self._prior), SIZE, SIZE)), np.zeros((len(self._prior), 3, SIZE, SIZE))
-        breathing, unmoved = transition(interval_s, TIME_SCALE_S), stationary(TIME_SCALE_S)
+        breathing, unmoved = transition(interval_s, TUNING.time_scale_s), stationary(TUNING.time_scale_s)
         forward[:, :3, :3] = breathing
         forward[:, MEAN, MEAN] = forward[:, ORIGIN, ORIGIN] = 1.0
         forward[:, HEART, HEART] = turn * decay[:, None, None]
@@ -229,9 +254,9 @@ class RespiratoryFilter:
         noise[:, :, HEART, HEART] = _diagonal((1.0 - decay[:, None] ** 2) * self._prior)[:, None]
         self._state = (forward[:, None] @ self._state[..., None])[..., 0]
         self._covariance = forward[:, None] @ self._covariance @ np.swapaxes(forward, 1, 2)[:, None] + noise
-        self._evidence *= np.exp(-interval_s / EVIDENCE_S)
+        self._evidence *= np.exp(-interval_s / TUNING.evidence_s)
         self._time_ns, self._phase = stamp_ns, phase
-        self._update(displacement_mm, np.maximum(noise_mm, SMALLEST_NOISE_MM))
+        self._update(displacement_mm, np.maximum(noise_mm, TUNING.smallest_noise_mm))
         self._heart = self._state[:, :, HEART]
         self._heart_covariance = self._covariance[:, :, HEART, HEART]
         self._seen += 1
