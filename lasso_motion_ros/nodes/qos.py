@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
 
 IMAGE_DEPTH = 10
-RELIABILITIES = ("auto", "reliable", "best_effort")
 
 
 def qos(*, depth: int, latched: bool = False, reliable: bool = True) -> QoSProfile:

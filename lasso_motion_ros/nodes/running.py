@@ -24,7 +24,6 @@ SWITCH_INTERVAL_S = 0.001
 """How long one Python thread may keep another waiting: by default 5 ms, a third of what a pair may take."""
 
 EXIT_DONE = 0
-EXIT_FAILED = 1
 EXIT_BAD_INPUT = 2
 
 Callback = TypeVar("Callback", bound=Callable[..., Any])

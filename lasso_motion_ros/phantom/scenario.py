@@ -86,21 +86,6 @@ def scenario_from_values(values: Any) -> Scenario:
     return scenario
 
 
-def setting_table(group: type = Scenario, prefix: str = "") -> list[tuple[str, Any, str, str]]:
-    """The documentation of all settings: dotted key, default, unit, description."""
-    rows: list[tuple[str, Any, str, str]] = []
-    defaults = group()
-    for entry in dataclasses.fields(group):
-        value = getattr(defaults, entry.name)
-        if dataclasses.is_dataclass(value):
-            rows += setting_table(type(value), f"{prefix}{entry.name}.")
-        elif entry.name == "events":
-            rows += setting_table(Event, "events[].")
-        else:
-            rows.append((prefix + entry.name, value, entry.metadata["unit"], entry.metadata["description"]))
-    return rows
-
-
 def _group(kind: type[Group], values: Any, prefix: str, base: Group | None = None) -> Group:
     """One dataclass from a mapping; `base` holds the defaults where they are not the class's own."""
     if not isinstance(values, dict):

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import RecordingError
 
-Array = npt.NDArray[np.float64]
 Flags = npt.NDArray[np.bool_]
 
 TRUTH_COLOUR, FOUND_COLOUR = "#3b4252", "#0a8f4f"

@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.carm import carm_projection
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, rigid
 
@@ -68,15 +68,6 @@ def ring_image(
         cv2.circle(picture, (int(x), int(y)), width << SUBPIXEL_BITS, ELECTRODE, -1, cv2.LINE_AA, SUBPIXEL_BITS)
     noise = generator.standard_normal((side, side), dtype=np.float32) * np.float32(NOISE)
     return np.clip(16.0 * picture + noise, 0.0, 4095.0).astype(np.uint16)
-
-
-def ring_pair(side: int, displacement_mm: Array, stamp_ns: int, generator: np.random.Generator) -> FramePair:
-    """Both planes at one instant."""
-    frames = {
-        plane: Frame(stamp_ns, ring_image(plane, side, displacement_mm, generator), ring_projection(plane, side))
-        for plane in PLANES
-    }
-    return FramePair(stamp_ns, frames["a"], frames["b"])
 
 
 def ring_seed(side: int, displacement_mm: npt.ArrayLike = (0.0, 0.0, 0.0)) -> Seed:

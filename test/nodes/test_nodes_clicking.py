@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.core.errors import SeedError
-from lasso_motion_ros.geometry.frames import PLANES, FramePair
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair
 from lasso_motion_ros.nodes.clicking import ClickBoard
-from lasso_motion_ros.stream.drawn_ring import ring_pair
+from lasso_motion_ros.stream.drawn_ring import ring_image, ring_projection
 
-PAIR: FramePair = ring_pair(128, np.zeros(3), 5, np.random.default_rng(0))
+SIDE = 128
+IMAGES = {plane: ring_image(plane, SIDE, np.zeros(3), np.random.default_rng(0)) for plane in PLANES}
+PAIR = FramePair(5, *(Frame(5, IMAGES[plane], ring_projection(plane, SIDE)) for plane in PLANES))
 
 
 def test_clicks_are_kept_in_order() -> None:
