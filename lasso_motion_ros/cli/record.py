@@ -12,8 +12,8 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.tools.listened_topics import NEEDED, live_topics
 from lasso_motion_ros.tools.processes import held_signals
-from lasso_motion_ros.tools.recorded_topics import NEEDED, live_topics
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
 

@@ -20,7 +20,7 @@ from support.node_harness import Graph
 
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.tools.recorded_topics import live_topics
+from lasso_motion_ros.tools.listened_topics import live_topics
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.recordings.reader import RecordingReader
