@@ -6,7 +6,7 @@ import pytest
 from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.transforms import rigid, rotation_from_vector
 from lasso_motion_ros.phantom.anatomy import Additive
-from lasso_motion_ros.phantom.bodies import Rays, cylinder, ellipsoid, pixel_rays, union_length
+from lasso_motion_ros.phantom.bodies import Rays, covering_grid, cylinder, ellipsoid, pixel_rays, union_length
 from lasso_motion_ros.phantom.body_renderer import _added
 
 
@@ -41,6 +41,18 @@ def test_bodies_move_scale_and_shift() -> None:
     assert ball.scaled(1.5).chord(ray(0))[0] == pytest.approx(0.030)
     assert ball.shifted(np.array([0.008, 0, 0])).chord(ray(0))[0] == pytest.approx(0.012)
     assert ball.moved(rigid((0, 0, 0.3), (0.006, 0, 0))).chord(ray(0))[0] == pytest.approx(0.016)
+
+
+def test_a_coarser_grid_covers_the_whole_image() -> None:
+    # 10 × 7 pixels in fours: three by two, of which the last reach beyond the image.
+    projection = carm_projection(
+        0.3, 0.1, source_detector_m=1.2, source_object_m=0.8, pixel_size_m=4e-3, width=10, height=7
+    )
+    coarse = covering_grid(projection, 4)
+    assert (coarse.width, coarse.height) == (3, 2)
+    # The second pixel of a row covers columns 4 to 7, the second row rows 4 to 7.
+    point = np.array([0.01, 0.02, -0.01])
+    assert coarse.project(point) * 4 + 1.5 == pytest.approx(projection.project(point), abs=1e-9)
 
 
 def test_rays_left_out_miss_the_body() -> None:
