@@ -74,9 +74,9 @@ setup(
     entry_points={
         "console_scripts": [
             f"lasso-motion = {NAME}.cli.main:main",
-            f"lasso_tracker = {NAME}.nodes.lasso_tracker:main",
-            f"lasso_overlay = {NAME}.nodes.lasso_overlay:main",
-            f"lasso_web = {NAME}.nodes.lasso_web:main",
+            f"lasso_tracker = {NAME}.nodes.executables:lasso_tracker",
+            f"lasso_overlay = {NAME}.nodes.executables:lasso_overlay",
+            f"lasso_web = {NAME}.nodes.executables:lasso_web",
         ]
     },
 )

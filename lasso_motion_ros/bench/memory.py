@@ -15,7 +15,7 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.recorded_topics import topic_handlers
+from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from msg_adapters.messages import ns_to_stamp, stamp_to_ns
 from msg_adapters.recordings.reader import RawMessage
 from msg_adapters.topics import MOTION_RAW, image_topic, seed_topic

@@ -71,7 +71,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
             self._infos[plane] = self._serialised(camera_info_topic(plane), info)
         self._side = side
         inputs = [make(plane) for plane in PLANES for make in (image_topic, camera_info_topic, seed_topic)]
-        self._outlets = {
+        self._publishers = {
             topic.name: self.create_publisher(type(self._messages.make(topic.type_name, {})), topic.name, qos(depth=10))
             for topic in inputs
         }
@@ -98,8 +98,8 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return bytearray(serialize_message(self._messages.make(topic.type_name, fields)))
 
     def _publish_all(self) -> None:
-        wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._outlets}
-        while any(self._outlets[name].get_subscription_count() < count for name, count in wanted.items()):
+        wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._publishers}
+        while any(self._publishers[name].get_subscription_count() < count for name, count in wanted.items()):
             if self._closing.wait(TICK_S):
                 return
         self._publish_pair(0)
@@ -107,7 +107,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         for plane in PLANES:
             topic = seed_topic(plane)
             fields = encode_polygon(seed.points(plane), header_fields(START_NS))
-            self._outlets[topic.name].publish(self._messages.make(topic.type_name, fields))
+            self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
         while not self._answered.is_set():
             if self._closing.wait(TICK_S):
                 return
@@ -142,10 +142,10 @@ class BenchPublisher(Node):  # type: ignore[misc]
             image = self._images[plane][number % len(self._images[plane])]
             for data in (info, image):
                 data[STAMP_OFFSET : STAMP_OFFSET + len(head)] = head
-            self._outlets[camera_info_topic(plane).name].publish(bytes(info))
+            self._publishers[camera_info_topic(plane).name].publish(bytes(info))
             whole = bytes(image)
             began = time.monotonic_ns()
-            self._outlets[image_topic(plane).name].publish(whole)
+            self._publishers[image_topic(plane).name].publish(whole)
         return began
 
 

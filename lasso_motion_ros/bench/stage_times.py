@@ -20,7 +20,7 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.recorded_topics import topic_handlers
+from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.stages import Stage, Stages
 from lasso_motion_ros.tracking.tracker import Tracker

@@ -45,12 +45,12 @@ def run(args: argparse.Namespace) -> int:
         raise LassoMotionError("-o goes with --annotate IN.mcap")
     require_ros()
     stay_on_this_machine()
-    from lasso_motion_ros.nodes.lasso_web import main
+    from lasso_motion_ros.nodes.executables import lasso_web
 
     values = {"host": args.host, "port": args.port, "allowed_hosts": " ".join(args.allow_host)}
     # Quotes: a host of digits must stay a text.
     words = [word for name, value in values.items() for word in ("-p", f"{name}:={_yaml(value)}")]
-    return main(["--ros-args", *words, *args.ros_args])
+    return lasso_web(["--ros-args", *words, *args.ros_args])
 
 
 def _annotate(args: argparse.Namespace) -> int:

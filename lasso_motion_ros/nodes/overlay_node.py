@@ -11,8 +11,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import PoseStamped
-from rclpy.node import Node
-from rclpy.publisher import Publisher
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
@@ -20,17 +18,18 @@ from visualization_msgs.msg import Marker
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
-from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
+from lasso_motion_ros.nodes.configured_node import ConfiguredNode
+from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
-from lasso_motion_ros.nodes.qos import qos
-from lasso_motion_ros.nodes.running import ThrottledLog, guarded
+from lasso_motion_ros.nodes.qos import topic_publisher, topic_subscription
+from lasso_motion_ros.nodes.running import guarded
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
 from msg_adapters.images import encode_image
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
-from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose
 from msg_adapters.sync.calibrated_frames import CalibratedFrames
 from msg_adapters.topics import (
@@ -39,7 +38,6 @@ from msg_adapters.topics import (
     MOTION,
     OVERLAY_SURFACE,
     STATE,
-    Topic,
     overlay_topic,
 )
 
@@ -50,14 +48,14 @@ SURFACE_NAMESPACE = "surface"
 
 
 @dataclasses.dataclass(frozen=True)
-class _Waiting:
+class _UndrawnImage:
     """An image that waits for its motion, until `deadline` (steady clock, seconds)."""
 
     frame: Frame
     deadline: float
 
 
-class OverlayNode(Node):  # type: ignore[misc]
+class OverlayNode(ConfiguredNode[OverlayConfig]):
     """Callbacks store, one thread draws; of each plane only the newest image is kept.
 
     Raises:
@@ -67,32 +65,29 @@ class OverlayNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("lasso_overlay", automatically_declare_parameters_from_overrides=True)
-        self.complaints = ThrottledLog(self.get_logger())
-        self._config = declare_configuration(self, OverlayConfig)
+        super().__init__("lasso_overlay", OverlayConfig)
+        self._config = self.declared
         shown = read_reference_anatomy(self._config)
         self.get_logger().info(shown.description)
         self._surface = shown.surface
         # Keeps the static place's drawing from image to image; used by the thread that draws alone.
         self._painter = OverlayPainter(shown.drawn, overlay_style(self._config.style))
-        self._messages = RosMessages()
         self._marker: Any = None
         self._surface_shown = False
         self._history = MotionHistory(self._config)
         self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
         self._frame_ids: dict[Plane, str] = {}
-        self._waiting: dict[Plane, _Waiting] = {}
+        self._undrawn: dict[Plane, _UndrawnImage] = {}
         self._changed = threading.Condition()
         self._stopping = False
-        self._pictures = {plane: self._publisher(overlay_topic(plane)) for plane in PLANES}
-        self._surfaces = self._publisher(OVERLAY_SURFACE)
+        self._pictures = {plane: topic_publisher(self, self.messages, overlay_topic(plane)) for plane in PLANES}
+        self._surfaces = topic_publisher(self, self.messages, OVERLAY_SURFACE)
         self._thread = threading.Thread(target=self._draw_all, name="overlay", daemon=True)
 
     def start(self) -> None:
         """Listen and draw."""
-        self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
-        self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
-        self.create_subscription(Marker, CATHETER.name, self._on_catheter, qos(depth=CATHETER.depth))
+        for topic, callback in ((STATE, self._on_state), (MOTION, self._on_motion), (CATHETER, self._on_catheter)):
+            topic_subscription(self, self.messages, topic, callback)
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self._live = LiveParameters(self, self._config, self._on_tuning)
         # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
@@ -109,10 +104,6 @@ class OverlayNode(Node):  # type: ignore[misc]
 
     def _on_tuning(self, config: OverlayConfig) -> None:
         self._painter.style = overlay_style(config.style)
-
-    def _publisher(self, topic: Topic) -> Publisher:
-        package_message = self._messages.make(topic.type_name, {})
-        return self.create_publisher(type(package_message), topic.name, qos(depth=topic.depth, latched=topic.latched))
 
     @guarded
     def _on_state(self, message: String) -> None:
@@ -158,7 +149,7 @@ class OverlayNode(Node):  # type: ignore[misc]
         with self._changed:
             for frame in frames:
                 self._history.add_image(plane, frame.stamp_ns)
-                self._waiting[plane] = _Waiting(frame, deadline)
+                self._undrawn[plane] = _UndrawnImage(frame, deadline)
             self._changed.notify()
         for complaint in self._frames[plane].take_complaints():
             self.complaints.complain(f"plane_{plane}", complaint)
@@ -170,7 +161,7 @@ class OverlayNode(Node):  # type: ignore[misc]
                 while not (ready := self._take_ready()):
                     if self._stopping:
                         return
-                    deadlines = [waiting.deadline for waiting in self._waiting.values()]
+                    deadlines = [waiting.deadline for waiting in self._undrawn.values()]
                     self._changed.wait(max(0.0, min(deadlines) - time.monotonic()) if deadlines else None)
             for plane, frame in ready:
                 try:
@@ -189,11 +180,11 @@ class OverlayNode(Node):  # type: ignore[misc]
         now = time.monotonic()
         ready = [
             (plane, waiting.frame)
-            for plane, waiting in sorted(self._waiting.items(), key=lambda one: one[1].deadline)
+            for plane, waiting in sorted(self._undrawn.items(), key=lambda one: one[1].deadline)
             if waiting.deadline <= now or self._history.answered(plane, waiting.frame.stamp_ns)
         ]
         for plane, _ in ready:
-            del self._waiting[plane]
+            del self._undrawn[plane]
         return ready
 
     def _draw_newest(self, plane: Plane, frame: Frame) -> None:
@@ -211,7 +202,7 @@ class OverlayNode(Node):  # type: ignore[misc]
             return
         picture = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status, loop=choice.loop)
         header = header_fields(frame.stamp_ns, self._frame_ids[plane])
-        publisher.publish(self._messages.make(IMAGE_TYPE, encode_image(picture, header)))
+        publisher.publish(self.messages.make(IMAGE_TYPE, encode_image(picture, header)))
 
     @guarded
     def _on_surface_timer(self) -> None:
@@ -227,12 +218,12 @@ class OverlayNode(Node):  # type: ignore[misc]
         self._surface_shown = motion is not None
         if motion is None:
             fields = encode_delete(header, SURFACE_NAMESPACE)
-            self._surfaces.publish(self._messages.make(OVERLAY_SURFACE.type_name, fields))
+            self._surfaces.publish(self.messages.make(OVERLAY_SURFACE.type_name, fields))
             return
         if self._marker is None:
             fields = encode_triangles(self._surface.vertices, self._surface.triangles, header, SURFACE_NAMESPACE)
-            self._marker = self._messages.make(OVERLAY_SURFACE.type_name, fields)
+            self._marker = self.messages.make(OVERLAY_SURFACE.type_name, fields)
         # The corners stay; moving them by the marker's pose spares building tens of thousands of points a pair.
-        placed = self._messages.make("visualization_msgs/msg/Marker", {"header": header, "pose": encode_pose(motion)})
+        placed = self.messages.make("visualization_msgs/msg/Marker", {"header": header, "pose": encode_pose(motion)})
         self._marker.header, self._marker.pose = placed.header, placed.pose
         self._surfaces.publish(self._marker)

@@ -1,10 +1,17 @@
-"""Quality of service of the contract's topics, as rclpy profiles."""
+"""Quality of service of the contract's topics, as rclpy profiles, and what publishes and hears with it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
+from rclpy.node import Node
+from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
+from rclpy.subscription import Subscription
+
+from msg_adapters.messages import MessageFactory
+from msg_adapters.topics import Topic
 
 IMAGE_DEPTH = 10
 
@@ -17,6 +24,27 @@ def qos(*, depth: int, latched: bool = False, reliable: bool = True) -> QoSProfi
         reliability=QoSReliabilityPolicy.RELIABLE if reliable else QoSReliabilityPolicy.BEST_EFFORT,
         durability=QoSDurabilityPolicy.TRANSIENT_LOCAL if latched else QoSDurabilityPolicy.VOLATILE,
     )
+
+
+def topic_publisher(node: Node, messages: MessageFactory, topic: Topic) -> Publisher:
+    """A publisher of one of the contract's topics.
+
+    Args:
+        node: the node.
+        messages: knows the classes of messages.
+        topic: name, type, whether it is latched, and depth.
+    """
+    message_class = type(messages.make(topic.type_name, {}))
+    return node.create_publisher(message_class, topic.name, qos(depth=topic.depth, latched=topic.latched))
+
+
+def topic_subscription(
+    node: Node, messages: MessageFactory, topic: Topic, callback: Callable[[Any], None]
+) -> Subscription:
+    """A subscription to one of the contract's topics; the arguments as those of `topic_publisher`."""
+    message_class = type(messages.make(topic.type_name, {}))
+    profile = qos(depth=topic.depth, latched=topic.latched)
+    return node.create_subscription(message_class, topic.name, callback, profile)
 
 
 def offered_reliably(offers: Iterable[QoSProfile]) -> bool | None:

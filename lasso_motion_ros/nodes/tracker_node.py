@@ -15,13 +15,14 @@ from std_msgs.msg import Header
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.latency import Latencies
-from lasso_motion_ros.nodes.parameters import LiveParameters, declare_configuration
-from lasso_motion_ros.nodes.running import ThrottledLog, guarded, kind_of
+from lasso_motion_ros.nodes.parameters import LiveParameters
+from lasso_motion_ros.nodes.running import guarded, kind_of
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
-from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
+from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
@@ -30,7 +31,7 @@ from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import decode_image
-from msg_adapters.messages import NANOSECONDS, RosMessages, stamp_to_ns
+from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, seed_topic
 
@@ -40,7 +41,7 @@ DIAGNOSTICS_PERIOD_S = 1.0
 STREAM_COMPLAINT_PERIOD_S = 30.0
 
 
-class TrackerNode(LifecycleNode):  # type: ignore[misc]
+class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[misc]
     """Wiring only: callbacks store and pair, one worker thread tracks the pairs and publishes.
 
     Raises:
@@ -48,10 +49,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("lasso_tracker", automatically_declare_parameters_from_overrides=True)
-        self.complaints = ThrottledLog(self.get_logger())
-        self._live = LiveParameters(self, declare_configuration(self, StreamConfig), self._on_tuning)
-        self._messages = RosMessages()
+        super().__init__("lasso_tracker", StreamConfig)
+        self._live = LiveParameters(self, self.declared, self._on_tuning)
         self._pipeline: TrackingPipeline | None = None
         self._worker: Worker[PairTask] | None = None
         self._inputs: TrackerInputs | None = None
@@ -61,9 +60,11 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies = Latencies()
         self._warm = False
-        self._outlets = TrackerOutlets(self, self._messages, self.complaints.error, self._publish_diagnostics)
-        self._outlets.say_state(TrackerState.INACTIVE)
-        self._calls = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
+        self._tracker_publishers = TrackerPublishers(
+            self, self.messages, self.complaints.error, self._publish_diagnostics
+        )
+        self._tracker_publishers.publish_state(TrackerState.INACTIVE)
+        self._tracker_services = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
         self.create_timer(DIAGNOSTICS_PERIOD_S, self._on_timer)
 
     def start(self) -> None:
@@ -82,7 +83,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def close(self) -> None:
         """Stop the worker and say INACTIVE, while there still is a publisher to say it."""
         self._deactivate()
-        self._outlets.close()
+        self._tracker_publishers.close()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the tracker from the parameters as they stand now."""
@@ -123,9 +124,9 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         config = self._live.config
         self._seeds = read_seeds_file(config.seeds_file) if config.seeds_file else {}
         if not self._warm:
-            warm_up(config, self._messages)
+            warm_up(config, self.messages)
             self._warm = True
-        self._pipeline = TrackingPipeline(config, self._messages, extrinsics=tf_extrinsics(self, config.world_frame))
+        self._pipeline = TrackingPipeline(config, self.messages, extrinsics=tf_extrinsics(self, config.world_frame))
 
     def _activate(self) -> None:
         pipeline, config = self._pipeline, self._live.config
@@ -142,10 +143,10 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         )
         self._watch = StreamWatch(time.monotonic())
         self._by_arrival = config.stamp_source == "arrival"
-        self._outlets.publish(pipeline.session.initial_outputs())
+        self._tracker_publishers.publish(pipeline.session.initial_outputs())
         for plane in PLANES:
             if plane in self._seeds:
-                self._on_seed(plane, self._messages.make(seed_topic(plane).type_name, self._seeds[plane]))
+                self._on_seed(plane, self.messages.make(seed_topic(plane).type_name, self._seeds[plane]))
         callbacks = InputCallbacks(self._on_image, self._on_camera_info, self._on_seed, self._on_click, self._on_r_peak)
         self._inputs = TrackerInputs(self, config, callbacks)
 
@@ -158,8 +159,8 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             self._worker = None
         if self._pipeline is not None:
             self._pipeline.intake.release()
-        self._calls.give_up("the node is not active")
-        self._outlets.say_state(TrackerState.INACTIVE)
+        self._tracker_services.give_up("the node is not active")
+        self._tracker_publishers.publish_state(TrackerState.INACTIVE)
 
     def _forget(self) -> None:
         self._deactivate()
@@ -175,7 +176,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         self._enqueue(pipeline.intake.add_image(plane, message))
         if plane in pipeline.intake.calibrated:
             self._uncalibrated.pop(plane, None)
-        elif self._outlets.watched:
+        elif self._tracker_publishers.watched:
             self._show_uncalibrated(plane, message)
 
     @guarded
@@ -184,9 +185,9 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             message.header.stamp.sec = message.header.stamp.nanosec = 0  # holds until the next
         pipeline = self._active()
         self._enqueue(pipeline.intake.add_camera_info(plane, message, latched=latched))
-        if self._outlets.state == TrackerState.WAITING_FOR_CALIBRATION.value:
+        if self._tracker_publishers.state == TrackerState.WAITING_FOR_CALIBRATION.value:
             with self._answering:
-                self._outlets.publish(pipeline.pending_outputs())
+                self._tracker_publishers.publish(pipeline.pending_outputs())
 
     @guarded
     def _on_seed(self, plane: Plane, message: PolygonStamped) -> None:
@@ -194,7 +195,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
 
     @guarded
     def _on_click(self, plane: Plane, message: Point) -> None:
-        self._calls.board.click(plane, message.x, message.y)
+        self._tracker_services.board.click(plane, message.x, message.y)
         self._show()
 
     @guarded
@@ -210,7 +211,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         if self._worker is not None:
             self._worker.clear()
         with self._answering:
-            self._outlets.publish(pipeline.reset())
+            self._tracker_publishers.publish(pipeline.reset())
 
     def _active(self) -> TrackingPipeline:
         if self._pipeline is None or self._worker is None:
@@ -230,10 +231,10 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         refusal = "the tracker failed on these clicks; its log says why"
         try:
             with self._answering:
-                self._outlets.publish(pipeline.session.process(task))
+                self._tracker_publishers.publish(pipeline.session.process(task))
             refusal = pipeline.session.last_refusal
         finally:
-            self._calls.seeded(task, refusal)
+            self._tracker_services.seeded(task, refusal)
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
@@ -242,9 +243,9 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     def _show(self) -> None:
         """Have the newest pair drawn, or the one that is frozen, while somebody looks."""
         pipeline = self._pipeline
-        if pipeline is None or not self._outlets.watched:
+        if pipeline is None or not self._tracker_publishers.watched:
             return
-        board = self._calls.board
+        board = self._tracker_services.board
         pair = board.pair or pipeline.session.last_pair
         if pair is None:
             return
@@ -253,7 +254,9 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
         clicks = {plane: board.clicks(plane) for plane in PLANES}
         frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
         ids, held = dict(self._frame_ids), pair is board.pair
-        self._outlets.show(View(frames, loop, statistics.state, statistics.reason, clicks, ids, held))
+        self._tracker_publishers.show(
+            TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held)
+        )
 
     def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
         """Have the newest images drawn as they are: whoever sets the system up sees that they come."""
@@ -262,7 +265,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message))
             statistics = self._active().statistics()
             shown, ids = dict(self._uncalibrated), dict(self._frame_ids)
-            self._outlets.show(View(shown, None, statistics.state, statistics.reason, {}, ids))
+            self._tracker_publishers.show(TrackingPicture(shown, None, statistics.state, statistics.reason, {}, ids))
 
     def _complain(self) -> None:
         if self._pipeline is not None:
@@ -272,7 +275,7 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
     @guarded
     def _on_timer(self) -> None:
         self._publish_diagnostics()
-        if self._calls.board.pair is not None:
+        if self._tracker_services.board.pair is not None:
             self._show()  # for who comes to look later
         if self._pipeline is None or self._inputs is None:
             return
@@ -295,4 +298,4 @@ class TrackerNode(LifecycleNode):  # type: ignore[misc]
             statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)
         fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}
-        self._outlets.say(DIAGNOSTICS, fields)
+        self._tracker_publishers.publish_fields(DIAGNOSTICS, fields)

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
-from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.qos import topic_publisher
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.overlay.tracking_picture import draw_tracking
 from lasso_motion_ros.stream.outputs import Output
@@ -27,8 +27,8 @@ GOODBYE_WAIT_S = 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class View:
-    """What the pictures show.
+class TrackingPicture:
+    """What `plane_x/tracking` is to show.
 
     Attributes:
         frames: the planes' images, of one pair, or the newest while there is no calibration.
@@ -49,7 +49,7 @@ class View:
     held: bool = False
 
 
-class TrackerOutlets:
+class TrackerPublishers:
     """Ordinary publishers that live as long as the node, so that INACTIVE is seen too; pictures in their own thread.
 
     Args:
@@ -71,14 +71,12 @@ class TrackerOutlets:
         self._showing = threading.Lock()
         self._held = False
         self.state = ""
-        self._publishers: dict[str, Publisher] = {}
-        for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES)):
-            message_class = type(messages.make(topic.type_name, {}))
-            self._publishers[topic.name] = node.create_publisher(
-                message_class, topic.name, qos(depth=topic.depth, latched=topic.latched)
-            )
-        # One view may wait: who looks on wants the newest, and the tracker must not wait for the drawing.
-        self._pictures: Worker[View] = Worker(
+        self._publishers: dict[str, Publisher] = {
+            topic.name: topic_publisher(node, messages, topic)
+            for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
+        }
+        # One picture may wait: who looks on wants the newest, and the tracker must not wait for the drawing.
+        self._pictures: Worker[TrackingPicture] = Worker(
             self._draw, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="pictures"
         )
 
@@ -93,12 +91,12 @@ class TrackerOutlets:
         if changed:
             self._on_change()
 
-    def say_state(self, state: TrackerState) -> None:
+    def publish_state(self, state: TrackerState) -> None:
         """Publish a state, unless it is the last one published."""
         if state.value != self.state:
             self.publish([Output(STATE, self._messages.make(STATE.type_name, {"data": state.value}), 0)])
 
-    def say(self, topic: Topic, fields: dict[str, Any]) -> None:
+    def publish_fields(self, topic: Topic, fields: dict[str, Any]) -> None:
         """Publish a message of any of the topics."""
         self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
 
@@ -107,30 +105,31 @@ class TrackerOutlets:
         """Whether somebody looks at a picture."""
         return any(self._publishers[tracking_topic(plane).name].get_subscription_count() > 0 for plane in PLANES)
 
-    def show(self, view: View) -> None:
+    def show(self, picture: TrackingPicture) -> None:
         """Have pictures drawn and published; does not wait for the drawing.
 
         Once this has returned for a pair that is held, no picture of another is published: whoever has a pair frozen
         takes the next picture for that of the frozen one.
         """
         with self._showing:
-            self._held = view.held
-        self._pictures.put([view])
+            self._held = picture.held
+        self._pictures.put([picture])
 
     def close(self) -> None:
         """Stop drawing, and wait until those who listen have the last state."""
         self._pictures.stop()
         self._publishers[STATE.name].wait_for_all_acked(Duration(seconds=GOODBYE_WAIT_S))
 
-    def _draw(self, view: View) -> None:
+    def _draw(self, picture: TrackingPicture) -> None:
         for plane in PLANES:
-            publisher, frame = self._publishers[tracking_topic(plane).name], view.frames.get(plane)
+            publisher, frame = self._publishers[tracking_topic(plane).name], picture.frames.get(plane)
             if frame is None or publisher.get_subscription_count() == 0:
                 continue
-            picture = draw_tracking(frame, view.loop, view.state, view.reason, clicks=view.clicks.get(plane))
-            fields = encode_image(picture, header_fields(frame.stamp_ns, view.frame_ids.get(plane, "")))
+            clicks = picture.clicks.get(plane)
+            drawn = draw_tracking(frame, picture.loop, picture.state, picture.reason, clicks=clicks)
+            fields = encode_image(drawn, header_fields(frame.stamp_ns, picture.frame_ids.get(plane, "")))
             message = self._messages.make(IMAGE_TYPE, fields)
             with self._showing:
-                if self._held and not view.held:
+                if self._held and not picture.held:
                     return
                 publisher.publish(message)

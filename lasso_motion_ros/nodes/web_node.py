@@ -9,10 +9,9 @@ from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PolygonStamped, PoseStamped
+from geometry_msgs.msg import PoseStamped
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.node import Node
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
@@ -22,16 +21,16 @@ from visualization_msgs.msg import Marker
 from lasso_motion_ros.config.web import WebConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.nodes.parameters import declare_configuration
+from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
-from lasso_motion_ros.nodes.qos import qos
-from lasso_motion_ros.nodes.running import ThrottledLog, guarded
+from lasso_motion_ros.nodes.qos import qos, topic_publisher, topic_subscription
+from lasso_motion_ros.nodes.running import guarded
 from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live import LiveView
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
-from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon
 from msg_adapters.topics import (
     CATHETER,
@@ -55,7 +54,7 @@ DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
 
 
-class WebNode(Node):  # type: ignore[misc]
+class WebNode(ConfiguredNode[WebConfig]):
     """Wiring: callbacks fill the live view, the server's threads read it and command.
 
     Raises:
@@ -63,15 +62,13 @@ class WebNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self) -> None:
-        super().__init__("lasso_web", automatically_declare_parameters_from_overrides=True)
-        self.complaints = ThrottledLog(self.get_logger())
-        config = self._config = declare_configuration(self, WebConfig)
-        self._messages = RosMessages()
+        super().__init__("lasso_web", WebConfig)
+        config = self._config = self.declared
         self._view = LiveView(config.sync, config.tracker, config.world_frame, config.answer_wait_s)
         names = tuple(config.allowed_hosts.replace(",", " ").split())
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
-        self._seeds = {plane: self._publisher(plane) for plane in PLANES}
+        self._seeds = {plane: topic_publisher(self, self.messages, seed_topic(plane)) for plane in PLANES}
         self._trigger_clients = {name: self.create_client(Trigger, f"{config.tracker}/{name}") for name in _TRIGGERS}
         self._freeze = self.create_client(SetBool, f"{config.tracker}/freeze")
         self._set_style = self.create_client(SetParameters, f"{config.overlay}/set_parameters")
@@ -93,9 +90,8 @@ class WebNode(Node):  # type: ignore[misc]
         Raises:
             LassoMotionError: the port cannot be had.
         """
-        self.create_subscription(String, STATE.name, self._on_state, qos(depth=STATE.depth, latched=True))
-        self.create_subscription(PoseStamped, MOTION.name, self._on_motion, qos(depth=MOTION.depth))
-        self.create_subscription(Marker, CATHETER.name, self._on_catheter, qos(depth=CATHETER.depth))
+        for topic, callback in ((STATE, self._on_state), (MOTION, self._on_motion), (CATHETER, self._on_catheter)):
+            topic_subscription(self, self.messages, topic, callback)
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
         )
@@ -214,7 +210,7 @@ class WebNode(Node):  # type: ignore[misc]
     def _publish_clicks(self) -> None:
         for plane, (stamp_ns, clicks) in self._sent.items():
             fields = encode_polygon(clicks, header_fields(stamp_ns))
-            self._seeds[plane].publish(self._messages.make(seed_topic(plane).type_name, fields))
+            self._seeds[plane].publish(self.messages.make(seed_topic(plane).type_name, fields))
 
     def _trigger(self, name: str) -> str:
         if name == "reset":
@@ -329,9 +325,6 @@ class WebNode(Node):  # type: ignore[misc]
     def _complain(self, plane: Plane, complaints: list[str]) -> None:
         for complaint in complaints:
             self.complaints.complain(f"plane_{plane}", complaint)
-
-    def _publisher(self, plane: Plane) -> Any:
-        return self.create_publisher(PolygonStamped, seed_topic(plane).name, qos(depth=seed_topic(plane).depth))
 
 
 _TRIGGERS = {

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.config.ring import SearchConfig
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -37,7 +38,6 @@ class LoopFinder:
     """Finds one loop, known by its model and appearance, in pair after pair; it keeps no state of its own.
 
     Args:
-        config: of the tracker; may be replaced between pairs.
         model: the loop at the reference.
         appearances: per plane, what it looks like; the tracker goes on learning them.
         start_ns: stamp of the reference pair, from which times are counted.
@@ -46,13 +46,11 @@ class LoopFinder:
 
     def __init__(
         self,
-        config: TrackerConfig,
         model: LoopModel,
         appearances: dict[Plane, Appearance],
         start_ns: int,
         stages: Stages = no_stages,
     ) -> None:
-        self.config = config
         self._model = model
         self._appearances = appearances
         self._start_ns = start_ns
@@ -73,27 +71,33 @@ class LoopFinder:
         return times
 
     def find(
-        self, pair: FramePair, respiration: RespiratoryMotion, *, turn: Array, stretch: float, near_first: bool
+        self,
+        pair: FramePair,
+        respiration: RespiratoryMotion,
+        *,
+        config: TrackerConfig,
+        turn: Array,
+        stretch: float,
+        near_first: bool,
     ) -> Finding | None:
         """The best-ranked finding among the candidates; one near the prediction first, then anywhere in the images.
 
         Args:
             pair: the images, one or two.
             respiration: the motion so far, which is asked for a prediction and not changed.
+            config: the parameters as they are now.
             turn: (3,) rotation vector of the ring to start from.
             stretch: logarithm of its size to start from.
             near_first: whether the prediction is worth a look about it.
         """
         times = self.exposures(pair)
-        prior = RingPrior(float(np.radians(self.config.ring.turn_deg)), self.config.ring.stretch)
+        prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
         looked: list[Finding] = []
         tried: list[SearchCandidate] = []
         best: Finding | None = None
         for number, near in enumerate((True, False) if near_first else (False,)):
-            images, candidates = self._search(pair, times, respiration, near=near)
-            look = Look(
-                images, times, respiration, self._model, self.config.judgement, prior, turn, stretch, self._stages
-            )
+            images, candidates = self._search(pair, times, respiration, config.search, near=near)
+            look = Look(images, times, respiration, self._model, config.judgement, prior, turn, stretch, self._stages)
             looked += self._look_at([c for c in candidates if not any(map(c.is_like, tried))], look)
             best = max(looked, key=lambda finding: finding.rank, default=None)
             if number == 0 and not look.is_enough(best):
@@ -115,7 +119,13 @@ class LoopFinder:
         return True
 
     def _search(
-        self, pair: FramePair, times: dict[Plane, float], respiration: RespiratoryMotion, *, near: bool
+        self,
+        pair: FramePair,
+        times: dict[Plane, float],
+        respiration: RespiratoryMotion,
+        config: SearchConfig,
+        *,
+        near: bool,
     ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
         """Images to look at, and the places where they may show the loop."""
         model = self._model
@@ -128,7 +138,7 @@ class LoopFinder:
             if "b" in times:
                 expected["b"] = model.centre + respiration.expected_between(times["b"]).displacement
         uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
-        reach_mm = model.radius_mm + BAND_MARGIN_MM + self.config.search.near_mm + min(uncertainty_mm, 20.0)
+        reach_mm = model.radius_mm + BAND_MARGIN_MM + config.near_mm + min(uncertainty_mm, 20.0)
         images: dict[Plane, WorkingImage] = {}
         peaks = {}
         for plane in times:
@@ -146,7 +156,7 @@ class LoopFinder:
                 )
         slack_m = UNFORESEEN_SPEED_M_S * (times["b"] - times["a"]) if len(times) == 2 else 0.0
         covariance = foreseen.covariance + EXPECTATION_M**2 * np.eye(3)
-        count = self.config.search.candidates // (2 if near else 1)
+        count = config.candidates // (2 if near else 1)
         with self._stages("search"):
             return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
 

@@ -76,7 +76,7 @@ class AppearanceTracker:
         self._axis = np.linalg.svd(model.arms, full_matrices=False)[2][2]  # (3,) of the ring
         self._appearances = appearances
         self._start_ns = pair.stamp_ns
-        self._finder = LoopFinder(self._config, model, appearances, pair.stamp_ns, self._stages)
+        self._finder = LoopFinder(model, appearances, pair.stamp_ns, self._stages)
         self._respiration = RespiratoryMotion(
             0.0,
             max(0.0, self._seconds(frames["b"].stamp_ns)),
@@ -114,7 +114,12 @@ class AppearanceTracker:
         followed, self._followed, self._doubt = self._followed, False, 1.0
         # Where it was not found last time, what the prediction says is worth little: look everywhere at once.
         finding = self._finder.find(
-            pair, self._respiration, turn=self._turn, stretch=self._stretch, near_first=not self._lost
+            pair,
+            self._respiration,
+            config=self._config,
+            turn=self._turn,
+            stretch=self._stretch,
+            near_first=not self._lost,
         )
         self._lost = finding is None or not finding.seen
         if finding is None or not finding.seen:
@@ -283,7 +288,6 @@ class AppearanceTracker:
         """Go on with other tuning parameters; the model is kept."""
         self._config = config
         if self._model is not None:
-            self._finder.config = config
             self._envelope.reconfigure(config.judgement)
 
     def set_reference(self) -> None:

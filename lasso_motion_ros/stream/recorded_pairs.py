@@ -9,7 +9,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.stream.intake import MessageIntake
 from lasso_motion_ros.stream.problem_log import Problem, ProblemLog
-from lasso_motion_ros.stream.recorded_topics import topic_handlers
+from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from msg_adapters.recordings.reader import RecordingReader
 
 

@@ -37,9 +37,7 @@ class ChildGraph(Processes):
 
     def start_tracker(self, configuration: Path) -> subprocess.Popen[bytes]:
         """Run `lasso_tracker` with the parameters of a file."""
-        return self.start(
-            "tracker", "lasso_motion_ros.nodes.lasso_tracker", ["--ros-args", "--params-file", str(configuration)]
-        )
+        return self.start_node("tracker", "lasso_tracker", ["--ros-args", "--params-file", str(configuration)])
 
     def start_overlay(self, surface: Path, parameters: Mapping[str, str | float] | None = None) -> None:
         """Run `lasso_overlay` on a surface in world millimetres.
@@ -50,7 +48,7 @@ class ChildGraph(Processes):
         """
         values = {"volume_file": str(surface), "units": "mm", **(parameters or {})}
         words = [word for name, value in values.items() for word in ("-p", f"{name}:={value}")]
-        self.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
+        self.start_node("overlay", "lasso_overlay", ["--ros-args", *words])
 
     def start_command(self, name: str, *words: str) -> None:
         """Run `lasso-motion` with these words, as the child `name`."""

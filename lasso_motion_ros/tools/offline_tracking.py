@@ -18,7 +18,7 @@ from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.problem_log import Problem, problem_lines
-from lasso_motion_ros.stream.recorded_topics import topic_handlers
+from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from lasso_motion_ros.tracking.tracker import Tracker
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics

@@ -114,6 +114,10 @@ class Processes:
         self._children[name] = child
         return child
 
+    def start_node(self, name: str, executable: str, arguments: Sequence[str] = ()) -> subprocess.Popen[bytes]:
+        """Run one of the package's node executables (`lasso_tracker`, …) as `start` does, installed or not."""
+        return self.start(name, "lasso_motion_ros.nodes.executables", [executable, *arguments])
+
     def wait(self, name: str, patience_s: float) -> int:
         """The exit status of a child, once it has ended.
 

@@ -51,7 +51,7 @@ class Bridge:
             return graph.publisher(Topic(prefix + topic.name, topic.type_name), reliable=kind)
 
         picture = np.add.outer(np.arange(SIDE), np.arange(SIDE)).astype(np.uint16)
-        self._outlets = []
+        self._publishers = []
         for plane, projection in projections().items():
             info = encode_camera_info(projection, header_fields(0, "xray"))
             info["p"] = info["p"] * np.array([1, 1, 1, scale] * 3)
@@ -59,16 +59,16 @@ class Bridge:
                 (camera_info_topic(plane), info, True),
                 (image_topic(plane), encode_image(picture, header_fields(0, "xray")), reliable),
             ):
-                self._outlets.append((publisher(topic, kind), MESSAGES.make(topic.type_name, fields)))
+                self._publishers.append((publisher(topic, kind), MESSAGES.make(topic.type_name, fields)))
 
     def publish(self, exposed_ns: int) -> None:
         stamp = MESSAGES.make("builtin_interfaces/msg/Time", ns_to_stamp(exposed_ns))
-        for publisher, message in self._outlets:
+        for publisher, message in self._publishers:
             message.header.stamp = stamp
             publisher.publish(message)
 
     def heard(self) -> bool:
-        return all(publisher.get_subscription_count() for publisher, _ in self._outlets)
+        return all(publisher.get_subscription_count() for publisher, _ in self._publishers)
 
     def publish_until(self, done: Callable[[], bool]) -> None:
         tick, exposed_ns = threading.Event(), time.time_ns()

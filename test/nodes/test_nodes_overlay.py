@@ -53,7 +53,7 @@ class Bench:
         given = (f"volume_file:={self._surface}", "units:=mm", "registration:='0 0 0.004 0 0 0 1'", *parameters)
         words = [word for parameter in given for word in ("-p", parameter)]
         graph.client(ListParameters, "/lasso_overlay/list_parameters")
-        node = graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
+        node = graph.processes.start_node("overlay", "lasso_overlay", ["--ros-args", *words])
         self.process = node.pid
         inputs = [
             *(make(plane) for plane in "ab" for make in (topics.image_topic, topics.camera_info_topic)),
@@ -61,13 +61,13 @@ class Bench:
             topics.CATHETER,
             topics.STATE,
         ]
-        self._outlets = {topic.name: graph.publisher(topic, latched=topic.latched) for topic in inputs}
-        graph.wait_until(lambda: all(outlet.get_subscription_count() for outlet in self._outlets.values()))
+        self._publishers = {topic.name: graph.publisher(topic, latched=topic.latched) for topic in inputs}
+        graph.wait_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values()))
         # The node knows of this listener's subscriptions once it has told it that nothing is compensated.
         graph.heard.wait_for(lambda: bool(graph.heard.messages["overlay/surface"]))
 
     def send(self, topic: topics.Topic, fields: dict[str, Any]) -> None:
-        self._outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
+        self._publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
 
     def motion(self, pair: int, z_mm: float, frame: str = "patient_table") -> None:
         self.send(topics.MOTION, encode_pose_stamped(shift(z_mm), header_fields(stamp(pair), frame)))
@@ -247,7 +247,7 @@ def test_without_a_surface_it_ends_with_one_line(
     graph: Graph, tmp_path: Path, parameters: list[str], message: str
 ) -> None:
     words = [word for parameter in parameters for word in ("-p", parameter)]
-    graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *words])
+    graph.processes.start_node("overlay", "lasso_overlay", ["--ros-args", *words])
     assert graph.wait_for_end("overlay") == 2
     said = graph.processes.log("overlay", 50)
     assert message in said

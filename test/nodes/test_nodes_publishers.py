@@ -15,7 +15,7 @@ from support.node_harness import PATIENCE_S, Graph
 
 from lasso_motion_ros.geometry.frames import PLANES, UncalibratedFrame
 from lasso_motion_ros.nodes import tracker_publishers
-from lasso_motion_ros.nodes.tracker_publishers import TrackerOutlets, View
+from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.messages import RosMessages, stamp_to_ns
 from msg_adapters.topics import tracking_topic
@@ -26,9 +26,9 @@ PICTURE = np.zeros((4, 4, 3), np.uint8)
 LIVE, HELD = 1, 2
 
 
-def view(stamp_ns: int, held: bool) -> View:
+def picture(stamp_ns: int, held: bool) -> TrackingPicture:
     frames = {plane: UncalibratedFrame(stamp_ns, np.zeros((4, 4), np.uint8)) for plane in PLANES}
-    return View(frames, None, TrackerState.TRACKING, "", {}, {}, held)
+    return TrackingPicture(frames, None, TrackerState.TRACKING, "", {}, {}, held)
 
 
 def test_no_picture_of_another_pair_is_published_once_one_is_held(
@@ -47,17 +47,17 @@ def test_no_picture_of_another_pair_is_published_once_one_is_held(
     pictures = [tracking_topic(plane) for plane in PLANES]
     with Graph(pictures, tmp_path) as graph:
         heard = graph.heard.messages
-        outlets = TrackerOutlets(graph.listener.node, RosMessages(), lambda error: None, lambda: None)
+        publishers = TrackerPublishers(graph.listener.node, RosMessages(), lambda error: None, lambda: None)
         graph.wait_until(
-            lambda: all(outlets._publishers[topic.name].get_subscription_count() > 0 for topic in pictures)
+            lambda: all(publishers._publishers[topic.name].get_subscription_count() > 0 for topic in pictures)
         )
-        outlets.show(view(LIVE, held=False))
+        publishers.show(picture(LIVE, held=False))
         assert drawing.wait(PATIENCE_S)
-        outlets.show(view(HELD, held=True))
+        publishers.show(picture(HELD, held=True))
         go_on.set()
         graph.heard.wait_for(
             lambda: all(HELD in [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] for topic in pictures)
         )
-        outlets.close()
+        publishers.close()
         for topic in pictures:
             assert [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] == [HELD]

@@ -81,7 +81,7 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
             was_reset.set()
 
     with monkeypatch.context() as patched:
-        patched.setattr(node._outlets, "publish", publish)
+        patched.setattr(node._tracker_publishers, "publish", publish)
         worker = threading.Thread(target=node._track, args=(TASK,))
         worker.start()
         assert publishing.wait(5.0)
@@ -92,7 +92,7 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
 
 def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
     answers: list[str] = []
-    monkeypatch.setattr(node._calls, "seeded", lambda ready, refusal: answers.append(refusal))
+    monkeypatch.setattr(node._tracker_services, "seeded", lambda ready, refusal: answers.append(refusal))
     node._pipeline.failure = RuntimeError("unforeseen")
     with pytest.raises(RuntimeError):
         node._track(TASK)

@@ -16,8 +16,8 @@ from lasso_motion_ros.nodes.running import NO_ROS, ThrottledLog, guarded
     [
         ("from lasso_motion_ros.cli.main import main; sys.exit(main(['play', 'none.mcap']))", "lasso-motion play: "),
         ("from lasso_motion_ros.cli.main import main; sys.exit(main(['demo']))", "lasso-motion demo: "),
-        ("from lasso_motion_ros.nodes.lasso_tracker import main; sys.exit(main([]))", ""),
-        ("from lasso_motion_ros.nodes.lasso_overlay import main; sys.exit(main([]))", ""),
+        ("from lasso_motion_ros.nodes.executables import lasso_tracker; sys.exit(lasso_tracker([]))", ""),
+        ("from lasso_motion_ros.nodes.executables import lasso_overlay; sys.exit(lasso_overlay([]))", ""),
     ],
 )
 def test_without_ros_one_line_says_what_to_install(call: str, prefix: str) -> None:

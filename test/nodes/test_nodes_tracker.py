@@ -58,7 +58,7 @@ def start(graph: Graph, *parameters: str) -> None:
     graph.client(ChangeState, "/lasso_tracker/change_state")
     for service in ("reset", "set_reference"):
         graph.client(Trigger, f"/lasso_tracker/{service}")
-    graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", arguments)
+    graph.processes.start_node("tracker", "lasso_tracker", arguments)
     graph.heard.wait_for(lambda: bool(states(graph)))
 
 
@@ -124,15 +124,15 @@ def test_every_pair_is_answered_as_offline(tmp_path: Path, recording: Path, offl
 def test_clicks_that_come_late_change_nothing(tmp_path: Path, recording: Path, offline: list[np.ndarray]) -> None:
     with Graph(HEARD, tmp_path) as graph:
         start(graph)
-        outlets = {topic.name: graph.publisher(topic) for topic in (*IMAGES, *INFOS, *SEEDS)}
-        graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in outlets.values()))
+        publishers = {topic.name: graph.publisher(topic) for topic in (*IMAGES, *INFOS, *SEEDS)}
+        graph.wait_until(lambda: all(publisher.get_subscription_count() > 0 for publisher in publishers.values()))
         for name, data in recorded(recording, *IMAGES, *INFOS):
-            outlets[name].publish(data)
+            publishers[name].publish(data)
         graph.heard.wait_for(lambda: counts(graph, "tracker").get("pairs answered") == str(len(MOTIONS_MM)))
         graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_SEED"])  # on a topic of its own
         assert poses(graph) == {}
         for name, data in recorded(recording, *SEEDS):
-            outlets[name].publish(data)
+            publishers[name].publish(data)
         graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
         for at, expected in zip(STAMPS, offline, strict=True):
             np.testing.assert_allclose(poses(graph)[at], expected, atol=1e-6)
@@ -145,11 +145,11 @@ def test_best_effort_images_and_a_latched_calibration_are_heard(tmp_path: Path, 
             infos[name].publish(data)
         start(graph)
         graph.heard.wait_for(lambda: states(graph)[-1:] == ["WAITING_FOR_SEED"])
-        outlets = {topic.name: graph.publisher(topic, reliable=False) for topic in IMAGES}
-        outlets |= {topic.name: graph.publisher(topic) for topic in SEEDS}
-        graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in outlets.values()))
+        publishers = {topic.name: graph.publisher(topic, reliable=False) for topic in IMAGES}
+        publishers |= {topic.name: graph.publisher(topic) for topic in SEEDS}
+        graph.wait_until(lambda: all(publisher.get_subscription_count() > 0 for publisher in publishers.values()))
         for name, data in recorded(recording, *SEEDS, *IMAGES):
-            outlets[name].publish(data)
+            publishers[name].publish(data)
         graph.heard.wait_for(lambda: STAMPS[-1] in poses(graph))
         graph.heard.wait_for(lambda: counts(graph, "plane_a").get("subscribed") == "best effort")
 
@@ -157,18 +157,18 @@ def test_best_effort_images_and_a_latched_calibration_are_heard(tmp_path: Path, 
 def test_bad_messages_are_named_and_the_node_goes_on(tmp_path: Path, recording: Path) -> None:
     with Graph(HEARD, tmp_path) as graph:
         start(graph)
-        outlets = {topic.name: graph.publisher(topic) for topic in (*IMAGES, *INFOS, *SEEDS)}
-        graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in outlets.values()))
+        publishers = {topic.name: graph.publisher(topic) for topic in (*IMAGES, *INFOS, *SEEDS)}
+        graph.wait_until(lambda: all(publisher.get_subscription_count() > 0 for publisher in publishers.values()))
         header = header_fields(START_NS - 10**8, "patient_table")
         good = encode_image(np.zeros((512, 512), np.uint8), header)
         for bad in (good | {"encoding": "yuv422"}, good | {"step": 5}, good | {"data": b"\0" * 7}):
-            outlets["plane_a/image_raw"].publish(RosMessages().make("sensor_msgs/msg/Image", bad))
-        outlets["plane_a/camera_info"].publish(b"\0\1\0\0cut")  # cannot be deserialised at all
-        outlets["plane_a/seed"].publish(RosMessages().make(SEEDS[0].type_name, {"header": header}))
+            publishers["plane_a/image_raw"].publish(RosMessages().make("sensor_msgs/msg/Image", bad))
+        publishers["plane_a/camera_info"].publish(b"\0\1\0\0cut")  # cannot be deserialised at all
+        publishers["plane_a/seed"].publish(RosMessages().make(SEEDS[0].type_name, {"header": header}))
         # Before more come than the subscription holds, all at once as they do here.
         graph.heard.wait_for(lambda: counts(graph, "plane_a").get("refused images") == "3")
         for name, data in recorded(recording, *SEEDS, *IMAGES, *INFOS):
-            outlets[name].publish(data)
+            publishers[name].publish(data)
         graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
         said = graph.processes.log("tracker", 50)
         assert "plane_a/image_raw: encoding" in said
@@ -225,7 +225,7 @@ def test_managed_life(tmp_path: Path, recording: Path) -> None:
 def test_a_bad_parameter_ends_it_with_one_line(tmp_path: Path, parameter: str, message: str) -> None:
     with Graph(HEARD, tmp_path) as graph:
         arguments = ["--ros-args", "-p", parameter]
-        graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker", arguments)
+        graph.processes.start_node("tracker", "lasso_tracker", arguments)
         assert graph.wait_for_end("tracker") == 2
         said = graph.processes.log("tracker", 50)
         assert message in said

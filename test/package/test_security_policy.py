@@ -115,9 +115,9 @@ def test_the_nodes_do_exactly_what_the_policy_allows(graph: Graph, tmp_path: Pat
     corners = 0.03 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
     write_stl(surface, TriangleMesh(corners, np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)), "mm")
     volume = ["--ros-args", "-p", f"volume_file:={surface}", "-p", "units:=mm"]
-    graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker")
-    graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", volume)
-    graph.processes.start("web", "lasso_motion_ros.nodes.lasso_web", ["--ros-args", "-p", "port:=0"])
+    graph.processes.start_node("tracker", "lasso_tracker")
+    graph.processes.start_node("overlay", "lasso_overlay", volume)
+    graph.processes.start_node("web", "lasso_web", ["--ros-args", "-p", "port:=0"])
     for node in ("lasso_tracker", "lasso_overlay"):
         assert_exact(graph, node)
     assert_exact(graph, "lasso_web", ON_DEMAND)

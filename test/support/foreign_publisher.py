@@ -47,13 +47,13 @@ def main() -> None:
         ]
         for plane in PLANES
     }
-    outlets = {
+    publishers = {
         topic.name: node.create_publisher(type(messages.make(topic.type_name, {})), topic.name, 10)
         for plane in PLANES
         for topic in (image_topic(plane), camera_info_topic(plane), seed_topic(plane))
     }
     pause = threading.Event()
-    while any(outlet.get_subscription_count() == 0 for outlet in outlets.values()):
+    while any(publisher.get_subscription_count() == 0 for publisher in publishers.values()):
         pause.wait(0.05)
     answered = threading.Event()
     node.create_subscription(PoseStamped, MOTION.name, lambda _: answered.set(), 10)
@@ -65,18 +65,18 @@ def main() -> None:
             info = encode_camera_info(ring_projection(plane, side), header_fields(stamp_ns))
             info_message = messages.make(camera_info_topic(plane).type_name, info)
             if order == "info":
-                outlets[camera_info_topic(plane).name].publish(info_message)
-            outlets[image_topic(plane).name].publish(stamped(drawn[plane][number % DRAWN], stamp_ns))
+                publishers[camera_info_topic(plane).name].publish(info_message)
+            publishers[image_topic(plane).name].publish(stamped(drawn[plane][number % DRAWN], stamp_ns))
             if order == "image":
-                outlets[camera_info_topic(plane).name].publish(info_message)
+                publishers[camera_info_topic(plane).name].publish(info_message)
             if number == 0:
                 clicks = encode_polygon(ring_seed(side).points(plane), header_fields(stamp_ns))
-                outlets[seed_topic(plane).name].publish(messages.make(seed_topic(plane).type_name, clicks))
+                publishers[seed_topic(plane).name].publish(messages.make(seed_topic(plane).type_name, clicks))
         while number == 0 and not answered.is_set():
             rclpy.spin_once(node, timeout_sec=0.1)
             began = time.monotonic()
-    for outlet in outlets.values():
-        outlet.wait_for_all_acked()
+    for publisher in publishers.values():
+        publisher.wait_for_all_acked()
     node.destroy_node()
     rclpy.shutdown()
 

@@ -51,7 +51,7 @@ class RingStream:
     def __init__(self, graph: Graph, *, reliable: bool = True, side: int = SIDE) -> None:
         self.graph, self._side = graph, side
         self._generator = np.random.default_rng(5)
-        self.outlets = {
+        self.publishers = {
             topic.name: graph.publisher(topic, reliable=reliable or topic.type_name != topics.IMAGE_TYPE)
             for plane in PLANES
             for topic in (topics.image_topic(plane), topics.camera_info_topic(plane), topics.seed_topic(plane))
@@ -60,15 +60,17 @@ class RingStream:
 
     def connect(self) -> None:
         """Wait until the tracker listens to everything."""
-        self.graph.wait_until(lambda: all(outlet.get_subscription_count() > 0 for outlet in self.outlets.values()))
+        self.graph.wait_until(
+            lambda: all(publisher.get_subscription_count() > 0 for publisher in self.publishers.values())
+        )
 
     def listeners(self) -> dict[str, set[tuple[int, ...]]]:
         """By topic, who is known to listen: a tracker that was killed for up to 20 s longer."""
         known = self.graph.listener.node.get_subscriptions_info_by_topic
-        return {name: {tuple(one.endpoint_gid) for one in known(f"/{name}")} for name in self.outlets}
+        return {name: {tuple(one.endpoint_gid) for one in known(f"/{name}")} for name in self.publishers}
 
     def send(self, topic: topics.Topic, fields: Mapping[str, Any]) -> None:
-        self.outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
+        self.publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
 
     def frame(self, plane: Plane, number: int, **keywords: Any) -> None:
         """Send one plane's calibration and image; keywords as in `drawn`."""
@@ -210,5 +212,5 @@ def start_tracker(graph: Graph, *parameters: str, name: str = "tracker") -> None
     words = [word for parameter in parameters for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     before = len(graph.heard.messages["state"])
-    graph.processes.start(name, "lasso_motion_ros.nodes.lasso_tracker", arguments)
+    graph.processes.start_node(name, "lasso_tracker", arguments)
     graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > before)

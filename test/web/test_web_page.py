@@ -51,7 +51,7 @@ class Stream:
     """Both planes' images of a ring that breathes, published until told otherwise."""
 
     def __init__(self, graph: Graph) -> None:
-        self._outlets = {
+        self._publishers = {
             topic.name: graph.publisher(topic)
             for plane in "ab"
             for topic in (topics.image_topic(plane), topics.camera_info_topic(plane))
@@ -100,7 +100,7 @@ class Stream:
         return self._pictures[plane, phase]
 
     def _send(self, topic: topics.Topic, fields: dict) -> None:
-        self._outlets[topic.name].publish(RosMessages().make(topic.type_name, fields))
+        self._publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
 
 
 def z_of(phase: int) -> float:
@@ -198,8 +198,8 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     given = (f"volume_file:={directory / 'tetrahedron.stl'}", "units:=mm", "style.outline_width_px:=6.0")
     surface = [word for value in (*given, "motion_wait_s:=1.0") for word in ("-p", value)]
     with Graph((topics.CATHETER, topics.MOTION, topics.STATE), directory) as graph:
-        graph.processes.start("tracker", "lasso_motion_ros.nodes.lasso_tracker")
-        graph.processes.start("overlay", "lasso_motion_ros.nodes.lasso_overlay", ["--ros-args", *surface])
+        graph.processes.start_node("tracker", "lasso_tracker")
+        graph.processes.start_node("overlay", "lasso_overlay", ["--ros-args", *surface])
         graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
         graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
         url = graph.processes.log("web").partition("the page is at ")[2].split()[0]
