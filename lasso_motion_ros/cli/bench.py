@@ -8,9 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from lasso_motion_ros.bench.memory import format_memory, measure_memory
+from lasso_motion_ros.bench.memory_growth import format_memory, measure_memory
 from lasso_motion_ros.bench.one_thread import one_thread
-from lasso_motion_ros.bench.overlay import format_overlay, measure_overlay
+from lasso_motion_ros.bench.overlay_times import format_overlay, measure_overlay
 from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
 from lasso_motion_ros.bench.stage_times import format_benchmark, measure, summarise
 from lasso_motion_ros.bench.undecoded import read_undecoded
@@ -103,7 +103,7 @@ def _run_growth(args: argparse.Namespace, config: StreamConfig, messages: Sequen
 def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     """Each rate in a graph of its own, since a tracker's counts and caches outlive a stream."""
     require_ros()
-    from lasso_motion_ros.bench.live import format_disturbance, format_live, measure_live
+    from lasso_motion_ros.bench.live_latency import format_disturbance, format_live, measure_live
 
     runs = []
     for rate in args.rate:

@@ -1,6 +1,5 @@
 """The paper's model experiment, from the figures to the command."""
 
-import json
 import math
 
 import numpy as np
@@ -8,7 +7,6 @@ import pytest
 
 from lasso_motion_ros.bench import model_experiment
 from lasso_motion_ros.bench.model_experiment import PAPER_DISTANCE_MM, curve_distance, run_model_experiment
-from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.errors import ReconstructionError
 from lasso_motion_ros.seeding.reconstruction import Ellipse3D
 
@@ -62,24 +60,3 @@ def test_distance_by_hand():
     u, v = np.eye(3)[:2]
     small, large = (Ellipse3D(np.zeros(3), r * u, r * v) for r in (0.010, 0.012))
     assert curve_distance(small, large) == pytest.approx(0.002, abs=5e-6)
-
-
-def test_the_command_says_what_the_experiment_gave(tmp_path, capsys):
-    arguments = ["suite", "--model-experiment", "4", "--seed", "3", "--json", str(tmp_path / "m.json")]
-    assert main(arguments) == 0
-    expected = run_model_experiment(trials=4, random_seed=3)
-    assert f"the model is {expected.mean_mm:.2f} mm from the truth" in capsys.readouterr().out
-    assert json.loads((tmp_path / "m.json").read_text())["mean_mm"] == expected.mean_mm
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--model-experiment", "0"], "--model-experiment must be at least 1, found 0"),
-        (["--model-experiment", "--sweep", "rate"], "--model-experiment: with --seed and --json only"),
-        (["--model-experiment", "--config", "x.yaml"], "--model-experiment: with --seed and --json only"),
-    ],
-)
-def test_what_does_not_go_with_it_is_refused(arguments, text, capsys):
-    assert main(["suite", *arguments]) == 2
-    assert text in capsys.readouterr().err

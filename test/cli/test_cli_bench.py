@@ -3,23 +3,13 @@
 from __future__ import annotations
 
 import json
-from itertools import islice, pairwise
 from pathlib import Path
 
-import cv2
-import numpy as np
 import pytest
-from support.drawn_recording import PERIOD_NS, write_input
-from threadpoolctl import threadpool_info
+from support.drawn_recording import write_input
 
-from lasso_motion_ros.bench.codecs import available_codec
-from lasso_motion_ros.bench.memory import _forth_and_back
-from lasso_motion_ros.bench.one_thread import one_thread
-from lasso_motion_ros.bench.undecoded import read_undecoded
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
-from msg_adapters.messages import stamp_to_ns
-from msg_adapters.topics import image_topic
 
 
 def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -42,15 +32,6 @@ def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.C
     assert overlay["processor_per_wall"] <= 1.05
     outer = sum(spent for name, spent in stages.items() if not name.startswith(" "))
     assert outer == pytest.approx(1e3 / measured["pairs_per_s"], rel=0.2)
-
-
-def test_thread_pools_are_held_at_one_and_let_go() -> None:
-    np.linalg.inv(np.eye(3))  # loads the linear algebra whose pool is meant
-    before = cv2.getNumThreads()
-    with one_thread():
-        assert cv2.getNumThreads() == 1
-        assert {pool["num_threads"] for pool in threadpool_info()} == {1}
-    assert cv2.getNumThreads() == before
 
 
 def test_a_recording_without_clicks_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -85,7 +66,7 @@ def test_memory_is_sampled_over_one_long_run_of_one_tracker(
 ) -> None:
     recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0, 2.0, 3.0])
     sizes = iter(100.0 + 0.5 * number for number in range(100))
-    monkeypatch.setattr("lasso_motion_ros.bench.memory.resident_mb", lambda: next(sizes))
+    monkeypatch.setattr("lasso_motion_ros.bench.memory_growth.resident_mb", lambda: next(sizes))
     figures = tmp_path / "bench.json"
     arguments = ["--bag", str(recording), "--pairs", "40", "--json", str(figures), "--quiet"]
     assert main(["bench", "--memory", *arguments]) == 0
@@ -93,18 +74,3 @@ def test_memory_is_sampled_over_one_long_run_of_one_tracker(
     use = json.loads(figures.read_text())["memory"]
     assert use["at_pair"] == list(range(2, 41, 2))
     assert use["resident_mb"] == [100.0 + 0.5 * number for number in range(20)]
-
-
-def test_played_forth_and_back_the_stamps_go_on(tmp_path: Path) -> None:
-    recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0, 2.0])
-    messages = read_undecoded(recording)
-    codec = available_codec()
-    stamps = [stamp_to_ns(codec.decode(raw.data, raw.type_name).header.stamp) for raw in messages]
-    images = [
-        (raw, stamp_ns)
-        for raw, stamp_ns in islice(_forth_and_back(messages, stamps), 40)
-        if raw.topic == image_topic("a").recorded_name
-    ]
-    places = [[m.data for m in messages if m.topic == images[0][0].topic].index(raw.data) for raw, _ in images]
-    assert places[:6] == [0, 1, 2, 1, 0, 1]
-    assert {later - earlier for (_, earlier), (_, later) in pairwise(images)} == {PERIOD_NS}

@@ -8,21 +8,16 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from support.suite_inputs import small
 
-from lasso_motion_ros.bench.suite.sequence import RenderedSequence, render_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.stages import Stage, no_stages
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
 
 
-@pytest.fixture(scope="module")
-def sequence() -> RenderedSequence:
-    return render_sequence(Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512)))
-
-
-def results(tracker: Tracker, sequence: RenderedSequence) -> list[TrackResult]:
+def results(tracker: Tracker) -> list[TrackResult]:
+    sequence = small()
     first = tracker.initialise(sequence.pairs[0], sequence.seed)
     return [first, *(tracker.track(pair) for pair in sequence.pairs[1:])]
 
@@ -34,9 +29,7 @@ def results(tracker: Tracker, sequence: RenderedSequence) -> list[TrackResult]:
         ("brost2009", {"features", "registration"}),
     ],
 )
-def test_a_tracker_tells_of_its_stages_and_answers_the_same(
-    sequence: RenderedSequence, method: str, expected: set[str]
-) -> None:
+def test_a_tracker_tells_of_its_stages_and_answers_the_same(method: str, expected: set[str]) -> None:
     begun: Counter[str] = Counter()
     running: list[str] = []
 
@@ -48,11 +41,11 @@ def test_a_tracker_tells_of_its_stages_and_answers_the_same(
         assert running.pop() == stage
 
     config = TrackerConfig(method=method)
-    told = results(create_tracker(config, listen), sequence)
+    told = results(create_tracker(config, listen))
     assert set(begun) == expected
     assert min(begun.values()) >= 2  # each of the two pairs that were tracked
     assert running == []
-    for one, other in zip(told, results(create_tracker(config), sequence), strict=True):
+    for one, other in zip(told, results(create_tracker(config)), strict=True):
         assert (one.state, one.reason) == (other.state, other.reason)
         np.testing.assert_array_equal(one.motion, other.motion)
         np.testing.assert_array_equal(one.loop, other.loop)

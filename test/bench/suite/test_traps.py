@@ -2,47 +2,28 @@
 
 import dataclasses
 import json
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
+from support.suite_inputs import SMALL, result, score
 
 from lasso_motion_ros.bench.suite.moderate import altered, moderate, moderate_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg, suite_scenario
-from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, render_sequence
 from lasso_motion_ros.bench.suite.trap_measures import format_traps, trap_measures
 from lasso_motion_ros.bench.suite.traps import EVENT, TRAPS, trap_scenarios
-from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.gantry import published_projection, true_projection
 from lasso_motion_ros.phantom.scenario import scenario_from_values
-from lasso_motion_ros.phantom.settings import CalibrationSettings, Event, GeometrySettings, Scenario
-
-SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
-
-
-@cache
-def small() -> RenderedSequence:
-    return render_sequence(SMALL)
+from lasso_motion_ros.phantom.settings import CalibrationSettings, Event, Scenario
 
 
 def scenarios(name: str, sequences: int | None = None) -> tuple[Scenario, ...]:
     return trap_scenarios(TRAPS[name], 5, sequences)
 
 
-def score(index: int, state: str = "TRACKING", **given: object) -> PairScore:
-    plain = {"is_reference": index == 0, "expected": index > 0, "hidden": False, "displaced": False}
-    has_pose = state in ("TRACKING", "DEGRADED")
-    return PairScore(index, index, has_pose=has_pose, state=state, **(plain | given))  # type: ignore[arg-type]
-
-
-def result(*scores: PairScore, event: int | None = None, refused: str = "") -> SequenceResult:
-    events = () if event is None else (Event("gantry_turn", event, calibrated=False),)
-    scenario = dataclasses.replace(SMALL, events=events)
-    return SequenceResult(scenario, scores, frozenset(), ("",) * len(scores), refused)
+def gantry_turn(first: int) -> Event:
+    return Event("gantry_turn", first, calibrated=False)
 
 
 @pytest.mark.parametrize("name", TRAPS)
@@ -141,7 +122,7 @@ def test_the_collimator_leaves_the_loop_free() -> None:
 
 
 def test_what_is_not_asked_is_no_fault_and_what_is_asked_besides_is() -> None:
-    lost = result(score(0), score(1, "LOST"), score(2, "LOST"), score(3, "DEGRADED"), score(4), event=2)
+    lost = result(score(0), score(1, "LOST"), score(2, "LOST"), score(3, "DEGRADED"), score(4), event=gantry_turn(2))
     asked = trap_measures(TRAPS["tilt"], [lost])
     assert (asked.measures.missing, asked.measures.expected, asked.unsaid) == (2, 4, 0)
     assert asked.states == {"LOST": 2, "DEGRADED": 1, "TRACKING": 1}
@@ -156,12 +137,12 @@ def test_what_is_not_asked_is_no_fault_and_what_is_asked_besides_is() -> None:
 def test_a_pose_that_is_wrong_counts_where_none_is_due() -> None:
     off = score(2, "DEGRADED", centre_error_m=np.array([3e-3, 0.0, 0.0]))
     displaced = score(3, "TRACKING", displaced=True, expected=False)
-    wrong = trap_measures(TRAPS["table"], [result(score(0), score(1), off, displaced, event=2)])
+    wrong = trap_measures(TRAPS["table"], [result(score(0), score(1), off, displaced, event=gantry_turn(2))])
     assert (wrong.measures.silent, wrong.false_poses, wrong.absent) == (2, 1, 1)
 
 
 def test_the_table() -> None:
-    one = trap_measures(TRAPS["gantry"], [result(score(0), score(1), score(2, "LOST"), event=2)])
+    one = trap_measures(TRAPS["gantry"], [result(score(0), score(1), score(2, "LOST"), event=gantry_turn(2))])
     other = trap_measures(TRAPS["tilt"], [result(score(0), score(1, "LOST")), result(refused="no ellipse")])
     lines = format_traps({"gantry": {"tracker": one}, "tilt": {"tracker": other}}).splitlines()
     assert lines[0].split()[:6] == ["trap", "config", "pairs", "silent", "missing", "unsaid"]
@@ -169,40 +150,3 @@ def test_the_table() -> None:
     assert lines[1].endswith(TRAPS["gantry"].label)
     assert lines[2].split()[:7] == ["tilt", "tracker", "1", "0", "1", "–", "–"]
     assert lines[2].endswith("; 1 seeds refused")
-
-
-def test_the_command_runs_traps(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: small())
-    arguments = ["suite", "--quiet", "--traps", "tilt", "gantry", "--sequences", "1", "--report", str(tmp_path)]
-    assert main([*arguments, "--json", str(tmp_path / "t.json")]) == 0
-    assert "the ring tilts" in capsys.readouterr().out
-    text = (tmp_path / "traps.txt").read_text()
-    assert text.index("\ntilt") < text.index("\ngantry")
-    found = json.loads((tmp_path / "t.json").read_text())
-    assert set(found) == {"tilt", "gantry"}
-    assert found["tilt"]["tracker"]["measures"]["pairs"] == 2
-    assert {path.name for path in tmp_path.iterdir()} == {"t.json", "traps.txt"}
-
-
-@pytest.mark.parametrize(
-    ("arguments", "expected"),
-    [
-        (["--traps", "nonsense"], "found nonsense"),
-        (["--traps", "--sweep", "rate"], "--sweep: not together"),
-        (["--ablation", "--sweep", "rate"], "--sweep: not together"),
-        (["--traps", "--only", "1"], "--only: numbers of random sequences"),
-        (["--sweep", "rate", "--only", "1"], "--only: numbers of random sequences"),
-        (["--traps", "tilt", "--traps", "nonsense"], "found nonsense"),
-        (["--traps", "nonsense", "--traps", "tilt"], "found nonsense"),
-        (["--traps", "--config", "config/tracker.yaml", "here/tracker.yaml"], "two files are named tracker"),
-    ],
-)
-def test_options_that_contradict_each_other(
-    arguments: list[str], expected: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["suite", "--quiet", *arguments]) == 2
-    error = capsys.readouterr().err
-    assert expected in error
-    assert error.count("\n") == 1

@@ -5,13 +5,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from support.suite_inputs import small
 
 import lasso_motion_ros
 from lasso_motion_ros.bench.suite import patches
 from lasso_motion_ros.bench.suite.ideas import IDEAS
 from lasso_motion_ros.bench.suite.patches import PACKAGE, PATCHES, patched
-from lasso_motion_ros.bench.suite.sequence import render_sequence
-from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.ring.working_image import working_image
 
 
@@ -49,7 +48,7 @@ def test_an_idea_without_a_patch_patches_nothing() -> None:
 
 
 def test_without_the_local_contrast_the_working_image_is_another() -> None:
-    sequence = render_sequence(Scenario(name="small", pairs=1, geometry=GeometrySettings(size_px=512)))
+    sequence = small()
     frame = sequence.pairs[0].a
     assert frame is not None
     assert sequence.truth.loop is not None

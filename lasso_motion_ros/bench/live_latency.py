@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.bench.overlay import GRID_STEP_MM
+from lasso_motion_ros.bench.overlay_times import GRID_STEP_MM
 from lasso_motion_ros.bench.publisher import publisher_arguments
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane

@@ -9,7 +9,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
-from lasso_motion_ros.bench.live import format_disturbance, format_live, summarise
+from lasso_motion_ros.bench.live_latency import format_disturbance, format_live, summarise
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.errors import LassoMotionError
 

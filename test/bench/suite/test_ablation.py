@@ -1,35 +1,25 @@
 """Ablation: every idea can be switched off and comes back, and what it costs is told right."""
 
 import dataclasses
-import json
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from support.message_inputs import FakeTracker
+from support.suite_inputs import SMALL, small
 
 from lasso_motion_ros.bench.suite.ablation import Outcome, changes, format_ablation, run_ablation
 from lasso_motion_ros.bench.suite.ideas import IDEAS, TurningWithTheRing
 from lasso_motion_ros.bench.suite.patches import PATCHES
-from lasso_motion_ros.bench.suite.sequence import RenderedSequence, SequenceResult, render_sequence
+from lasso_motion_ros.bench.suite.sequence import SequenceResult
 from lasso_motion_ros.bench.suite.traps import TRAPS
-from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.config.parameters import configuration_values
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.phantom.settings import GeometrySettings, Scenario
 from lasso_motion_ros.tracking.tracker import TrackResult
 
 CENTRE = np.array([0.1, 0.2, 0.3])
-SMALL = Scenario(name="small", pairs=3, geometry=GeometrySettings(size_px=512))
-
-
-@cache
-def small() -> RenderedSequence:
-    return render_sequence(SMALL)
 
 
 @pytest.mark.parametrize("name", IDEAS)
@@ -147,21 +137,3 @@ def test_what_is_worse_in_a_trap_is_named() -> None:
     assert lines[2].endswith("|  | 0 | 1 | 0 |  |  |")
     assert lines[3].endswith("| 0 / 0 | 0 | 2 | 0 | tilt: missing +1 | – |")
     assert lines[-1] == "Nothing is worse without: asking that contrast does not fade."
-
-
-def test_the_command_writes_the_table(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: small())
-    arguments = ["suite", "--quiet", "--sequences", "1", "--traps", "zoom", "--ablation", "robust", "curve"]
-    assert main([*arguments, "--report", str(tmp_path), "--json", str(tmp_path / "a.json")]) == 0
-    text = (tmp_path / "ablation.md").read_text()
-    assert "| robust weights |" in text
-    assert "| an open curve: the ellipse |" in text
-    assert text.count("\n| ") == 5
-    assert "1 random sequences of seed 2009, 2 pairs, and 2 traps, 4 pairs." in text
-    assert set(json.loads((tmp_path / "a.json").read_text())[0]["traps"]) == {"zoom"}
-    assert main([*arguments, "nonsense"]) == 2
-    assert "found nonsense" in capsys.readouterr().err
-    assert main([*arguments, "--config", "config/tracker.yaml", "config/brost2009.yaml"]) == 2
-    assert "one --config only" in capsys.readouterr().err
