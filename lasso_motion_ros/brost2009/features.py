@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class FeatureTuning:
+class _Tuning:
     """What keeps the features defined on small images and faint ones.
 
     Attributes:
@@ -32,7 +32,7 @@ class FeatureTuning:
     quantile_step: int = 4
 
 
-TUNING = FeatureTuning()
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,11 +15,30 @@ from lasso_motion_ros.seeding.reconstruction import Ellipse3D
 Array = npt.NDArray[np.float64]
 
 TURN = 2.0 * np.pi
-ANGLES_PER_TURN = 96
-OUTLINE_POINTS = 90
-SMALLEST_OVERLAP_TURNS = 0.06  # clicked past its start by this much, a loop overlaps itself
-LARGEST_TURNS = 1.35
-SMALLEST_GAP_TURNS = 0.05
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How outlines are laid along their ellipse; a turn is once round it.
+
+    Attributes:
+        angles_per_turn: angles that an outline's points may take.
+        largest_step_turns: from one outline point to the next.
+        outline_points: points that stand for an outline.
+        smallest_overlap_turns: a loop overlaps itself where it was clicked past its start by this much.
+        largest_turns: a loop of more turns does not exist: its outlines were started at opposite ends.
+        smallest_gap_turns: a loop is open where the outlines leave this much uncovered.
+    """
+
+    angles_per_turn: int = 96
+    largest_step_turns: float = 0.125
+    outline_points: int = 90
+    smallest_overlap_turns: float = 0.06
+    largest_turns: float = 1.35
+    smallest_gap_turns: float = 0.05
+
+
+TUNING = _Tuning()
 
 
 class LoopOutline:
@@ -30,7 +51,7 @@ class LoopOutline:
     """
 
     def __init__(self, ellipse: Ellipse3D, projections: dict[Plane, Projection], paths: dict[Plane, Array]) -> None:
-        self._points = {plane: resample(paths[plane], OUTLINE_POINTS) for plane in PLANES}
+        self._points = {plane: resample(paths[plane], TUNING.outline_points) for plane in PLANES}
         a, b = (_monotone_angles(self._points[plane], ellipse, projections[plane]) for plane in PLANES)
         # The same angle plus a whole turn is the same place on the ellipse: bring both ranges together.
         b = b + TURN * np.round((a.mean() - b.mean()) / TURN)
@@ -41,10 +62,10 @@ class LoopOutline:
         """The eccentric angles of the loop's ends: a whole turn, or more where it was clicked past its start."""
         a, b = self._angles["a"], self._angles["b"]
         spans = {"a": float(np.ptp(a)), "b": float(np.ptp(b))}
-        if max(spans.values()) <= TURN * (1.0 + SMALLEST_OVERLAP_TURNS):
+        if max(spans.values()) <= TURN * (1.0 + TUNING.smallest_overlap_turns):
             return float(a.min()), float(a.min()) + TURN
         low, high = min(a.min(), b.min()), max(a.max(), b.max())
-        if high - low > TURN * LARGEST_TURNS:  # started at opposite ends: trust the longer outline
+        if high - low > TURN * TUNING.largest_turns:  # started at opposite ends: trust the longer outline
             longer = a if spans["a"] >= spans["b"] else b
             low, high = longer.min(), longer.max()
         return float(low), float(high)
@@ -63,7 +84,7 @@ class LoopOutline:
                 continue
             # What plane B covers leaves the longer of the two sides.
             low, high = max(((low, first), (last, high)), key=lambda side: side[1] - side[0])
-        return (low, high) if high - low > SMALLEST_GAP_TURNS * TURN else None
+        return (low, high) if high - low > TUNING.smallest_gap_turns * TURN else None
 
     def at(self, angles: Array) -> dict[Plane, Array]:
         """Per plane, (N, 2) outline pixels at eccentric angles (N,); NaN where that plane's outline does not reach."""
@@ -82,7 +103,7 @@ class LoopOutline:
 
 def angles_between(low: float, high: float) -> Array:
     """(N,) evenly spaced eccentric angles from one to another."""
-    return np.linspace(low, high, round(ANGLES_PER_TURN * (high - low) / TURN))
+    return np.linspace(low, high, round(TUNING.angles_per_turn * (high - low) / TURN))
 
 
 def on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
@@ -94,7 +115,7 @@ def on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
 def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection) -> Array:
     """(N,) eccentric angles of outline points (N, 2), monotone along it: dynamic programming, both directions."""
     turns = 2
-    angles = np.linspace(0.0, 2.0 * np.pi * turns, ANGLES_PER_TURN * turns, endpoint=False)
+    angles = np.linspace(0.0, 2.0 * np.pi * turns, TUNING.angles_per_turn * turns, endpoint=False)
     pixels = projection.project(on_ellipse(ellipse, angles))
     best_cost, best = np.inf, angles[:1]
     for direction in (1, -1):
@@ -103,8 +124,8 @@ def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection)
         total = cost[0].copy()
         steps = []
         for row in cost[1:]:
-            # From any earlier angle within an eighth of a turn, to this one.
-            reach = ANGLES_PER_TURN // 8
+            # From any earlier angle within the largest step, to this one.
+            reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
             window = np.full((reach, len(total)), np.inf)
             for back in range(reach):
                 window[back, back:] = total[: len(total) - back]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import cv2
@@ -15,15 +16,39 @@ from lasso_motion_ros.seeding.line_filter import sato
 
 Array = npt.NDArray[np.float64]
 
-MARGIN_PX = 24  # how far outside the clicks' bounding box a path may run
-STEP_PX = 0.5
-LARGEST_DETOUR = 3.0  # a path longer than this times the clicks' distance has left the loop
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How a path is traced.
+
+    Attributes:
+        margin_px: a path may run this far outside the clicks' bounding box.
+        step_px: step of the walk along the path.
+        nearest_px: clicks nearer than this are joined by a straight line.
+        goal_px: the walk has arrived this near to its goal.
+        largest_detour: a path longer than this times the clicks' distance has left the loop.
+        wider_scale: the second scale of the line filter, in units of the first.
+        neighbourhood: scale over which a line's usual strength is estimated, in units of the line filter's.
+        full_strength: a line this many times as strong as usual has the lowest cost.
+    """
+
+    margin_px: int = 24
+    step_px: float = 0.5
+    nearest_px: float = 2.0
+    goal_px: float = 1.5
+    largest_detour: float = 3.0
+    wider_scale: float = 1.5
+    neighbourhood: float = 12.0
+    full_strength: float = 2.5
+
+
+TUNING = _Tuning()
 
 
 def path_through_clicks(
     image: npt.NDArray[np.generic], clicks: Array, *, bright: bool, sigma_px: float, cost_floor: float
 ) -> Array:
-    """Join clicks along a line in the image.
+    """The path that joins clicks along a line in the image.
 
     From every click a front marches with speed 1 / cost over the image (Sethian's fast marching, second
     order), where the cost is low on lines; the way back down its arrival times from the next click is the
@@ -51,8 +76,8 @@ def path_through_clicks(
     if np.any(outside):
         x, y = clicks[outside][0]
         raise SeedError(f"click ({x:.0f}, {y:.0f}) lies outside the image of {width}×{height} pixels")
-    low = np.maximum(np.floor(clicks.min(axis=0)).astype(int) - MARGIN_PX, 0)
-    high = np.minimum(np.ceil(clicks.max(axis=0)).astype(int) + MARGIN_PX + 1, [width, height])
+    low = np.maximum(np.floor(clicks.min(axis=0)).astype(int) - TUNING.margin_px, 0)
+    high = np.minimum(np.ceil(clicks.max(axis=0)).astype(int) + TUNING.margin_px + 1, [width, height])
     cost = _line_cost(image[low[1] : high[1], low[0] : high[0]], bright, sigma_px, cost_floor)
     local = clicks - low
     pieces = [_minimal_path(cost, start, end) for start, end in pairwise(local)]
@@ -61,10 +86,10 @@ def path_through_clicks(
 
 def _line_cost(image: npt.NDArray[np.generic], bright: bool, sigma_px: float, cost_floor: float) -> Array:
     grey = image.astype(np.float32)
-    response = sato(-grey if bright else grey, (sigma_px, 1.5 * sigma_px))
-    # Contrast against what the neighbourhood offers: a faint wire over the spine counts as one over the lung.
-    scale = np.sqrt(cv2.GaussianBlur(response * response, (0, 0), 12.0 * sigma_px)) + 1e-6
-    strength = np.clip(response / (2.5 * scale), 0.0, 1.0)
+    response = sato(-grey if bright else grey, (sigma_px, TUNING.wider_scale * sigma_px))
+    # Relative to the neighbourhood, so that a faint wire over the spine counts as much as one over the lung.
+    scale = np.sqrt(cv2.GaussianBlur(response * response, (0, 0), TUNING.neighbourhood * sigma_px)) + 1e-6
+    strength = np.clip(response / (TUNING.full_strength * scale), 0.0, 1.0)
     return np.asarray(cost_floor + (1.0 - cost_floor) * (1.0 - strength) ** 2, dtype=np.float64)
 
 
@@ -72,7 +97,7 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     """(M, 2) path from start to end (x, y) in the cost image, both ends exact."""
     straight = np.vstack([start, end])
     distance = float(np.linalg.norm(end - start))
-    if distance < 2.0:
+    if distance < TUNING.nearest_px:
         return straight
     margin = int(np.ceil(0.75 * distance)) + 8
     low = np.maximum(np.floor(np.minimum(start, end)).astype(int) - margin, 0)
@@ -88,9 +113,9 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     path = path[::-1] + low
     path[0], path[-1] = start, end
     length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
-    if length > LARGEST_DETOUR * distance:
+    if length > TUNING.largest_detour * distance:
         return straight
-    return resample(path, max(2, int(np.ceil(length / STEP_PX)) + 1))
+    return resample(path, max(2, int(np.ceil(length / TUNING.step_px)) + 1))
 
 
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
@@ -100,7 +125,7 @@ def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     point = np.minimum(start.astype(np.float64), last)
     path = [point]
     for _ in range(20 * sum(arrival.shape)):
-        if np.linalg.norm(point - goal) < 1.5:
+        if np.linalg.norm(point - goal) < TUNING.goal_px:
             return np.vstack([*path, goal])
         column, row = int(point[0]), int(point[1])
         fx, fy = point[0] - column, point[1] - row
@@ -110,6 +135,6 @@ def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
         size = float(np.linalg.norm(slope))
         if not size > 0.0:
             return None
-        point = np.clip(point - STEP_PX * slope / size, 0.0, last)
+        point = np.clip(point - TUNING.step_px * slope / size, 0.0, last)
         path.append(point)
     return None

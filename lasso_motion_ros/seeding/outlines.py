@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -14,9 +16,28 @@ from lasso_motion_ros.seeding.minimal_path import path_through_clicks
 
 Array = npt.NDArray[np.float64]
 
-FEWEST_CLICKS = 6
-LASSO_RADII_MM = (3.0, 30.0)  # catheters of 15 to 25 mm are made; any projection scale that is wrong is further off
-CLICK_REACH_PX = 4
+
+@dataclass(frozen=True)
+class _Tuning:
+    """Which clicks are accepted.
+
+    Attributes:
+        fewest_clicks: for a plane; an ellipse needs as many points.
+        smallest_radius_mm: of a lasso. Catheters of 15 to 25 mm diameter are made; a projection whose scale is wrong is
+            further off than both limits.
+        largest_radius_mm: likewise.
+        click_reach_px: a click may be this far beside the line.
+        smallest_sigma_px: scale of the line filter; below it the sampled kernel is no Gaussian.
+    """
+
+    fewest_clicks: int = 6
+    smallest_radius_mm: float = 3.0
+    largest_radius_mm: float = 30.0
+    click_reach_px: int = 4
+    smallest_sigma_px: float = 0.8
+
+
+TUNING = _Tuning()
 
 
 def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
@@ -33,7 +54,7 @@ def require_both_planes(pair: FramePair) -> dict[Plane, Projection]:
 
 def line_sigma_px(projection: Projection, sigma_mm: float) -> float:
     """A line filter's scale in pixels of an image, from millimetres at the world origin's depth."""
-    return max(0.8, sigma_mm / projection.millimetres_per_pixel(np.zeros(3)))
+    return max(TUNING.smallest_sigma_px, sigma_mm / projection.millimetres_per_pixel(np.zeros(3)))
 
 
 def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
@@ -48,12 +69,12 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
             if not (0 <= x < width and 0 <= y < height):
                 continue
             # Clicks are a few pixels off: the strongest line nearby speaks for each.
-            reach = CLICK_REACH_PX + int(np.ceil(4.0 * sigma))
+            reach = TUNING.click_reach_px + int(np.ceil(4.0 * sigma))
             left, top = max(x - reach, 0), max(y - reach, 0)
             grey = frame.pixels[top : y + reach + 1, left : x + reach + 1].astype(np.float32)
             near = np.s_[
-                max(y - CLICK_REACH_PX, 0) - top : y + CLICK_REACH_PX + 1 - top,
-                max(x - CLICK_REACH_PX, 0) - left : x + CLICK_REACH_PX + 1 - left,
+                max(y - TUNING.click_reach_px, 0) - top : y + TUNING.click_reach_px + 1 - top,
+                max(x - TUNING.click_reach_px, 0) - left : x + TUNING.click_reach_px + 1 - left,
             ]
             dark, bright = float(sato(grey, (sigma,))[near].max()), float(sato(-grey, (sigma,))[near].max())
             evidence += (bright - dark) / max(dark + bright, 1e-6)
@@ -66,7 +87,7 @@ def require_lasso_size(radius_mm: float) -> None:
     Raises:
         SeedError: clicks beside it, or not along it, or a calibration that is not in metres.
     """
-    low, high = LASSO_RADII_MM
+    low, high = TUNING.smallest_radius_mm, TUNING.largest_radius_mm
     if not low <= radius_mm <= high:
         raise SeedError(
             f"the clicks make a loop of {radius_mm:.1f} mm radius, expected {low:g} to {high:g} mm: "
@@ -86,8 +107,8 @@ def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
         frame, clicks = pair.frame(plane), seed.points(plane)
         if frame is None:
             raise SeedError(f"the clicked pair lacks plane {plane.upper()}; both planes are needed for a seed")
-        if len(clicks) < FEWEST_CLICKS:
-            raise SeedError(f"plane {plane.upper()}: {len(clicks)} clicks, expected at least {FEWEST_CLICKS}")
+        if len(clicks) < TUNING.fewest_clicks:
+            raise SeedError(f"plane {plane.upper()}: {len(clicks)} clicks, expected at least {TUNING.fewest_clicks}")
         try:
             paths[plane] = path_through_clicks(
                 frame.pixels,
@@ -100,9 +121,9 @@ def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
             raise SeedError(f"plane {plane.upper()}: {error}") from error
         # Even edge-on a loop spans its diameter; the world origin is near enough to tell a millimetre there.
         span_mm = frame.projection.millimetres_per_pixel(np.zeros(3)) * float(np.hypot(*np.ptp(clicks, axis=0)))
-        if span_mm < 2.0 * LASSO_RADII_MM[0]:
+        if span_mm < 2.0 * TUNING.smallest_radius_mm:
             raise SeedError(
                 f"plane {plane.upper()}: the clicks span {span_mm:.1f} mm, expected at least "
-                f"{2.0 * LASSO_RADII_MM[0]:g} mm: were they set along the whole lasso?"
+                f"{2.0 * TUNING.smallest_radius_mm:g} mm: were they set along the whole lasso?"
             )
     return paths

@@ -23,14 +23,31 @@ from lasso_motion_ros.geometry.triangulation import triangulate
 
 Array = npt.NDArray[np.float64]
 
-SMALLEST_VIEW_ANGLE_DEG = 5.0
-# How a candidate is judged: a click or path point is about this far off, a lasso is this far from a circle.
-OUTLINE_NOISE_PX = 1.5
-CIRCULARITY_SPREAD = 0.15
-LARGEST_REPROJECTION_SHARE = 0.25  # of the outline's radius; beyond it nothing fits
-MOST_REFINEMENTS = 200  # of η: thirty halvings, and some steps between them
-OPEN_SHARE = 0.15  # of a loop that may be open, so that no outline lies beside that part of the ellipse
-EDGE_ON_IN_BOTH_DEG = 15.0  # planes through line and source this near to each other may be the loop's own
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How candidates are made and judged.
+
+    Attributes:
+        smallest_view_angle_deg: between the two central rays; below it depth is undetermined.
+        outline_noise_px: a click or a point of a path is about this far off the wire.
+        circularity_spread: a lasso's axis ratio is about this far from that of a circle.
+        largest_reprojection_share: of the outline's radius; a candidate that reprojects worse does not explain it.
+        open_share: of the ellipse, which an open loop's outline leaves uncovered.
+        edge_on_in_both_deg: where the planes through line and source differ by less, both may be the loop's own.
+        most_refinements: of η: thirty halvings, and some steps between them.
+    """
+
+    smallest_view_angle_deg: float = 5.0
+    outline_noise_px: float = 1.5
+    circularity_spread: float = 0.15
+    largest_reprojection_share: float = 0.25
+    open_share: float = 0.15
+    edge_on_in_both_deg: float = 15.0
+    most_refinements: int = 200
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +98,8 @@ class Candidate:
     @property
     def misfit(self) -> float:
         """Squared misfit of outline and circularity together, each in units of its spread."""
-        return (self.reprojection_px / OUTLINE_NOISE_PX) ** 2 + (
-            (1.0 - self.ellipse.circularity) / CIRCULARITY_SPREAD
+        return (self.reprojection_px / TUNING.outline_noise_px) ** 2 + (
+            (1.0 - self.ellipse.circularity) / TUNING.circularity_spread
         ) ** 2
 
 
@@ -152,10 +169,11 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     chosen = candidates[0]
     # The outlines' own radius: a wrong candidate may be very long, and would then excuse itself.
     radius_px = min(np.linalg.norm(outlines[p] - outlines[p].mean(axis=0), axis=1).max() for p in PLANES)
-    if not chosen.reprojection_px < LARGEST_REPROJECTION_SHARE * radius_px:
+    limit_px = TUNING.largest_reprojection_share * radius_px
+    if not chosen.reprojection_px < limit_px:
         raise ReconstructionError(
             f"no 3-D ellipse explains the two outlines: the best lies {chosen.reprojection_px:.1f} px from them, "
-            f"expected under {LARGEST_REPROJECTION_SHARE * radius_px:.1f} px; do both show the same loop at once?"
+            f"expected under {limit_px:.1f} px; do both show the same loop at once?"
         )
     return Reconstruction(chosen, tuple(candidates))
 
@@ -194,7 +212,7 @@ def _most_nearly_rank_two(cone_a: Array, cone_b: Array, eta: float) -> float:
         return float(max(abs(values[1]), abs(values[2])) / min(-values[0], values[3]))
 
     step, best = 0.05 * abs(eta), rank_excess(eta)
-    for _ in range(MOST_REFINEMENTS):
+    for _ in range(TUNING.most_refinements):
         if step <= 1e-9 * abs(eta):
             break
         trials = [(rank_excess(eta + s), eta + s) for s in (-step, step)]
@@ -211,9 +229,9 @@ def _well_scaled_frame(projections: dict[Plane, Projection], outlines: dict[Plan
     centres = {p: outlines[p].mean(axis=0) for p in PLANES}
     cosine = abs(float(a.rays(centres["a"]) @ b.rays(centres["b"])))
     angle = float(np.degrees(np.arccos(min(1.0, cosine))))
-    if angle < SMALLEST_VIEW_ANGLE_DEG:
+    if angle < TUNING.smallest_view_angle_deg:
         raise ReconstructionError(
-            f"the two planes look from {angle:.1f}° apart; depth needs at least {SMALLEST_VIEW_ANGLE_DEG:.0f}°"
+            f"the two planes look from {angle:.1f}° apart; depth needs at least {TUNING.smallest_view_angle_deg:.0f}°"
         )
     try:
         centre = triangulate((a, b), (centres["a"], centres["b"]))
@@ -272,7 +290,7 @@ def _circle_between_rays(
     """
     normals = {p: line_planes[p][:3] / np.linalg.norm(line_planes[p][:3]) for p in PLANES}
     cosine = float(normals["a"] @ normals["b"])
-    if abs(cosine) < np.cos(np.radians(EDGE_ON_IN_BOTH_DEG)):
+    if abs(cosine) < np.cos(np.radians(TUNING.edge_on_in_both_deg)):
         return []
     normal = normals["a"] + np.sign(cosine) * normals["b"]
     basis = np.linalg.svd(normal[None])[2][1:]
@@ -298,7 +316,7 @@ def _reprojection(ellipse: Ellipse3D, projection: Projection, outline: Array) ->
     """Mean distance between outline and projected ellipse, both ways: one that reaches too far is no better."""
     projected = projection.project(ellipse.points(120))
     to_ellipse = distance_to_curve(outline, np.vstack([projected, projected[:1]]))
-    to_outline = np.sort(distance_to_curve(projected, outline))[: round((1.0 - OPEN_SHARE) * len(projected))]
+    to_outline = np.sort(distance_to_curve(projected, outline))[: round((1.0 - TUNING.open_share) * len(projected))]
     return 0.5 * float(to_ellipse.mean() + to_outline.mean())
 
 

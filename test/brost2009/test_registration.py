@@ -13,7 +13,7 @@ EXACT = RegistrationConfig(normal_search_px=0)
 IDENTITY = np.eye(4)
 
 
-def ideal_view(projection, curve, side=120):
+def ideal_plane(projection, curve, side=120):
     """The exact distance to a projected curve at every pixel about it."""
     seen = projection.project(curve)
     shape = (projection.height, projection.width)
@@ -25,8 +25,8 @@ def ideal_view(projection, curve, side=120):
     )
 
 
-def circles_view(radius_px, side=512):
-    """A frontal view in which distance is measured to a circle about the image's middle."""
+def circles_plane(radius_px, side=512):
+    """A frontal plane in which distance is measured to a circle about the image's middle."""
     projection = plane(0.0, side=side)
     y, x = np.mgrid[:side, :side] - (side - 1) / 2.0
     return PlaneDistances(projection, DistanceMap(np.abs(np.hypot(x, y) - radius_px).astype(np.float32), (0, 0)))
@@ -42,7 +42,7 @@ def frontal_ring(radius_px, side=512):
 def test_translation_is_recovered(translation_mm):
     model = ring([0.3, -0.5, 0.8], [0.005, 0.0, -0.01]).points(100)
     truth = rigid([0.0, 0.0, 0.0], np.array(translation_mm) * 1e-3)
-    views = tuple(ideal_view(view, apply(truth, model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(truth, model)) for view in VIEWS.values())
     found, residuals = register(model, IDENTITY, views, EXACT)
     assert np.linalg.norm(apply(found, model).mean(axis=0) - apply(truth, model).mean(axis=0)) < 0.1e-3
     assert len(residuals) == 2
@@ -55,7 +55,7 @@ def test_rotation_is_recovered():
     model = loop.points(100)
     axis = loop.semi_major / np.linalg.norm(loop.semi_major)
     truth = rigid(np.radians(8.0) * axis, [0.002, 0.001, -0.003])
-    views = tuple(ideal_view(view, apply(truth, model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(truth, model)) for view in VIEWS.values())
     found, _ = register(model, IDENTITY, views, EXACT)
     assert angle_deg(found[:3, :3] @ loop.normal, truth[:3, :3] @ loop.normal) < 1.0
     assert np.linalg.norm(found[:3, 3] - truth[:3, 3]) < 0.15e-3
@@ -65,7 +65,7 @@ def test_the_search_starts_from_the_motion_before():
     # 25 mm is too far for a search from the identity where distances end at 20 px, and little from the pair before.
     model = ring([0.3, -0.5, 0.8]).points(100)
     truth, before = rigid([0.0, 0.1, 0.0], [0.0, 0.0, 0.025]), rigid([0.0, 0.08, 0.0], [0.001, 0.0, 0.024])
-    views = tuple(ideal_view(view, apply(truth, model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(truth, model)) for view in VIEWS.values())
     views = tuple(
         PlaneDistances(v.projection, DistanceMap(np.minimum(v.distances.values, 20), v.distances.origin)) for v in views
     )
@@ -76,7 +76,7 @@ def test_the_search_starts_from_the_motion_before():
 
 def test_the_motion_is_rigid():
     model = ring([0.3, -0.5, 0.8]).points(100)
-    views = tuple(ideal_view(view, apply(rigid([0.1, 0.0, 0.1], [0.002, 0.0, 0.0]), model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(rigid([0.1, 0.0, 0.1], [0.002, 0.0, 0.0]), model)) for view in VIEWS.values())
     found, _ = register(model, IDENTITY, views, EXACT)
     np.testing.assert_allclose(found[:3, :3] @ found[:3, :3].T, np.eye(3), atol=1e-12)
     assert np.linalg.det(found[:3, :3]) == pytest.approx(1.0)
@@ -85,7 +85,7 @@ def test_the_motion_is_rigid():
 
 def test_registration_is_the_same_with_the_planes_swapped():
     model = ring([0.3, -0.5, 0.8]).points(100)
-    views = tuple(ideal_view(view, apply(rigid([0, 0, 0], [0.002, 0.0, 0.003]), model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(rigid([0, 0, 0], [0.002, 0.0, 0.003]), model)) for view in VIEWS.values())
     (one, first), (other, second) = (register(model, IDENTITY, v, EXACT) for v in (views, views[::-1]))
     np.testing.assert_allclose(one, other, atol=1e-12)
     assert first == pytest.approx(second[::-1])
@@ -104,7 +104,7 @@ def test_registration_is_the_same_with_the_planes_swapped():
 )
 def test_normal_search_by_hand(off_px, reach, cost):
     # A circle of 60 px, and a model that projects to one that much larger or smaller, in a 1024-pixel image.
-    view = circles_view(60.0, side=1024)
+    view = circles_plane(60.0, side=1024)
     found = normal_search_cost(frontal_ring(60.0 + off_px, side=1024), IDENTITY[None], view, reach)
     assert found.shape == (1,)
     assert found[0] == pytest.approx(cost, abs=0.4)  # bilinear between pixels, |distance| does not reach 0
@@ -112,7 +112,7 @@ def test_normal_search_by_hand(off_px, reach, cost):
 
 def test_reach_scales_with_the_image():
     # ± 5 px at 1024 pixels are ± 2.5 px at 512.
-    found = normal_search_cost(frontal_ring(38.0), IDENTITY[None], circles_view(30.0), 5)
+    found = normal_search_cost(frontal_ring(38.0), IDENTITY[None], circles_plane(30.0), 5)
     assert found[0] == pytest.approx(8.0 - 2.5, abs=0.1)
 
 
@@ -130,7 +130,7 @@ def test_search_is_along_the_normal_only():
 
 
 def test_several_motions_at_once():
-    view = circles_view(30.0)
+    view = circles_plane(30.0)
     motions = np.stack([rigid([0, 0, 0], [0, 0, z]) for z in (0.0, 0.001, 0.004)])
     model = frontal_ring(30.0)
     together = normal_search_cost(model, motions, view, 5)
@@ -179,15 +179,15 @@ def test_translation_goes_before_rotation():
     # The first stage finds a pure translation, and next to no rotation is left to the second.
     model = ring([0.3, -0.5, 0.8]).points(100)
     truth = rigid([0.0, 0.0, 0.0], [0.004, 0.0, 0.0])
-    views = tuple(ideal_view(view, apply(truth, model)) for view in VIEWS.values())
+    views = tuple(ideal_plane(view, apply(truth, model)) for view in VIEWS.values())
     found, _ = register(model, IDENTITY, views, EXACT)
     np.testing.assert_allclose(found[:3, 3], truth[:3, 3], atol=1e-4)
     assert np.degrees(np.arccos((np.trace(found[:3, :3]) - 1.0) / 2.0)) < 1.5
 
 
-def band_view(projection, curve, half_width_px=3.0):
+def band_plane(projection, curve, half_width_px=3.0):
     """Zero over a band about the curve, as a threshold leaves it, and the distance to the band elsewhere."""
-    view = ideal_view(projection, curve)
+    view = ideal_plane(projection, curve)
     values = np.maximum(view.distances.values - half_width_px, 0.0)
     return PlaneDistances(projection, DistanceMap(values, view.distances.origin))
 
@@ -196,7 +196,7 @@ def test_the_tie_break_finds_the_middle_of_the_level_and_not_its_rim():
     # Bands of ± 3 px with a reach of ± 2.5 px cost nothing over ± 5.5 px, that is ± 1.4 mm at the ring.
     model = ring([0.3, -0.5, 0.8]).points(100)
     truth = rigid([0.0, 0.0, 0.0], [0.001, -0.002, 0.006])
-    views = tuple(band_view(view, apply(truth, model)) for view in VIEWS.values())
+    views = tuple(band_plane(view, apply(truth, model)) for view in VIEWS.values())
     found, residuals = register(model, IDENTITY, views, RegistrationConfig(normal_search_px=5, tie_break=0.05))
     assert max(residuals) == pytest.approx(0.0, abs=1e-3)
     assert np.linalg.norm(found[:3, 3] - truth[:3, 3]) < 0.9e-3
@@ -207,7 +207,7 @@ def test_the_tie_break_finds_the_middle_of_the_level_and_not_its_rim():
 
 
 def test_tie_break_adds_the_distance_without_the_search():
-    view, model = circles_view(60.0, side=1024), frontal_ring(63.0, side=1024)
+    view, model = circles_plane(60.0, side=1024), frontal_ring(63.0, side=1024)
     plain, searched, both = (
         normal_search_cost(model, IDENTITY[None], view, *options)[0] for options in ((0,), (5,), (5, 0.5))
     )
