@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from mcap.records import Channel, Message, Schema
 from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
@@ -16,21 +17,16 @@ from lasso_motion_ros.core.errors import ConfigurationError, RecordingError
 from lasso_motion_ros.core.plain_yaml import parse_plain_yaml, read_plain_yaml
 from lasso_motion_ros.geometry.frames import PLANES
 from msg_adapters.messages import jazzy_types
-from msg_adapters.recordings.mcap_segments import (
+from msg_adapters.recordings.mcap_layout import FileLayout, Segment, walk_file
+from msg_adapters.recordings.mcap_records import (
     CHANNEL,
     MESSAGE,
     SCHEMA,
-    Channel,
-    FileLayout,
-    Schema,
-    Segment,
-    StoredMessage,
     parse_channel,
     parse_message,
     parse_schema,
-    read_segment,
-    walk_file,
 )
+from msg_adapters.recordings.mcap_segments import read_segment
 from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic
 
 # Unpacked messages held while waiting for their turn in time. Chunks that overlap more than this (writers put
@@ -120,9 +116,7 @@ class RecordingReader:
         wanted = None if topics is None else set(topics)
         for file, stored in self._stored(wanted):
             channel, schema = file.known[stored.channel_id]
-            yield RawMessage(
-                self._name(channel.topic), schema.name, stored.log_time_ns, stored.publish_time_ns, stored.data
-            )
+            yield RawMessage(self._name(channel.topic), schema.name, stored.log_time, stored.publish_time, stored.data)
 
     def messages(self, topics: Collection[str] | None = None) -> Iterator[RecordedMessage]:
         """All messages, or those on some topics, decoded, in log-time order; `damage` is complete afterwards.
@@ -140,13 +134,13 @@ class RecordingReader:
             if message is None:
                 self._note_damage(file, f"a message on {channel.topic} cannot be decoded and was left out")
                 continue
-            yield RecordedMessage(self._name(channel.topic), schema.name, stored.log_time_ns, message)
+            yield RecordedMessage(self._name(channel.topic), schema.name, stored.log_time, message)
 
     def definition(self, topic: str) -> str:
         """The ros2msg text of a topic's type, as recorded."""
         for recorded, schema in self._recorded_topics().items():
             if self._name(recorded) == topic:
-                return schema.text.decode("utf-8", "replace")
+                return str(schema.data, "utf-8", "replace")
         raise RecordingError(f"{self.path} has no topic {topic}")
 
     def _offered(self, policy: str, values: tuple[int, str]) -> frozenset[str]:
@@ -190,7 +184,7 @@ class RecordingReader:
         if text is not None and self.damage is None:
             self.damage = f"{file.path}: {text}; what could be read was used"
 
-    def _stored(self, wanted: set[str] | None) -> Iterator[tuple[_File, StoredMessage]]:
+    def _stored(self, wanted: set[str] | None) -> Iterator[tuple[_File, Message]]:
         """Messages of all files in log-time order; each file's segments are unpacked when their time has come."""
         segments = sorted(
             (
@@ -200,7 +194,7 @@ class RecordingReader:
             ),
             reverse=True,
         )
-        waiting: list[tuple[int, int, int, int, StoredMessage]] = []
+        waiting: list[tuple[int, int, int, int, Message]] = []
         held = 0
         streams: dict[int, BinaryIO] = {}
         try:
@@ -214,7 +208,7 @@ class RecordingReader:
                     self._note_damage(file, damage)
                     for order, stored in enumerate(messages):
                         if wanted is None or self._name(file.known[stored.channel_id][0].topic) in wanted:
-                            heapq.heappush(waiting, (stored.log_time_ns, number, place, order, stored))
+                            heapq.heappush(waiting, (stored.log_time, number, place, order, stored))
                             held += len(stored.data)
                     continue
                 _, number, _, _, stored = heapq.heappop(waiting)
@@ -235,24 +229,25 @@ class _File:
         self.layout: FileLayout = walk_file(path)
         self._schemas = dict(self.layout.schemas)
         self.known: dict[int, tuple[Channel, Schema]] = {}
-        for channel_id, channel in self.layout.channels.items():
-            self._learn(channel_id, channel)
+        for channel in self.layout.channels.values():
+            self._learn(channel)
         if not (self.layout.has_summary and self.known):
             # No summary that repeats the channels: they stand in the chunks.
             with path.open("rb") as stream:
                 for segment in self.layout.segments:
                     self.read(stream, segment)
 
-    def read(self, stream: BinaryIO, segment: Segment) -> tuple[list[StoredMessage], str | None]:
+    def read(self, stream: BinaryIO, segment: Segment) -> tuple[list[Message], str | None]:
         """The messages of one segment, in log-time order, and what is wrong with it or None."""
         records, damage = read_segment(stream, segment)
-        messages: list[StoredMessage] = []
+        messages: list[Message] = []
         for opcode, content in records:
             try:
                 if opcode == SCHEMA:
-                    self._schemas.update([parse_schema(content)])
+                    schema = parse_schema(content)
+                    self._schemas[schema.id] = schema
                 elif opcode == CHANNEL:
-                    self._learn(*parse_channel(content))
+                    self._learn(parse_channel(content))
                 elif opcode == MESSAGE:
                     message = parse_message(content)
                     if message.channel_id in self.known:
@@ -263,11 +258,11 @@ class _File:
                 damage = damage or f"a chunk at byte {segment.offset}: {error}"
         return messages, damage
 
-    def _learn(self, channel_id: int, channel: Channel) -> None:
+    def _learn(self, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
         if schema is not None:
             # The first to be read holds, so that a spoilt repetition changes nothing.
-            self.known.setdefault(channel_id, (channel, schema))
+            self.known.setdefault(channel.id, (channel, schema))
 
 
 class _Decoder:
@@ -279,8 +274,8 @@ class _Decoder:
 
     def decode(self, channel: Channel, schema: Schema, data: bytes) -> Any:
         """The message, or None where its bytes are not one."""
-        if channel.encoding != "cdr":
-            raise RecordingError(f"{channel.topic}: expected messages in cdr, found {channel.encoding!r}")
+        if channel.message_encoding != "cdr":
+            raise RecordingError(f"{channel.topic}: expected messages in cdr, found {channel.message_encoding!r}")
         if schema.name not in self._checked:
             self._learn(schema)
             self._checked.add(schema.name)
@@ -293,7 +288,7 @@ class _Decoder:
         if schema.name in self._types.fielddefs:
             return
         try:
-            found = get_types_from_msg(schema.text.decode("utf-8"), schema.name)
+            found = get_types_from_msg(schema.data.decode("utf-8"), schema.name)
             self._types.register({name: fields for name, fields in found.items() if name not in self._types.fielddefs})
         except Exception as error:
             raise RecordingError(f"the definition of {schema.name} cannot be read: {error}") from error

@@ -8,7 +8,7 @@ from pathlib import Path
 from lasso_motion_ros.core.errors import RecordingError
 from msg_adapters.messages import NANOSECONDS
 from msg_adapters.recordings.copy import RecordingCopier
-from msg_adapters.recordings.mcap_segments import walk_file
+from msg_adapters.recordings.mcap_layout import walk_file
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter
 

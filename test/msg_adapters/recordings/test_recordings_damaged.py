@@ -77,6 +77,28 @@ def test_behind_a_damaged_place_the_index_leads_on(tmp_path: Path, spoilt: int) 
     assert "middle is not readable" in reader.damage
 
 
+def test_an_index_that_says_a_chunk_is_shorter_than_its_head_is_passed_over(tmp_path: Path) -> None:
+    path = write_noise(tmp_path / "r.mcap", 24)
+    whole = content(path)
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    data = bytearray(path.read_bytes())
+    first, second, third = (index.chunk_start_offset for index in summary.chunk_indexes[:3])
+    data[second : second + 9] = bytes(9)
+    # The index's record begins with two times, the chunk's place and its length; a summary without checksum.
+    in_index = data.index(struct.pack("<Q", third), first)
+    struct.pack_into("<Q", data, in_index + 8, 3)
+    struct.pack_into("<I", data, len(data) - 8 - 4, 0)
+    path.write_bytes(data)
+    reader = RecordingReader(path)
+    found = [(m.topic, m.log_time_ns, m.data) for m in reader.raw_messages()]
+    assert 0 < len(set(whole) - set(found)) <= 10, "the messages of two chunks"
+    assert found[-1] == whole[-1]
+    assert reader.damage is not None
+    assert "middle is not readable" in reader.damage
+
+
 @pytest.mark.parametrize("compression", ["zstd", "none"])
 def test_whatever_is_spoilt_only_a_recording_error_comes_out(tmp_path: Path, compression: str) -> None:
     data = write(tmp_path / "r.mcap", compression=compression).read_bytes()
