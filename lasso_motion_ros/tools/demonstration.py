@@ -21,7 +21,8 @@ from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, writ
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from lasso_motion_ros.tools.demo_surface import demo_surface, truth_if_any
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+from msg_adapters.recordings.reader import RecordingReader
+from msg_adapters.recordings.tracking_topics import check_tracking_topics
 from msg_adapters.topics import overlay_topic, seed_topic
 
 SURFACE = "left_atrium.stl"

@@ -24,7 +24,8 @@ from lasso_motion_ros.reports.picture_files import write_png
 from lasso_motion_ros.reports.video import VideoWriter
 from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from msg_adapters.recordings.reader import RecordingReader, check_tracking_topics
+from msg_adapters.recordings.reader import RecordingReader
+from msg_adapters.recordings.tracking_topics import check_tracking_topics
 
 CELL_PX = 768
 

@@ -20,7 +20,8 @@ from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePo
 from msg_adapters.images import Pixels, decode_compressed_image, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.recordings.copy import RecordingCopier
-from msg_adapters.recordings.reader import RawMessage, RecordingReader, check_tracking_topics
+from msg_adapters.recordings.reader import RawMessage, RecordingReader
+from msg_adapters.recordings.tracking_topics import check_tracking_topics
 from msg_adapters.recordings.writer import RecordingWriter, check_free
 from msg_adapters.seeds import decode_polygon, encode_polygon
 from msg_adapters.sync.pairing import PairSynchroniser

@@ -3,31 +3,19 @@
 from __future__ import annotations
 
 import heapq
-import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from mcap.records import Channel, Message, Schema
-from rosbags.typesys import get_types_from_msg
-from rosbags.typesys.store import Typestore
+from mcap.records import Message, Schema
 
 from lasso_motion_ros.core.errors import ConfigurationError, RecordingError
-from lasso_motion_ros.core.plain_yaml import parse_plain_yaml, read_plain_yaml
-from lasso_motion_ros.geometry.frames import PLANES
-from msg_adapters.messages import jazzy_types
-from msg_adapters.recordings.mcap_layout import FileLayout, Segment, walk_file
-from msg_adapters.recordings.mcap_records import (
-    CHANNEL,
-    MESSAGE,
-    SCHEMA,
-    parse_channel,
-    parse_message,
-    parse_schema,
-)
-from msg_adapters.recordings.mcap_segments import read_segment
-from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic
+from lasso_motion_ros.core.plain_yaml import parse_plain_yaml
+from msg_adapters.recordings.bag_files import recording_files
+from msg_adapters.recordings.cdr_decoder import CdrDecoder
+from msg_adapters.recordings.mcap_file import McapFile
+from msg_adapters.recordings.tracking_topics import found_topics
 
 # Unpacked messages held while waiting for their turn in time. Chunks that overlap more than this (writers put
 # messages down nearly in order) come out in file order instead of filling the memory.
@@ -73,11 +61,11 @@ class RecordingReader:
     def __init__(self, path: str | Path, remap: Mapping[str, str] | None = None) -> None:
         self.path = Path(path)
         self.damage: str | None = None
-        self._files = [_File(file) for file in _recording_files(self.path)]
+        self._files = [McapFile(file) for file in recording_files(self.path)]
         for file in self._files:
             self._note_damage(file, file.layout.damage)
         self._names = self._remapped(dict(remap or {}))
-        self._decoder = _Decoder()
+        self._decoder = CdrDecoder()
 
     @property
     def topics(self) -> dict[str, str]:
@@ -166,7 +154,9 @@ class RecordingReader:
         names: dict[str, str] = {}
         for old, new in remap.items():
             if _absolute(old) not in recorded:
-                raise RecordingError(f"remap {old}:={new}: {self.path} has no topic {_absolute(old)}{_found(recorded)}")
+                raise RecordingError(
+                    f"remap {old}:={new}: {self.path} has no topic {_absolute(old)}{found_topics(recorded)}"
+                )
             names[_absolute(old)] = _absolute(new)
         # A topic whose name another one takes over steps aside, unless it was itself given a new name.
         taken = set(names.values())
@@ -180,11 +170,11 @@ class RecordingReader:
         """The name given to a recorded topic (of a spoilt file, one may turn up that was not known at first)."""
         return self._names.get(topic, topic)
 
-    def _note_damage(self, file: _File, text: str | None) -> None:
+    def _note_damage(self, file: McapFile, text: str | None) -> None:
         if text is not None and self.damage is None:
             self.damage = f"{file.path}: {text}; what could be read was used"
 
-    def _stored(self, wanted: set[str] | None) -> Iterator[tuple[_File, Message]]:
+    def _stored(self, wanted: set[str] | None) -> Iterator[tuple[McapFile, Message]]:
         """Messages of all files in log-time order; each file's segments are unpacked when their time has come."""
         segments = sorted(
             (
@@ -221,115 +211,6 @@ class RecordingReader:
                 stream.close()
 
 
-class _File:
-    """One MCAP file: its layout and the channels known so far."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.layout: FileLayout = walk_file(path)
-        self._schemas = dict(self.layout.schemas)
-        self.known: dict[int, tuple[Channel, Schema]] = {}
-        for channel in self.layout.channels.values():
-            self._learn(channel)
-        if not (self.layout.has_summary and self.known):
-            # No summary that repeats the channels: they stand in the chunks.
-            with path.open("rb") as stream:
-                for segment in self.layout.segments:
-                    self.read(stream, segment)
-
-    def read(self, stream: BinaryIO, segment: Segment) -> tuple[list[Message], str | None]:
-        """The messages of one segment, in log-time order, and what is wrong with it or None."""
-        records, damage = read_segment(stream, segment)
-        messages: list[Message] = []
-        for opcode, content in records:
-            try:
-                if opcode == SCHEMA:
-                    schema = parse_schema(content)
-                    self._schemas[schema.id] = schema
-                elif opcode == CHANNEL:
-                    self._learn(parse_channel(content))
-                elif opcode == MESSAGE:
-                    message = parse_message(content)
-                    if message.channel_id in self.known:
-                        messages.append(message)
-                    else:
-                        damage = damage or f"messages of the unknown channel {message.channel_id} were left out"
-            except ValueError as error:
-                damage = damage or f"a chunk at byte {segment.offset}: {error}"
-        return messages, damage
-
-    def _learn(self, channel: Channel) -> None:
-        schema = self._schemas.get(channel.schema_id)
-        if schema is not None:
-            # The first to be read holds, so that a spoilt repetition changes nothing.
-            self.known.setdefault(channel.id, (channel, schema))
-
-
-class _Decoder:
-    """CDR to message objects; types that ROS 2 Jazzy does not have are learnt from the recording."""
-
-    def __init__(self) -> None:
-        self._types: Typestore = jazzy_types()
-        self._checked: set[str] = set()
-
-    def decode(self, channel: Channel, schema: Schema, data: bytes) -> Any:
-        """The message, or None where its bytes are not one."""
-        if channel.message_encoding != "cdr":
-            raise RecordingError(f"{channel.topic}: expected messages in cdr, found {channel.message_encoding!r}")
-        if schema.name not in self._checked:
-            self._learn(schema)
-            self._checked.add(schema.name)
-        try:
-            return self._types.deserialize_cdr(data, schema.name)
-        except Exception:  # whatever the deserialiser stumbles over, the bytes are not such a message
-            return None
-
-    def _learn(self, schema: Schema) -> None:
-        if schema.name in self._types.fielddefs:
-            return
-        try:
-            found = get_types_from_msg(schema.data.decode("utf-8"), schema.name)
-            self._types.register({name: fields for name, fields in found.items() if name not in self._types.fielddefs})
-        except Exception as error:
-            raise RecordingError(f"the definition of {schema.name} cannot be read: {error}") from error
-
-
-def check_tracking_topics(recording: Path, topics: Mapping[str, str], calibrated: bool = False) -> None:
-    """Check that a recording has what tracking needs in both planes: images and calibration.
-
-    Args:
-        recording: its path, for the error.
-        topics: topic → type, as `RecordingReader.topics`.
-        calibrated: the calibration comes from elsewhere.
-
-    Raises:
-        RecordingError: names what is missing, what has another type, and what is there instead.
-    """
-    missing: list[str] = []
-    for plane in PLANES:
-        image, compressed = image_topic(plane), compressed_image_topic(plane)
-        if topics.get(compressed.recorded_name) != compressed.type_name:
-            missing += _missing(topics, image.recorded_name, image.type_name)
-        if not calibrated:
-            info = camera_info_topic(plane)
-            missing += _missing(topics, info.recorded_name, info.type_name)
-    if missing:
-        raise RecordingError(f"{recording} lacks {', '.join(missing)}{_found(topics)}; --remap a:=b renames topics")
-
-
-def _missing(topics: Mapping[str, str], name: str, type_name: str) -> list[str]:
-    found = topics.get(name)
-    if found == type_name:
-        return []
-    return [f"{name} ({type_name})" if found is None else f"{name} as {type_name} (it is {found})"]
-
-
-def _found(topics: Collection[str]) -> str:
-    names = sorted(topics)
-    shown = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
-    return f"; it has {shown}" if names else "; it has no topics"
-
-
 def _offers(profiles: str, policy: str, values: tuple[int, str]) -> bool:
     """Whether the recorded QoS has a policy's value, as a number (rosbag2 before Jazzy) or by name."""
     try:
@@ -340,42 +221,3 @@ def _offers(profiles: str, policy: str, values: tuple[int, str]) -> bool:
 
 def _absolute(topic: str) -> str:
     return topic if topic.startswith("/") else "/" + topic
-
-
-def _recording_files(path: Path) -> list[Path]:
-    if path.is_file():
-        return [path]
-    if not path.is_dir():
-        raise RecordingError(f"{path}: there is no such recording")
-    listed = _listed_files(path)
-    if not listed:
-        listed = sorted(path.glob("*.mcap"), key=_natural_order)
-    if not listed:
-        raise RecordingError(f"{path}: a directory without .mcap files is not a recording")
-    for file in listed:
-        if not file.is_file():
-            raise RecordingError(f"{file} is missing, though metadata.yaml lists it")
-    return listed
-
-
-def _listed_files(directory: Path) -> list[Path]:
-    """What `metadata.yaml` lists; nothing where it is missing or not readable (a recorder that crashed)."""
-    metadata = directory / "metadata.yaml"
-    if not metadata.is_file():
-        return []
-    try:
-        information = read_plain_yaml(metadata)["rosbag2_bagfile_information"]
-        storage, names = information["storage_identifier"], [str(name) for name in information["relative_file_paths"]]
-        mode = str(information.get("compression_mode") or "").upper()
-    except (ConfigurationError, KeyError, TypeError, AttributeError):
-        return []
-    if storage != "mcap":
-        raise RecordingError(f"{directory}: storage {storage!r} is not read; convert it with: ros2 bag convert")
-    if mode not in ("", "NONE"):
-        raise RecordingError(f"{directory}: rosbag2's own {mode} compression is not read; convert it: ros2 bag convert")
-    return [directory / name for name in names]
-
-
-def _natural_order(path: Path) -> list[tuple[int, str]]:
-    """Sorts `bag_10.mcap` behind `bag_9.mcap`."""
-    return [(int(part), "") if part.isdigit() else (0, part) for part in re.split(r"(\d+)", path.name)]
