@@ -1,4 +1,4 @@
-"""A person's clicks on the pictures of a frozen pair, until they are a seed."""
+"""A person's clicks on the pictures of a frozen pair, collected until they make a seed."""
 
 from __future__ import annotations
 
@@ -16,10 +16,7 @@ NOT_FROZEN = "a click was left out: the picture was not frozen (call ~/freeze fi
 
 
 class ClickBoard:
-    """The frozen pair and what was clicked on it.
-
-    Callbacks put clicks on it while a worker draws it, so it has a lock of its own.
-    """
+    """The frozen pair and the clicks on it; callbacks add clicks while a worker draws them, hence the lock."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

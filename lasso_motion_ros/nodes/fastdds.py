@@ -1,8 +1,8 @@
 """A Fast DDS profile whose shared-memory segment holds whole X-ray images.
 
-Fast DDS gives a participant 512 KiB of shared memory; a 1024² mono16 image has 2 MiB, so by default images are sent in
-pieces over a full segment and a best-effort subscriber loses half of them (rmw_fastrtps issue 739). The segment counts
-on the *publisher's* side. `config/fastdds.xml` is the same profile as a file, for publishers that are not ours.
+Fast DDS gives a participant 512 KiB of shared memory. A 1024² mono16 image has 2 MiB, so by default it is sent in
+pieces through a full segment, and a best-effort subscriber loses half of the images (rmw_fastrtps issue 739). The
+*publisher's* segment counts. `config/fastdds.xml` is the same profile as a file, for publishers that are not ours.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ MIB = 1024 * 1024
 PREFERRED_SEGMENT_BYTES = 32 * MIB
 SMALLEST_SEGMENT_BYTES = 8 * MIB
 SHARERS = 4
-"""Processes that must find room beside each other: player, tracker, overlay, and whoever looks on."""
+"""Processes that need room side by side: player, tracker, overlay, and a viewer."""
 
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 PROFILE_IN_CURRENT_DIRECTORY = "DEFAULT_FASTRTPS_PROFILES.xml"

@@ -12,6 +12,7 @@ from msg_adapters.topics import LAST_LATENCY_KEY
 
 PERCENTILES = (50, 95, 99)
 REMEMBERED = 1024
+"""Pairs whose latency counts."""
 LONGEST_AGE_S = 60.0
 """Stamps further from the clock are a recording's, or another clock's, and tell no latency."""
 

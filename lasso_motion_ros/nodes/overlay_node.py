@@ -70,7 +70,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         shown = read_reference_anatomy(self._config)
         self.get_logger().info(shown.description)
         self._surface = shown.surface
-        # Keeps the static place's drawing from image to image; used by the thread that draws alone.
+        # Keeps the drawing of the static surface from image to image; only the drawing thread uses it.
         self._painter = OverlayPainter(shown.drawn, overlay_style(self._config.style))
         self._marker: Any = None
         self._surface_shown = False
@@ -90,7 +90,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             topic_subscription(self, self.messages, topic, callback)
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self._live = LiveParameters(self, self._config, self._on_tuning)
-        # Who looks at the surface later, or sees no images at all, must learn as well that nothing is compensated.
+        # Viewers that come later, or get no images at all, must learn too that nothing is compensated.
         self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)
         self._thread.start()
 
@@ -155,7 +155,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             self.complaints.complain(f"plane_{plane}", complaint)
 
     def _draw_all(self) -> None:
-        os.nice(self._config.niceness)  # on Linux of this thread alone: what comes in is still taken at once
+        os.nice(self._config.niceness)  # on Linux this thread only: messages are still taken at once
         while True:
             with self._changed:
                 while not (ready := self._take_ready()):
@@ -172,8 +172,8 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
     def _take_ready(self) -> list[tuple[Plane, Frame]]:
         """All that can be drawn now, the longest waiting first; nothing once the node ends.
 
-        Both planes at once: where drawing is slower than the images, one taken after the other would be of two pairs,
-        each time, and whoever shows both planes would never have both of one.
+        Both planes at once: where drawing is slower than the images, planes taken one after the other would always be
+        of two pairs, and a viewer of both would never have both of one.
         """
         if self._stopping:
             return []
@@ -223,7 +223,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         if self._marker is None:
             fields = encode_triangles(self._surface.vertices, self._surface.triangles, header, SURFACE_NAMESPACE)
             self._marker = self.messages.make(OVERLAY_SURFACE.type_name, fields)
-        # The corners stay; moving them by the marker's pose spares building tens of thousands of points a pair.
+        # The vertices stay: moving them by the marker's pose saves building tens of thousands of points per pair.
         placed = self.messages.make("visualization_msgs/msg/Marker", {"header": header, "pose": encode_pose(motion)})
         self._marker.header, self._marker.pose = placed.header, placed.pose
         self._surfaces.publish(self._marker)

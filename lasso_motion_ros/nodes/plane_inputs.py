@@ -1,4 +1,4 @@
-"""Both planes' images and calibrations, for the nodes that look on."""
+"""Both planes' images and calibrations, for the nodes that only watch."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ CALIBRATION_DEPTH = 32
 
 
 class PlaneInputs:
-    """The subscriptions, as reliable as what is offered; to be kept for as long as the node listens.
+    """The subscriptions, as reliable as what is offered; keep the object as long as the node listens.
 
     Args:
         node: the node.

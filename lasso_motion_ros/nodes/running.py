@@ -1,4 +1,4 @@
-"""What every node's process does: profile, start, spin, stop cleanly on a signal, stay up on a bad message."""
+"""What every node's process does: start, spin, stop cleanly on a signal, and stay up on a bad message."""
 
 from __future__ import annotations
 
@@ -10,23 +10,39 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from lasso_motion_ros.core.errors import LassoMotionError
 
 NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
-LOG_PERIOD_S = 5.0
-KIND_LENGTH = 40
-ERROR_PAUSE_S = 0.005
-"""After an error of the executor itself: one that comes at once again must not take the whole processor."""
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-SWITCH_INTERVAL_S = 0.001
-"""How long one Python thread may keep another waiting: by default 5 ms, a third of what a pair may take."""
 
 EXIT_DONE = 0
 EXIT_BAD_INPUT = 2
 
 Callback = TypeVar("Callback", bound=Callable[..., Any])
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How a process logs and shares its time.
+
+    Attributes:
+        log_period_s: least time between two complaints of a kind.
+        kind_length: letters of a complaint that tell its kind.
+        error_pause_s: after an error of the executor itself: one that recurs at once must not take the processor.
+        switch_interval_s: how long one Python thread may keep another waiting; Python's 5 ms are a third of what a
+            pair may take.
+    """
+
+    log_period_s: float = 5.0
+    kind_length: int = 40
+    error_pause_s: float = 0.005
+    switch_interval_s: float = 0.001
+
+
+_TUNING = _Tuning()
 
 
 def require_ros() -> None:
@@ -42,7 +58,7 @@ def require_ros() -> None:
 
 
 class ThrottledLog:
-    """Logs a complaint at most once in a few seconds for each subject; how many were held back is said next time.
+    """Logs at most one complaint of a kind in a few seconds, and says with the next how many were held back.
 
     Args:
         logger: the node's logger.
@@ -53,7 +69,7 @@ class ThrottledLog:
         self._last: dict[str, float] = {}
         self._held_back: Counter[str] = Counter()
 
-    def complain(self, subject: str, text: str, *, kind: str = "", period_s: float = LOG_PERIOD_S) -> None:
+    def complain(self, subject: str, text: str, *, kind: str = "", period_s: float = _TUNING.log_period_s) -> None:
         """Complain about a subject (a topic, a kind of error); the subjects must be few.
 
         Args:
@@ -80,8 +96,8 @@ class ThrottledLog:
 
 
 def kind_of(text: str) -> str:
-    """What tells one complaint from another, though the numbers in it change: its first letters."""
-    return "".join(letter for letter in text if not letter.isdigit())[:KIND_LENGTH]
+    """What tells one complaint from another although its numbers change: its first letters."""
+    return "".join(letter for letter in text if not letter.isdigit())[: _TUNING.kind_length]
 
 
 class RunnableNode(Protocol):
@@ -90,7 +106,7 @@ class RunnableNode(Protocol):
     complaints: ThrottledLog
 
     def start(self) -> None:
-        """Begin to work; called before the first callback."""
+        """Begin work; called before the first callback."""
 
     def close(self) -> None:
         """End threads and say goodbye on the topics, while the node can still publish."""
@@ -117,11 +133,10 @@ def guarded(method: Callback) -> Callback:
 
 
 def bound_threads() -> None:
-    """One thread for OpenCV and for linear algebra: images this small gain nothing by more, and latency suffers.
+    """Give OpenCV and linear algebra one thread each, and keep freed memory from pair to pair.
 
-    Their memory is kept from pair to pair, too.
-
-    To be called before NumPy is imported; what the user has set stays in force.
+    Images this small gain nothing from more threads, and latency suffers. To be called before NumPy is imported; what
+    the user has set stays in force.
     """
     for name in THREAD_VARIABLES:
         os.environ.setdefault(name, "1")
@@ -131,14 +146,14 @@ def bound_threads() -> None:
 
     cv2.setNumThreads(1)
     keep_freed_memory()
-    sys.setswitchinterval(SWITCH_INTERVAL_S)
+    sys.setswitchinterval(_TUNING.switch_interval_s)
 
 
 def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
-    The executor has a thread of its own, so that the main thread can take the signal at once and the node can still
-    publish its last state: rclpy's own handlers would have shut the context down by then.
+    The executor has a thread of its own: the main thread takes the signal at once, and the node can still publish its
+    last state. rclpy's own handlers would have shut the context down by then.
 
     Args:
         make_node: makes the node, once rclpy is up.
@@ -205,4 +220,4 @@ def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
             stopped.set()
         except Exception as error:
             node.complaints.error(error)
-            stopped.wait(ERROR_PAUSE_S)
+            stopped.wait(_TUNING.error_pause_s)

@@ -17,8 +17,8 @@ DISCOVERY_PERIOD_S = 0.1
 class OfferedSubscription:
     """Subscribes as reliably as the publishers of the topic offer, once one is discovered.
 
-    A fixed choice would be wrong for somebody: a reliable subscription never matches a best-effort publisher, a
-    best-effort one loses images of a reliable publisher. Should other publishers come later, it subscribes anew.
+    No fixed choice fits everybody: a reliable subscription never matches a best-effort publisher, and a best-effort one
+    loses images of a reliable publisher. It subscribes anew when other publishers appear.
 
     Args:
         node: the node.
@@ -92,7 +92,7 @@ class CalibrationSubscription:
     """Hears a calibration that comes with every frame as well as one that is latched.
 
     A volatile subscription misses what was latched before it existed, and a latched one never matches a volatile
-    publisher: so there are two. What both hear is heard twice, which does no harm to a calibration.
+    publisher, so there are two. What both hear arrives twice, which does a calibration no harm.
 
     Args:
         node: the node.
@@ -109,7 +109,7 @@ class CalibrationSubscription:
         self._per_frame = OfferedSubscription(
             node, message_type, topic, lambda message: callback(message, False), reliability="auto", depth=depth
         )
-        # That it does not match a volatile publisher is as meant: no warning about it.
+        # It is meant not to match a volatile publisher: no warning about that.
         self._latched = node.create_subscription(
             message_type,
             topic,

@@ -6,6 +6,7 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -35,10 +36,23 @@ from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, seed_topic
 
-WAITING_PAIRS = 12
-"""Pairs that may wait for the tracker. Ten come at once where calibrations were sent again."""
-DIAGNOSTICS_PERIOD_S = 1.0
-STREAM_COMPLAINT_PERIOD_S = 30.0
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How the node keeps up, and how often it speaks.
+
+    Attributes:
+        waiting_pairs: pairs that may wait for the tracker. Ten come at once where calibrations were sent again.
+        diagnostics_s: between two messages on /diagnostics.
+        stream_complaint_s: between two complaints about a stream as a whole.
+    """
+
+    waiting_pairs: int = 12
+    diagnostics_s: float = 1.0
+    stream_complaint_s: float = 30.0
+
+
+_TUNING = _Tuning()
 
 
 class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[misc]
@@ -54,7 +68,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._pipeline: TrackingPipeline | None = None
         self._worker: Worker[PairTask] | None = None
         self._inputs: TrackerInputs | None = None
-        # Answers are published in the order in which they came about: nothing of before a reset comes after it.
+        # Answers are published in the order in which they came about: nothing from before a reset comes after it.
         self._answering = threading.Lock()
         self._frame_ids: dict[Plane, str] = {}
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
@@ -65,7 +79,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         )
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
-        self.create_timer(DIAGNOSTICS_PERIOD_S, self._on_timer)
+        self.create_timer(_TUNING.diagnostics_s, self._on_timer)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so.
@@ -94,7 +108,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         return self._transition(self._activate)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop listening and working; the model is kept, and is LOST until a pair comes after the next activation."""
+        """Stop listening and working; the model is kept, and is LOST until the first pair after the next activation."""
         return self._transition(self._deactivate)
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -134,8 +148,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             raise TrackingError("the node must be configured before it is activated")
         self._worker = Worker(
             self._track,
-            capacity=WAITING_PAIRS,
-            # A model is built, all pairs since the clicked one are gone through, and new ones come meanwhile.
+            capacity=_TUNING.waiting_pairs,
+            # While a model is built and the pairs since the clicked one are answered again, new ones arrive.
             burst_capacity=config.seed_buffer_pairs,
             takes_long=lambda task: task.seed is not None,
             on_error=self.complaints.error,
@@ -241,7 +255,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._show()
 
     def _show(self) -> None:
-        """Have the newest pair drawn, or the one that is frozen, while somebody looks."""
+        """Have the newest pair drawn, or the frozen one, while somebody watches."""
         pipeline = self._pipeline
         if pipeline is None or not self._tracker_publishers.watched:
             return
@@ -259,8 +273,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         )
 
     def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
-        """Have the newest images drawn as they are: whoever sets the system up sees that they come."""
-        with contextlib.suppress(MessageError):  # it is complained about where it was to be used
+        """Have the newest images drawn as they are, so that whoever sets the system up sees that they arrive."""
+        with contextlib.suppress(MessageError):  # the intake has complained about it
             stamp = stamp_to_ns(message.header.stamp)
             self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message))
             statistics = self._active().statistics()
@@ -276,7 +290,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _on_timer(self) -> None:
         self._publish_diagnostics()
         if self._tracker_services.board.pair is not None:
-            self._show()  # for who comes to look later
+            self._show()  # for viewers that come later
         if self._pipeline is None or self._inputs is None:
             return
         statistics = self._pipeline.statistics()
@@ -284,7 +298,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             time.monotonic(), self._inputs.offers(), statistics.calibrated, statistics.pairing["a"].paired
         )
         for subject, text in complaints:
-            self.complaints.complain(subject, text, kind=kind_of(text), period_s=STREAM_COMPLAINT_PERIOD_S)
+            self.complaints.complain(subject, text, kind=kind_of(text), period_s=_TUNING.stream_complaint_s)
 
     @guarded
     def _publish_diagnostics(self) -> None:

@@ -1,4 +1,4 @@
-"""What the tracker node publishes: its answers in their order, its state, its pictures, its diagnostics."""
+"""What the tracker node publishes: answers in order, state, pictures, diagnostics."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class TrackerPublishers:
             topic.name: topic_publisher(node, messages, topic)
             for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
         }
-        # One picture may wait: who looks on wants the newest, and the tracker must not wait for the drawing.
+        # One picture may wait: a viewer wants the newest, and the tracker must not wait for the drawing.
         self._pictures: Worker[TrackingPicture] = Worker(
             self._draw, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="pictures"
         )
@@ -102,14 +102,14 @@ class TrackerPublishers:
 
     @property
     def watched(self) -> bool:
-        """Whether somebody looks at a picture."""
+        """Whether anybody subscribes to a picture."""
         return any(self._publishers[tracking_topic(plane).name].get_subscription_count() > 0 for plane in PLANES)
 
     def show(self, picture: TrackingPicture) -> None:
         """Have pictures drawn and published; does not wait for the drawing.
 
-        Once this has returned for a pair that is held, no picture of another is published: whoever has a pair frozen
-        takes the next picture for that of the frozen one.
+        Once this has returned for a held pair, no picture of another pair is published: whoever freezes a pair takes
+        the next picture for the frozen one's.
         """
         with self._showing:
             self._held = picture.held

@@ -45,7 +45,7 @@ class TrackerServices:
         node.create_service(Trigger, "~/reset", self._on_reset)
         node.create_service(Trigger, "~/set_reference", self._on_set_reference)
         node.create_service(SetBool, "~/freeze", self._on_freeze)
-        # It is answered when the model stands, and must not keep images from being received until then.
+        # It is answered once the model stands, and must not block incoming images until then.
         node.create_service(Trigger, "~/initialize", self._on_initialize, callback_group=ReentrantCallbackGroup())
 
     def seeded(self, task: PairTask, refusal: str) -> None:
@@ -61,7 +61,7 @@ class TrackerServices:
         self._finish(awaited[1], refusal)
 
     def give_up(self, reason: str) -> None:
-        """Answer whoever waits; show the stream again."""
+        """Answer whoever waits for a model, and show the stream again."""
         self.board.freeze(None)
         self._disappoint(reason)
 

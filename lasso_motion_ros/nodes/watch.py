@@ -1,4 +1,4 @@
-"""What is wrong with the streams themselves: told by counts, stamps and what publishers offer."""
+"""What is wrong with the streams themselves, judged by counts, stamps and what publishers offer."""
 
 from __future__ import annotations
 
@@ -12,25 +12,42 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.messages import NANOSECONDS
 from msg_adapters.topics import camera_info_topic, image_topic
 
-SILENCE_S = 2.0
-"""So long may a topic have no publisher, or images no calibration, before it is said."""
-REMEMBERED = 60
-ENOUGH = 20
-LAGS = 15
-MISSING_SHARE = 0.1
-LARGEST_OFFSET_S = 0.2
 PROFILE_CURE = (
     "start the publisher with FASTRTPS_DEFAULT_PROFILES_FILE=$(ros2 pkg prefix --share lasso_motion_ros)"
     "/config/fastdds.xml, or let it publish reliably"
 )
 
 
+@dataclass(frozen=True)
+class _Limits:
+    """When a stream is complained about.
+
+    Attributes:
+        silence_s: so long may a topic have no publisher, or images no calibration.
+        images: stamps remembered, to count gaps between them.
+        enough_intervals: intervals that are needed to tell the frame period.
+        lags: images whose stamp is compared with their receipt.
+        missing_share: of the images; where more get lost, that is said.
+        offset_s: between the planes' clocks; with more, images no longer pair.
+    """
+
+    silence_s: float = 2.0
+    images: int = 60
+    enough_intervals: int = 20
+    lags: int = 15
+    missing_share: float = 0.1
+    offset_s: float = 0.2
+
+
+_LIMITS = _Limits()
+
+
 @dataclass
 class _Arrivals:
     """Stamps and times of receipt (both ns) of one plane's last images."""
 
-    stamps: deque[int] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    lags: deque[int] = field(default_factory=lambda: deque(maxlen=LAGS))
+    stamps: deque[int] = field(default_factory=lambda: deque(maxlen=_LIMITS.images))
+    lags: deque[int] = field(default_factory=lambda: deque(maxlen=_LIMITS.lags))
     count: int = 0
     count_before: int = 0
     last_s: float | None = None
@@ -55,7 +72,7 @@ class Offer:
 
 
 class StreamWatch:
-    """Looks for a topic that nobody publishes, images without calibration, images that get lost, clocks that disagree.
+    """Notices topics that nobody publishes, images without calibration, lost images, and clocks that disagree.
 
     Args:
         now_s: steady clock, seconds, at the start.
@@ -67,12 +84,12 @@ class StreamWatch:
         self._whole_pairs = 0
 
     def add_image(self, plane: Plane, stamp_ns: int, now_ns: int) -> None:
-        """Take note of an image.
+        """Note an image.
 
         Args:
             plane: its plane.
             stamp_ns: its stamp.
-            now_ns: when it came, steady clock.
+            now_ns: when it arrived, steady clock.
         """
         arrivals = self._arrivals[plane]
         if arrivals.stamps and stamp_ns < arrivals.stamps[-1] - NANOSECONDS:
@@ -84,24 +101,24 @@ class StreamWatch:
         arrivals.last_s = now_ns / NANOSECONDS
 
     def silence_s(self, plane: Plane, now_s: float) -> float:
-        """For how long images that came before have stopped coming; 0 while they come, or have never come."""
+        """How long ago images stopped coming, seconds; 0 while they come, or if none has ever come."""
         last_s = self._arrivals[plane].last_s
-        return now_s - last_s if last_s is not None and now_s - last_s >= SILENCE_S else 0.0
+        return now_s - last_s if last_s is not None and now_s - last_s >= _LIMITS.silence_s else 0.0
 
     def clock_offset_s(self) -> float | None:
-        """By how much B's stamps are ahead of A's, images that come together compared; None while it is not known."""
+        """How far B's stamps are ahead of A's in images that arrive together, seconds; None while unknown."""
         lags = {plane: arrivals.lags for plane, arrivals in self._arrivals.items()}
         if any(len(of_plane) < 2 for of_plane in lags.values()):
             return None
         return (statistics.median(lags["b"]) - statistics.median(lags["a"])) / NANOSECONDS
 
     def missing(self, plane: Plane) -> tuple[int, int]:
-        """How many of the last images did not come, and of how many, judged by gaps between the stamps."""
+        """How many of the last images are missing, and of how many, judged by the gaps between the stamps."""
         stamps = sorted(set(self._arrivals[plane].stamps))
         intervals = [after - before for before, after in itertools.pairwise(stamps)]
-        if len(intervals) < ENOUGH:
+        if len(intervals) < _LIMITS.enough_intervals:
             return 0, len(stamps)
-        period = sorted(intervals)[len(intervals) // 5]  # where many are lost, the shorter intervals are the true ones
+        period = sorted(intervals)[len(intervals) // 5]  # where many are lost, the short intervals are the true ones
         expected = sum(max(1, round(interval / period)) for interval in intervals) + 1
         return expected - len(stamps), expected
 
@@ -119,7 +136,7 @@ class StreamWatch:
         for plane, offer in offers.items():
             images, infos = image_topic(plane).name, camera_info_topic(plane).name
             arrivals = self._arrivals[plane]
-            if now_s - self._began_s >= SILENCE_S:
+            if now_s - self._began_s >= _LIMITS.silence_s:
                 if not offer.image_publishers:
                     yield images, "nobody publishes it"
                 if offer.calibration_publishers == 0 and plane not in calibrated:
@@ -133,12 +150,12 @@ class StreamWatch:
                         " set image_reliability to auto"
                     ),
                 )
-            # A publisher that was killed stays known for 20 s: its silence tells earlier.
+            # A publisher that was killed stays known for 20 s; its silence shows earlier.
             if silence_s := self.silence_s(plane, now_s):
                 yield images, f"no image for {silence_s:.0f} s"
             yield from self._uncalibrated(plane, arrivals, plane in calibrated, now_s)
             missing, expected = self.missing(plane)
-            if missing > MISSING_SHARE * expected and offer.best_effort:
+            if missing > _LIMITS.missing_share * expected and offer.best_effort:
                 yield (
                     images,
                     (
@@ -152,7 +169,7 @@ class StreamWatch:
         come = [arrivals.count - arrivals.count_before for arrivals in self._arrivals.values()]
         for arrivals in self._arrivals.values():
             arrivals.count_before = arrivals.count
-        if offset_s is not None and abs(offset_s) > LARGEST_OFFSET_S and stalled and min(come) > 0:
+        if offset_s is not None and abs(offset_s) > _LIMITS.offset_s and stalled and min(come) > 0:
             yield (
                 "sync",
                 (
@@ -169,6 +186,6 @@ class StreamWatch:
             return
         if arrivals.uncalibrated_since_s is None:
             arrivals.uncalibrated_since_s = now_s
-        elif now_s - arrivals.uncalibrated_since_s >= SILENCE_S:
+        elif now_s - arrivals.uncalibrated_since_s >= _LIMITS.silence_s:
             since = now_s - arrivals.uncalibrated_since_s
             yield camera_info_topic(plane).name, f"images have come for {since:.0f} s without a valid calibration"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -42,16 +43,32 @@ from msg_adapters.topics import (
     tracking_topic,
 )
 
-GRAPH_PERIOD_S = 0.25
-SERVICE_WAIT_S = 3.0
-HOLD_WAIT_S = 1.5
-KEPT_AFTER_SEED_S = 3.0
-"""How long the tracker goes on holding the clicked pair: clicks and services travel on different ways."""
-PAIRS_BEFORE_CLICKS = 3
-"""By the third pair of a new run the tracker knows of that run as well; clicks that come sooner would be taken for
-clicks on the last one."""
 DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
+
+
+@dataclass(frozen=True)
+class _Waits:
+    """How long the page waits for the rest of the graph.
+
+    Attributes:
+        graph_s: between two looks at which nodes there are.
+        service_s: for a service's answer.
+        hold_s: for the tracker's picture of the pair that it holds.
+        held_after_seed_s: how long the tracker goes on holding the clicked pair; clicks travel on topics, and may come
+            after the service call that lets the pair go.
+        pairs_before_clicks: of a new run, before clicks are given again: by then the tracker knows of that run too, and
+            does not take them for clicks on the last one.
+    """
+
+    graph_s: float = 0.25
+    service_s: float = 3.0
+    hold_s: float = 1.5
+    held_after_seed_s: float = 3.0
+    pairs_before_clicks: int = 3
+
+
+_WAITS = _Waits()
 
 
 class WebNode(ConfiguredNode[WebConfig]):
@@ -96,7 +113,7 @@ class WebNode(ConfiguredNode[WebConfig]):
             DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
         )
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
-        self.create_timer(GRAPH_PERIOD_S, self._on_timer)
+        self.create_timer(_WAITS.graph_s, self._on_timer)
         self._server.start()
         self.get_logger().info(f"the page is at {self._server.url}")
         if not self._server.is_local:
@@ -135,7 +152,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._changed = on_change
 
     def audience(self, views: frozenset[PageView]) -> None:
-        """See `Source.audience`; whoever leaves must not leave the picture standing still."""
+        """See `Source.audience`; a viewer who leaves must not leave the picture frozen."""
         self._wanted = views
         if not views and self._view.held is not None:
             self._view.release()
@@ -183,7 +200,7 @@ class WebNode(ConfiguredNode[WebConfig]):
                 frozen.set()
                 pairs = list(dict.fromkeys([*before, *self._view.whole_pairs()]))
                 if answer.success:
-                    complete.wait(HOLD_WAIT_S)
+                    complete.wait(_WAITS.hold_s)
                 self._view.hold(pairs, stamps if complete.is_set() else None)
             finally:
                 for one in listening:
@@ -204,7 +221,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._publish_clicks()
         self._waits_for_answer, self._again, self._taken = True, False, False
         self._view.release()
-        self._unfreeze_at = time.monotonic() + KEPT_AFTER_SEED_S
+        self._unfreeze_at = time.monotonic() + _WAITS.held_after_seed_s
         return "The clicks are on their way to the tracker."
 
     def _publish_clicks(self) -> None:
@@ -236,9 +253,9 @@ class WebNode(ConfiguredNode[WebConfig]):
         answered = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(SERVICE_WAIT_S):
+        if not answered.wait(_WAITS.service_s):
             client.remove_pending_request(future)
-            raise TrackingError(f"{what}: {client.srv_name} has not answered within {SERVICE_WAIT_S:g} s")
+            raise TrackingError(f"{what}: {client.srv_name} has not answered within {_WAITS.service_s:g} s")
         return future.result()
 
     # What comes in.
@@ -248,10 +265,10 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._complain(plane, self._view.add_image(plane, message))
         if self._view.new_runs != self._runs:
             self._runs = self._view.new_runs
-            # A recording that is played over and over: clicks on one of its pairs hold for every round.
+            # A recording played in a loop: clicks on one of its pairs hold for every round.
             self._again = bool(self._sent)
         waiting = self._view.state == TrackerState.WAITING_FOR_SEED.value
-        if self._again and waiting and self._view.pairs_of_run >= PAIRS_BEFORE_CLICKS:
+        if self._again and waiting and self._view.pairs_of_run >= _WAITS.pairs_before_clicks:
             self._again, self._waits_for_answer = False, True
             self._publish_clicks()
         self._changed()

@@ -1,4 +1,4 @@
-"""One thread that works through items, and would rather lose old ones than fall behind."""
+"""One thread that works through items, and drops old ones rather than fall behind."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ Item = TypeVar("Item")
 class Worker(Generic[Item]):
     """A worker thread behind a bounded queue; the newest wins.
 
-    When the queue is full, all that waits is dropped but for what comes in: under lasting overload waiting items are
-    stale, and their age must not grow. Some items may take long, once; until such a one is done and the queue is
-    empty again, it may grow to the larger bound.
+    When the queue is full, everything that waits is dropped in favour of what comes in: under lasting overload waiting
+    items are stale, and their age must not grow. A single item may take long; until it is done and the queue is empty
+    again, the queue may grow to the larger bound.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
         capacity: items that may wait.
         burst_capacity: items that may wait after one that takes long.
-        takes_long: tells such an item.
+        takes_long: whether an item is of that kind.
         on_error: called in the worker's thread with what `work` raised.
         name: of the thread.
     """
@@ -65,12 +65,12 @@ class Worker(Generic[Item]):
             self._changed.notify()
 
     def clear(self) -> None:
-        """Forget what waits; it does not count as dropped."""
+        """Forget what waits, without counting it as dropped."""
         with self._changed:
             self._waiting.clear()
 
     def stop(self) -> None:
-        """Let the item in work end, forget those that wait, and end the thread."""
+        """Finish the item being worked on, forget those that wait, and end the thread."""
         with self._changed:
             self._stopping = True
             self._waiting.clear()

@@ -1,4 +1,4 @@
-"""Which motion belongs to which image: what the overlay draws an image with, or that it must say it has none."""
+"""Which motion belongs to which image, and what the overlay says where there is none."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ class MotionHistory:
         self._intervals = FrameIntervals()
 
     def add_state(self, state: str) -> None:
-        """Take a `state`. One without a pose ends the validity of every motion before it."""
+        """Take a `state`. One without a pose invalidates every motion before it."""
         self._state = state
         if not self.has_pose:
             self._forget()
@@ -66,11 +66,11 @@ class MotionHistory:
         self._motions.append((stamp_ns, motion))
 
     def add_loop(self, stamp_ns: int, loop: Array) -> None:
-        """Take a `catheter`, (N, 3) world metres. Once one came, an image waits for its motion's loop too."""
+        """Take a `catheter`, (N, 3) world metres. After the first one an image also waits for its motion's loop."""
         self._loops.append((stamp_ns, loop))
 
     def add_image(self, plane: Plane, stamp_ns: int) -> None:
-        """Take note of an image's stamp: plane A's frame period is learnt from them."""
+        """Note an image's stamp: plane A's frame period is learnt from them."""
         if plane == "a":
             self._intervals.add(stamp_ns)
 

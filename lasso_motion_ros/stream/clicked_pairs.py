@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.stream.pair_task import PairTask
 
-# Stamps written as decimal seconds come back a fraction of a microsecond off.
+# Stamps written as decimal seconds return a fraction of a microsecond off.
 _SAME_STAMP_NS = 1_000_000
 _NEXT = 0
 
@@ -47,23 +47,23 @@ class ClickedPairs:
         return complaints
 
     def clear(self) -> None:
-        """Forget pairs and clicks; what is held stays, since somebody looks at it."""
+        """Forget pairs and clicks; a held pair stays, since somebody is looking at it."""
         self._pairs.clear()
         self._clicks.clear()
 
     def hold(self) -> FramePair | None:
-        """Keep the last pair with both planes for clicks, however many come after it; None where there is none."""
+        """Keep the last pair with both planes for clicks, however many pairs follow; None where there is none."""
         whole = [pair for pair in self._pairs if pair.is_whole]
         if whole:
             self._held = whole[-1]
         return self._held
 
     def release(self) -> None:
-        """Hold no pair any more."""
+        """Stop holding the pair."""
         self._held = None
 
     def seed_held(self, seed: Seed) -> PairTask | None:
-        """The held pair with clicks on it, and those that came after it, to be gone through again."""
+        """The task of the held pair, with clicks on it and the pairs after it; None where no pair is held."""
         if self._held is None:
             return None
         _, *later = (pair for pair in self._known() if pair.stamp_ns >= self._held.stamp_ns)
@@ -88,8 +88,8 @@ class ClickedPairs:
             hold: the stamps may be about to start anew; the clicks wait for the next pair before they are judged.
 
         Returns:
-            Where both planes' clicks are on a remembered pair: that pair with its seed and those after it, to be
-            gone through again. Else None.
+            Where both planes' clicks are on a remembered pair: the task of that pair with its seed, and the pairs after
+            it, to be answered again. Else None.
         """
         self._clicks[plane] = _Clicks(stamp_ns, points, hold)
         index = None if hold else self._clicked_index()

@@ -1,6 +1,12 @@
-"""A ring drawn on noise, far cheaper than the simulator: to warm a tracker up, and to measure speed and endurance."""
+"""A ring drawn on noise: to warm a tracker up, and to measure speed and endurance.
+
+It is far cheaper than the simulator and needs nothing but geometry. It stands in this room, the lowest that draws it,
+since the node warms up with it and is not to carry the simulator.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -15,11 +21,33 @@ Array = npt.NDArray[np.float64]
 
 GANTRY_DEG: dict[Plane, float] = {"a": -30.0, "b": 60.0}
 DETECTOR_M = 0.2048
-RADIUS_M = 0.01
-ELECTRODES = 10
-BACKGROUND, WIRE, ELECTRODE = 180, 110, 70
-NOISE = 60.0  # of 4096
-SUBPIXEL_BITS = 4
+"""Side of the square field on the detector."""
+
+
+@dataclass(frozen=True)
+class _Drawing:
+    """What the ring looks like.
+
+    Attributes:
+        radius_m: of the ring, metres.
+        electrodes: how many there are on it.
+        background: grey value, of 256.
+        wire: grey value of the ring, of 256.
+        electrode: grey value of an electrode, of 256.
+        noise: standard deviation, of 4096.
+        subpixel_bits: OpenCV draws at 2⁻ᵇⁱᵗˢ pixels.
+    """
+
+    radius_m: float = 0.01
+    electrodes: int = 10
+    background: int = 180
+    wire: int = 110
+    electrode: int = 70
+    noise: float = 60.0
+    subpixel_bits: int = 4
+
+
+_DRAWING = _Drawing()
 
 
 def ring_projection(plane: Plane, side: int) -> Projection:
@@ -38,7 +66,7 @@ def ring_projection(plane: Plane, side: int) -> Projection:
 def ring_points() -> Array:
     """(181, 3) world metres: a circle about the origin that neither plane sees edge-on."""
     angles = np.linspace(0.0, 2.0 * np.pi, 181)
-    flat = RADIUS_M * np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
+    flat = _DRAWING.radius_m * np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)])
     return apply(rigid((0.9, 0.3, 0.2), (0.0, 0.0, 0.0)), flat)
 
 
@@ -60,13 +88,14 @@ def ring_image(
     """
     projection = ring_projection(plane, side) if projection is None else projection
     curve = projection.project(ring_points() + 1e-3 * np.asarray(displacement_mm))
-    picture = np.full((side, side), BACKGROUND, np.uint8)
-    fixed = np.rint(curve * (1 << SUBPIXEL_BITS)).astype(np.int32)
+    picture = np.full((side, side), _DRAWING.background, np.uint8)
+    bits = _DRAWING.subpixel_bits
+    fixed = np.rint(curve * (1 << bits)).astype(np.int32)
     width = max(1, round(side / 256))
-    cv2.polylines(picture, [fixed], True, WIRE, width, cv2.LINE_AA, SUBPIXEL_BITS)
-    for x, y in fixed[:: len(fixed) // ELECTRODES]:
-        cv2.circle(picture, (int(x), int(y)), width << SUBPIXEL_BITS, ELECTRODE, -1, cv2.LINE_AA, SUBPIXEL_BITS)
-    noise = generator.standard_normal((side, side), dtype=np.float32) * np.float32(NOISE)
+    cv2.polylines(picture, [fixed], True, _DRAWING.wire, width, cv2.LINE_AA, bits)
+    for x, y in fixed[:: len(fixed) // _DRAWING.electrodes]:
+        cv2.circle(picture, (int(x), int(y)), width << bits, _DRAWING.electrode, -1, cv2.LINE_AA, bits)
+    noise = generator.standard_normal((side, side), dtype=np.float32) * np.float32(_DRAWING.noise)
     return np.clip(16.0 * picture + noise, 0.0, 4095.0).astype(np.uint16)
 
 

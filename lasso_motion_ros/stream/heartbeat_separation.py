@@ -1,8 +1,8 @@
 """From the tracked motion to the published one: gated, filtered, or as it is.
 
-Gated, a pair outside the window gets no `motion`: whoever applies the last one sees by its stamp how old it is.
-Given again with the new pair's stamp it would say that the atrium is where it was up to a beat ago, which in deep
-breathing is 20 mm off, and no consumer could tell.
+Gated, a pair outside the window gets no `motion`; whoever applies the last one sees its age by its stamp. Repeated
+under the new pair's stamp, it would claim that the atrium is where it was up to a beat ago, which in deep breathing is
+20 mm off, and no consumer could tell.
 """
 
 from __future__ import annotations
@@ -76,14 +76,14 @@ class HeartbeatSeparation:
         self.reset()
 
     def reset(self) -> None:
-        """The model was forgotten: there is no reference any more."""
+        """Forget the reference, with the model."""
         self._reference_ns = None
         self._poses = self._in_window = 0
         self._status = None if self._config.mode == "none" else HeartbeatStatus(True, "no pose yet")
 
     @property
     def status(self) -> HeartbeatStatus | None:
-        """How it goes; None where the mode is `none`."""
+        """How well it works; None where the mode is `none`."""
         return self._status
 
     def publish(self, result: TrackResult, *, is_new: bool) -> PublishedMotion | None:

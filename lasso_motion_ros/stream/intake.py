@@ -1,4 +1,4 @@
-"""What comes in: messages are made into pairs, clicks find the pair that was clicked."""
+"""What comes in: messages become pairs, and clicks find the pair that was clicked."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class MessageIntake:
         return pair
 
     def release(self) -> None:
-        """Hold no pair any more."""
+        """Stop holding the pair."""
         with self._lock:
             self._clicked.release()
 

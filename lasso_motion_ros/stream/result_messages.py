@@ -16,7 +16,7 @@ _CATHETER_NAMESPACE = "catheter"
 
 
 class ResultMessages:
-    """Makes what is published, and remembers what consumers were told last: the reference, and whether a loop is shown.
+    """Makes the published messages, and remembers what consumers know: the reference, and whether a loop is shown.
 
     Args:
         messages: makes the messages.
@@ -61,13 +61,13 @@ class ResultMessages:
         if result.loop is not None:
             outputs.append(self._output(CATHETER, encode_line_strip(result.loop, header, _CATHETER_NAMESPACE), stamp))
         else:
-            # Again for every such pair: it is the only message with a stamp that a pair without a pose has.
+            # Sent for every such pair: it is the only stamped message of a pair without a pose.
             outputs.append(self._delete_output(stamp))
         self._shown = result.loop is not None
         return outputs
 
     def take_catheter_away(self, stamp_ns: int) -> list[Output]:
-        """What takes the loop away, where one is shown."""
+        """The message that removes the loop, if one is shown."""
         if not self._shown:
             return []
         self._shown = False

@@ -1,8 +1,9 @@
-"""A dry run before the first pair: what libraries and caches cost at their first use is paid before anybody waits."""
+"""A dry run before the first pair: what libraries and caches cost at first use is paid before anybody waits."""
 
 from __future__ import annotations
 
 import gc
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,17 +18,32 @@ from msg_adapters.messages import MessageFactory, header_fields
 from msg_adapters.seeds import encode_polygon
 from msg_adapters.topics import IMAGE_TYPE, camera_info_topic, seed_topic
 
-SIDE_PX = 1024
-PAIRS = 4
-PERIOD_NS = 66_666_667
-START_NS = 1_000_000_000
+
+@dataclass(frozen=True)
+class _DryRun:
+    """The stream of the dry run.
+
+    Attributes:
+        side_px: of the images: as large as a detector's, so that buffers have their final size.
+        pairs: the seed pair, and enough after it to go through every stage.
+        period_ns: between pairs, 15 pairs/s.
+        start_ns: stamp of the first pair.
+    """
+
+    side_px: int = 1024
+    pairs: int = 4
+    period_ns: int = 66_666_667
+    start_ns: int = 1_000_000_000
+
+
+DRY_RUN = _DryRun()
 
 
 def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
-    """Track a drawn ring through a pipeline of its own, from messages to messages; nothing of it remains.
+    """Track a drawn ring through a pipeline of its own, from messages to messages, and discard it.
 
-    All that stands by then is taken out of the garbage collector's sight: it will not go through it again while
-    pairs wait.
+    Afterwards the garbage collector ignores all objects that exist by then, so that it does not scan them while pairs
+    wait.
 
     Args:
         config: the parameters that will be tracked with.
@@ -38,20 +54,20 @@ def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
     """
     pipeline = TrackingPipeline(config, messages)
     generator = np.random.default_rng(0)
-    seed = ring_seed(SIDE_PX)
+    seed = ring_seed(DRY_RUN.side_px)
     outputs: list[Output] = []
-    for number in range(PAIRS):
-        header = header_fields(START_NS + number * PERIOD_NS)
+    for number in range(DRY_RUN.pairs):
+        header = header_fields(DRY_RUN.start_ns + number * DRY_RUN.period_ns)
         tasks = []
         for plane in PLANES:
-            info = encode_camera_info(ring_projection(plane, SIDE_PX), header)
-            pixels = ring_image(plane, SIDE_PX, breath_mm(number * PERIOD_NS * 1e-9), generator)
+            info = encode_camera_info(ring_projection(plane, DRY_RUN.side_px), header)
+            pixels = ring_image(plane, DRY_RUN.side_px, breath_mm(number * DRY_RUN.period_ns * 1e-9), generator)
             tasks += pipeline.intake.add_camera_info(plane, messages.make(camera_info_topic(plane).type_name, info))
             tasks += pipeline.intake.add_image(plane, messages.make(IMAGE_TYPE, encode_image(pixels, header)))
             if number == 0:
                 clicks = encode_polygon(seed.points(plane), header)
                 tasks += pipeline.intake.add_seed(plane, messages.make(seed_topic(plane).type_name, clicks))
-        if number == PAIRS - 1:
+        if number == DRY_RUN.pairs - 1:
             tasks += pipeline.intake.flush()
         for task in tasks:
             outputs += pipeline.session.process(task)

@@ -168,7 +168,7 @@ class CalibratedFrames:
         if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS:
             self._leave_behind()
             if self._recent_images[-1] - NANOSECONDS < self._newest_ns:
-                # Back to an earlier time: calibrations of the later one say nothing about what is still to come.
+                # Back to an earlier time: the later calibrations say nothing about what is still to come.
                 self._own.clear()
                 self._newest_ns = 0
         self._recent_images.append(stamp)
@@ -270,13 +270,13 @@ class CalibratedFrames:
             self._complete.append(oldest.frame)
 
     def _shows_per_frame(self, stamp: int) -> bool | None:
-        """Whether a stamp that image and calibration share shows that each image has one: of a latched one, two do."""
+        """Whether an image and a calibration with one stamp mean that each image has its own; where latched, two do."""
         if len(self._matched) < 2:
             self._matched.add(stamp)
         return True if not self._latched or len(self._matched) > 1 else None
 
     def _leave_behind(self) -> None:
-        """Settle the images before a step back in time: what comes now says nothing about them."""
+        """Settle the images from before a step back in time: what follows says nothing about them."""
         while self._waiting:
             stamp = self._waiting[0].stamp_ns
             self._settle_oldest(self._own.get(stamp, None if self._per_frame else self._latest))
@@ -299,15 +299,15 @@ class CalibratedFrames:
         return self._per_frame and self._newest_ns < stamp
 
     def _standing_in(self, stamp: int) -> _Calibration | None:
-        """The calibration of an image whose own one is not coming."""
+        """The calibration for an image whose own will not come."""
         if not self._per_frame:
             if self._heard:
                 self._per_frame = False
             return self._latest
         if self._newest_ns < stamp:
-            self._per_frame = None  # they have stopped: the last one holds, if it stays so
+            self._per_frame = None  # they have stopped: if that lasts, the last one holds
             return self._latest
-        # Its own one was lost on the way. Its neighbours may speak for it as long as nothing was moving.
+        # Its own calibration was lost on the way. Equal neighbours can stand in for it: nothing was moving.
         before = [self._own[other] for other in self._own if other < stamp]
         after = [self._own[other] for other in self._own if other > stamp]
         if before and after and before[-1] is not None and before[-1] is after[0]:

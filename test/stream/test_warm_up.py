@@ -7,7 +7,7 @@ import gc
 import pytest
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.stream.warm_up import PAIRS, warm_up
+from lasso_motion_ros.stream.warm_up import DRY_RUN, warm_up
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.topics import MOTION, STATE
 
@@ -18,7 +18,7 @@ def test_every_pair_is_tracked(method: str) -> None:
         outputs = warm_up(StreamConfig(method=method), RecordedMessages())
     finally:
         gc.unfreeze()
-    assert [output.topic for output in outputs].count(MOTION) == PAIRS
+    assert [output.topic for output in outputs].count(MOTION) == DRY_RUN.pairs
     assert {output.message.data for output in outputs if output.topic is STATE} <= {
         "WAITING_FOR_SEED",
         "TRACKING",
