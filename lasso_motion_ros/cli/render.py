@@ -13,9 +13,7 @@ from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import configuration_from_values, configuration_values, load_configuration
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.reports.offline_overlay import OVERLAY_VIEWS
 from lasso_motion_ros.tools.rendering import is_video, render_recording
 from msg_adapters.recordings.writer import check_free
@@ -73,16 +71,13 @@ def run(args: argparse.Namespace) -> int:
         raise LassoMotionError(f"--rate must be positive, found {args.rate}")
     check_free(args.output, args.overwrite)
     config = overlay_configuration(args)
-    with busy(f"reading {args.volume}", args.quiet):
-        shown = read_reference_anatomy(config)
-    if not args.quiet:
-        print(shown.description)
+    say = (lambda line: None) if args.quiet else print
     summary = render_recording(
         args.recording,
         args.result,
         args.output,
-        shown,
         config,
+        say,
         view=args.view,
         rate_hz=args.rate,
         remap=parse_remap(args.remap),
@@ -98,7 +93,7 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.json is not None:
         pairs = [asdict(pair) for pair in summary.pairs]
-        write_json(args.json, {"shown": shown.description, "compensated": summary.compensated, "pairs": pairs})
+        write_json(args.json, {"shown": summary.shown, "compensated": summary.compensated, "pairs": pairs})
     if summary.damage is not None:
         print(f"lasso-motion render: {summary.damage}", file=sys.stderr)
         return EXIT_PART

@@ -24,7 +24,6 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import make_directory, write_json, write_text
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.phantom import Scenario
 
 SWEEP_SEQUENCES = 4
 
@@ -126,7 +125,8 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files: Mapping[str, str]) -> None:
-    results = run_suite(_random_scenarios(args), configs, SequenceCache(args.cache), args.quiet)
+    scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
+    results = run_suite(scenarios, configs, SequenceCache(args.cache), args.quiet)
     for name, of_config in results.items():
         print(f"{files[name]}, seed {args.seed}\n{format_suite(of_config)}\n")
     if not args.quiet:
@@ -164,7 +164,7 @@ def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> Non
 
 
 def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
-    scenarios = _random_scenarios(args)
+    scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
     trapped = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed)]
     ideas = [IDEAS[name] for name in args.ablation or IDEAS]
     outcomes = run_ablations(ideas, scenarios, trapped, config, SequenceCache(args.cache), args.quiet)
@@ -222,11 +222,6 @@ def _prepare_outputs(args: argparse.Namespace) -> None:
         make_directory(args.report)
     if args.json is not None:
         write_text(args.json, "")
-
-
-def _random_scenarios(args: argparse.Namespace) -> tuple[Scenario, ...]:
-    scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES)
-    return tuple(scenarios[number] for number in args.only) if args.only else scenarios
 
 
 def _chosen_traps(args: argparse.Namespace) -> list[Trap]:

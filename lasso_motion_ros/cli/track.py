@@ -9,7 +9,6 @@ from pathlib import Path
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.stream.problem_log import problem_lines
 from lasso_motion_ros.tools.offline_tracking import DEFAULT_CONFIG, counts, describe, track_recording
 from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP
 
@@ -43,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
         overwrite=args.overwrite,
         quiet=args.quiet,
     )
-    for line in problem_lines(summary.problems):
+    for line in summary.problem_lines:
         print(f"lasso-motion track: {line}", file=sys.stderr)
     if summary.damage is not None:
         print(f"lasso-motion track: {summary.damage}", file=sys.stderr)

@@ -44,6 +44,11 @@ class TrackSummary:
     problems: Mapping[Problem, int]
     damage: str | None
 
+    @property
+    def problem_lines(self) -> list[str]:
+        """The problems, a line each; what is wrong on both planes is one."""
+        return problem_lines(self.problems)
+
 
 def counts(summary: TrackSummary) -> dict[str, Any]:
     """How it went, as JSON values."""
@@ -66,7 +71,7 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
 
 def why_nothing(summary: TrackSummary) -> str:
     """In one line, why nothing came of a recording: the first problems, which the others often follow from."""
-    found = problem_lines(summary.problems)
+    found = summary.problem_lines
     more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
     damage = [] if summary.damage is None else [summary.damage]
     return "; ".join([*found[:3], *more, *damage]) or summary.statistics.reason

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -13,11 +13,11 @@ import numpy as np
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.progress import busy, progress
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.overlay.painter import OverlayPainter
-from lasso_motion_ros.overlay.reference_anatomy import ReferenceAnatomy
+from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
 from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, OverlayView, video_picture
 from lasso_motion_ros.reports.picture_files import write_png
@@ -50,11 +50,13 @@ class RenderSummary:
     """What was drawn.
 
     Attributes:
+        shown: what was drawn, in words.
         pairs: in order of time.
         problems: what was wrong with messages, a line each.
         damage: what is wrong with the recording as a file, or None.
     """
 
+    shown: str
     pairs: tuple[RenderedPair, ...]
     problems: tuple[str, ...]
     damage: str | None
@@ -69,8 +71,8 @@ def render_recording(
     recording: Path,
     result: Path,
     output: Path,
-    shown: ReferenceAnatomy,
     config: OverlayConfig,
+    say: Callable[[str], None],
     *,
     view: OverlayView = "compensated",
     rate_hz: float | None = None,
@@ -83,8 +85,8 @@ def render_recording(
         recording: MCAP file or bag directory with the images.
         result: what the tracker published.
         output: OUT.mp4, or a directory for PNG frames, one a plane and pair.
-        shown: what is drawn.
-        config: the overlay's parameters.
+        config: the overlay's parameters, with the file of what is drawn.
+        say: takes a line for the user: what is drawn.
         view: what of it.
         rate_hz: of the video; None: the recording's own.
         remap: recorded topic → the name it is read as.
@@ -93,6 +95,9 @@ def render_recording(
     Raises:
         LassoMotionError: a file that cannot be read or written, or a recording without a pair; no output is left then.
     """
+    with busy(f"reading {config.volume_file}", quiet):
+        shown = read_reference_anatomy(config)
+    say(shown.description)
     reader = RecordingReader(recording, remap)
     check_tracking_topics(reader.path, reader.topics)
     estimates = read_estimates(result)
@@ -109,7 +114,7 @@ def render_recording(
     lines = problem_lines(problems)
     if not rendered:
         raise RecordingError(f"{recording}: no image pair could be made{': ' if lines else ''}{'; '.join(lines)}")
-    return RenderSummary(tuple(rendered), tuple(lines), reader.damage)
+    return RenderSummary(shown.description, tuple(rendered), tuple(lines), reader.damage)
 
 
 class _Output:

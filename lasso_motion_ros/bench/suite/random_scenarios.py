@@ -7,6 +7,7 @@ of a seed does not depend on how many are drawn.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 
 import numpy as np
 import numpy.typing as npt
@@ -37,9 +38,11 @@ LARGEST_MOVE_TURN_DEG = 15.0
 EVENT_SHARES = {"none": 0.5, "hide": 0.14, "remove": 0.08, "move": 0.12, "drop": 0.16}
 
 
-def suite_scenarios(seed: int = DEFAULT_SEED, sequences: int = DEFAULT_SEQUENCES) -> tuple[Scenario, ...]:
-    """The scenarios of a suite, in order."""
-    return tuple(suite_scenario(seed, index) for index in range(sequences))
+def suite_scenarios(
+    seed: int = DEFAULT_SEED, sequences: int = DEFAULT_SEQUENCES, only: Iterable[int] | None = None
+) -> tuple[Scenario, ...]:
+    """The scenarios of a suite, in order; `only` those of some numbers."""
+    return tuple(suite_scenario(seed, index) for index in (only or range(sequences)))
 
 
 def suite_scenario(seed: int, index: int) -> Scenario:
