@@ -18,11 +18,28 @@ Array = npt.NDArray[np.float64]
 
 PAPER_DISTANCE_MM = 3.2  # Brost et al., MICCAI 2009, for 5 mm of noise
 DEFAULT_TRIALS = 200
-PIXEL_SIZE_M = 0.2e-3
-RING_RADIUS_M = 0.010
-LARGEST_OFFSET_M = 0.03  # of the ring's centre from the iso-centre, along each axis
-SMALLEST_TILT_DEG = 20.0  # between each line of sight and the ring's plane; below it the ring is edge-on
-CURVE_POINTS = 120
+
+
+@dataclass(frozen=True)
+class ExperimentSetting:
+    """The rings and the views of them.
+
+    Attributes:
+        pixel_size_m: of the detectors.
+        ring_radius_m: of the lasso.
+        largest_offset_m: of the ring's centre from the iso-centre, along each axis.
+        smallest_tilt_deg: between each line of sight and the ring's plane; below it the ring is edge-on.
+        curve_points: on each of the curves whose distance is measured.
+    """
+
+    pixel_size_m: float = 0.2e-3
+    ring_radius_m: float = 0.010
+    largest_offset_m: float = 0.03
+    smallest_tilt_deg: float = 20.0
+    curve_points: int = 120
+
+
+SETTING = ExperimentSetting()
 
 
 @dataclass(frozen=True)
@@ -63,7 +80,7 @@ def run_model_experiment(
     """
     random = np.random.default_rng(random_seed)
     projections: dict[Plane, Projection] = {"a": _plane(-30.0), "b": _plane(60.0)}
-    noise_px = noise_mm * 1e-3 / PIXEL_SIZE_M
+    noise_px = noise_mm * 1e-3 / SETTING.pixel_size_m
     distances = []
     for _ in range(trials):
         ring = _random_ring(random, projections)
@@ -94,7 +111,7 @@ def format_experiment(found: ModelExperiment) -> str:
 
 def curve_distance(first: Ellipse3D, second: Ellipse3D) -> float:
     """Symmetric mean distance of two closed curves, metres."""
-    a, b = (np.vstack([e.points(CURVE_POINTS), e.points(1)]) for e in (first, second))
+    a, b = (np.vstack([e.points(SETTING.curve_points), e.points(1)]) for e in (first, second))
     return float((distance_to_curve(a[:-1], b).mean() + distance_to_curve(b[:-1], a).mean()) / 2.0)
 
 
@@ -104,18 +121,18 @@ def _plane(lao_deg: float) -> Projection:
         0.0,
         source_detector_m=1.2,
         source_object_m=0.785,
-        pixel_size_m=PIXEL_SIZE_M,
+        pixel_size_m=SETTING.pixel_size_m,
         width=1024,
         height=1024,
     )
 
 
 def _random_ring(random: np.random.Generator, projections: dict[Plane, Projection]) -> Ellipse3D:
-    smallest = np.sin(np.radians(SMALLEST_TILT_DEG))
+    smallest = np.sin(np.radians(SETTING.smallest_tilt_deg))
     while True:
         # Orthonormal columns of a normally distributed matrix: orientations evenly spread.
         frame, _ = np.linalg.qr(random.normal(size=(3, 3)))
         if all(abs(frame[:, 2] @ projections[plane].viewing_direction) > smallest for plane in PLANES):
             break
-    centre = random.uniform(-LARGEST_OFFSET_M, LARGEST_OFFSET_M, size=3)
-    return Ellipse3D(centre, RING_RADIUS_M * frame[:, 0], RING_RADIUS_M * frame[:, 1])
+    centre = random.uniform(-SETTING.largest_offset_m, SETTING.largest_offset_m, size=3)
+    return Ellipse3D(centre, SETTING.ring_radius_m * frame[:, 0], SETTING.ring_radius_m * frame[:, 1])

@@ -20,6 +20,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
 from lasso_motion_ros.stream.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
+from lasso_motion_ros.tools.later_stamps import STAMP_OFFSET
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import NANOSECONDS, RosMessages, header_fields, ns_to_stamp, stamp_to_ns
@@ -28,8 +29,6 @@ from msg_adapters.topics import CATHETER, MOTION, Topic, camera_info_topic, imag
 
 START_NS = 1_760_000_000 * NANOSECONDS
 BREATH_S = 2.0
-STAMP_OFFSET = 4
-"""Where the stamp begins in a serialised message that begins with a header: behind CDR's own four bytes."""
 TICK_S = 0.02
 ANSWER_TICK_S = 0.002
 UNANSWERED_S = 2.0

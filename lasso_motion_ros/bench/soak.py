@@ -21,15 +21,32 @@ from lasso_motion_ros.tools.listener import Listener
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 from msg_adapters.topics import CATHETER, MOTION, STATE, Topic
 
-PAIRS = 20_000
-WARM_PAIRS = 1000
-"""Until so many are answered, buffers and caches may fill."""
-RATE = 40.0
-SIDE = 256
-LARGEST_GROWTH_MB = 5.0
-SILENCE_S = 20.0
-MOST_AHEAD = 8
-"""Pairs on their way to the tracker: fewer than it has room for, so that none is left out where the machine is slow."""
+
+@dataclass(frozen=True)
+class SoakSetting:
+    """The run, and what is asked of it.
+
+    Attributes:
+        pairs: published.
+        warm_pairs: until so many are answered, buffers and caches may fill.
+        rate: pairs a second.
+        side: of the images, pixels.
+        largest_growth_mb: of the tracker's memory, from then on.
+        silence_s: without an answer it has failed.
+        most_ahead: pairs on their way to the tracker: fewer than it has room for, so that none is left out where the
+            machine is slow.
+    """
+
+    pairs: int = 20_000
+    warm_pairs: int = 1000
+    rate: float = 40.0
+    side: int = 256
+    largest_growth_mb: float = 5.0
+    silence_s: float = 20.0
+    most_ahead: int = 8
+
+
+SETTING = SoakSetting()
 
 
 @dataclass(frozen=True)
@@ -72,7 +89,7 @@ class SoakFigures:
     def leaks(self) -> list[str]:
         """What grew that must not, in words."""
         found = []
-        if self.growth_mb > LARGEST_GROWTH_MB:
+        if self.growth_mb > SETTING.largest_growth_mb:
             found.append(f"memory grew by {self.growth_mb:.1f} MB")
         for what in ("threads", "files"):
             before, after = getattr(self.warm, what), getattr(self.end, what)
@@ -103,14 +120,8 @@ class _Answers:
         self.up = self.up or topic is STATE
 
 
-def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, side: int = SIDE) -> SoakFigures:
+def soak(setting: SoakSetting = SETTING) -> SoakFigures:
     """Run so many pairs through the tracker.
-
-    Args:
-        pairs: published.
-        warm_pairs: answered until growth counts.
-        rate: pairs a second.
-        side: of the images, pixels.
 
     Raises:
         LassoMotionError: a process failed, or the answers ceased.
@@ -129,7 +140,7 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
             tracker = graph.start_tracker(share_file("config/tracker.yaml"))
             # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
             graph.wait_until(lambda: answers.up, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
-            words = publisher_arguments(rate, pairs, side, 1, sent, MOST_AHEAD)
+            words = publisher_arguments(setting.rate, setting.pairs, setting.side, 1, sent, setting.most_ahead)
             graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S
 
@@ -139,9 +150,9 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
                     return True
                 if answers.answered != last:
                     last, changed_s = answers.answered, time.monotonic()
-                elif time.monotonic() > changed_s + SILENCE_S:
+                elif time.monotonic() > changed_s + setting.silence_s:
                     raise LassoMotionError(f"no answer any more after {last} pairs: {graph.log('tracker', 1)}")
-                if warm is None and answers.answered >= warm_pairs:
+                if warm is None and answers.answered >= setting.warm_pairs:
                     warm = resources(tracker.pid)
                 return False
 
@@ -149,22 +160,24 @@ def soak(pairs: int = PAIRS, warm_pairs: int = WARM_PAIRS, rate: float = RATE, s
             end = resources(tracker.pid)
             graph.stop()
     if warm is None:
-        raise LassoMotionError(f"only {answers.answered} of {pairs} pairs were answered")
+        raise LassoMotionError(f"only {answers.answered} of {setting.pairs} pairs were answered")
     return SoakFigures(answers.answered, answers.poses, warm, end)
 
 
 def main() -> int:
     """Run it and print what came of it; returns the exit status."""
-    pairs = int(sys.argv[1]) if len(sys.argv) > 1 else PAIRS
+    setting = SoakSetting(pairs=int(sys.argv[1])) if len(sys.argv) > 1 else SETTING
     try:
-        figures = soak(pairs)
+        figures = soak(setting)
     except LassoMotionError as error:
         sys.stderr.write(f"soak: {error}\n")
         return 2
+    warm, end = figures.warm, figures.end
     sys.stdout.write(
-        f"{figures.answered} of {pairs + 1} pairs answered, {figures.poses} with a pose; after the first {WARM_PAIRS}: "
-        f"memory {figures.growth_mb:+.1f} MB (at most {LARGEST_GROWTH_MB:g}), "
-        f"threads {figures.warm.threads} to {figures.end.threads}, files {figures.warm.files} to {figures.end.files}\n"
+        f"{figures.answered} of {setting.pairs + 1} pairs answered, {figures.poses} with a pose; "
+        f"after the first {setting.warm_pairs}: "
+        f"memory {figures.growth_mb:+.1f} MB (at most {setting.largest_growth_mb:g}), "
+        f"threads {warm.threads} to {end.threads}, files {warm.files} to {end.files}\n"
     )
     for leak in figures.leaks:
         sys.stderr.write(f"soak: {leak}\n")

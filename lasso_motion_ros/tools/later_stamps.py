@@ -6,7 +6,7 @@ import struct
 
 from msg_adapters.messages import NANOSECONDS
 
-_STAMP = 4
+STAMP_OFFSET = 4
 """Where the stamp of a message that begins with a header stands: behind CDR's own four bytes."""
 HEADER = "std_msgs/Header"
 
@@ -26,8 +26,8 @@ def with_later_stamp(data: bytes, later_ns: int) -> bytes:
         later_ns: nanoseconds.
     """
     form = "<iI" if data[1] & 1 else ">iI"
-    sec, nanosec = struct.unpack_from(form, data, _STAMP)
+    sec, nanosec = struct.unpack_from(form, data, STAMP_OFFSET)
     if not (sec or nanosec):
         return data
     later = divmod(sec * NANOSECONDS + nanosec + later_ns, NANOSECONDS)
-    return data[:_STAMP] + struct.pack(form, *later) + data[_STAMP + 8 :]
+    return data[:STAMP_OFFSET] + struct.pack(form, *later) + data[STAMP_OFFSET + 8 :]

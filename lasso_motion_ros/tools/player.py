@@ -35,13 +35,6 @@ from msg_adapters.topics import (
     tracking_topic,
 )
 
-DEPTH = 32
-READ_AHEAD = 16
-CLOCK_PERIOD_S = 0.01
-ACKNOWLEDGE_WAIT_S = 10.0
-SEED_WAIT_S = 0.2
-ROUND_PAUSE_S = 1.0
-"""Between two rounds of an endless stream: what is filmed has its time to get from its last place to its first."""
 OUTPUT_NAMES = frozenset(
     topic.recorded_name
     for topic in (
@@ -53,6 +46,31 @@ OUTPUT_NAMES = frozenset(
 LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
 IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANES)
 SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
+
+
+@dataclass(frozen=True)
+class PlayerTuning:
+    """How the player works.
+
+    Attributes:
+        depth: messages that a publisher keeps for a slow subscriber.
+        read_ahead: messages read from the file before their time.
+        clock_period_s: between two messages on /clock.
+        acknowledge_wait_s: for all subscribers to acknowledge the last messages.
+        seed_wait_s: for the images to be acknowledged before the clicks on them go out.
+        round_pause_s: between two rounds of an endless stream: what is filmed has its time to get from its last place
+            to its first.
+    """
+
+    depth: int = 32
+    read_ahead: int = 16
+    clock_period_s: float = 0.01
+    acknowledge_wait_s: float = 10.0
+    seed_wait_s: float = 0.2
+    round_pause_s: float = 1.0
+
+
+TUNING = PlayerTuning()
 
 
 @dataclass(frozen=True)
@@ -138,7 +156,7 @@ class Player:
             if is_stamped(message_class):
                 self._stamped.add(topic)
             self._publishers[topic] = self._node.create_publisher(
-                message_class, topic, qos(depth=DEPTH, latched=topic in self._latched)
+                message_class, topic, qos(depth=TUNING.depth, latched=topic in self._latched)
             )
         if not self._publishers:
             raise RecordingError(f"{reader.path}: no topic to play")
@@ -172,14 +190,14 @@ class Player:
                 break
             if self._options.endless:
                 first_ns, last_ns = self._reader.time_span_ns
-                skipped_s = ROUND_PAUSE_S - self._options.start_s
+                skipped_s = TUNING.round_pause_s - self._options.start_s
                 self._later_ns += last_ns - first_ns + round(skipped_s * NANOSECONDS)
-                self._interrupted.wait(ROUND_PAUSE_S / self._options.rate)
+                self._interrupted.wait(TUNING.round_pause_s / self._options.rate)
         self._summary.seconds = time.monotonic() - began
         self._summary.damage = self._reader.damage
         if not self._interrupted.is_set():
             for topic, publisher in self._publishers.items():
-                if not publisher.wait_for_all_acked(Duration(seconds=ACKNOWLEDGE_WAIT_S)):
+                if not publisher.wait_for_all_acked(Duration(seconds=TUNING.acknowledge_wait_s)):
                     self._summary.unacknowledged.append(topic)
         return self._summary
 
@@ -190,7 +208,7 @@ class Player:
     def _play_once(self) -> None:
         began: float | None = None
         start_ns: int | None = None
-        with ReadAhead(self._reader.raw_messages(list(self._publishers)), READ_AHEAD) as messages:
+        with ReadAhead(self._reader.raw_messages(list(self._publishers)), TUNING.read_ahead) as messages:
             for message in messages:
                 if self._interrupted.is_set():
                     return
@@ -222,7 +240,7 @@ class Player:
             if self._clock is not None:
                 now_ns = recorded_ns - round(max(left, 0.0) * self._options.rate * NANOSECONDS)
                 self._clock.publish(_clock_message(now_ns))
-                left = min(left, CLOCK_PERIOD_S)
+                left = min(left, TUNING.clock_period_s)
             if left <= 0.0 or self._interrupted.wait(left):
                 return
             if self._clock is None:
@@ -233,7 +251,7 @@ class Player:
             # Clicks are small and would overtake their image; at the start of another round they would then be taken
             # for clicks on the last round's, which has the same stamp.
             for image in IMAGE_NAMES & self._publishers.keys():
-                self._publishers[image].wait_for_all_acked(Duration(seconds=SEED_WAIT_S))
+                self._publishers[image].wait_for_all_acked(Duration(seconds=TUNING.seed_wait_s))
         later = self._later_ns and message.topic in self._stamped
         data = with_later_stamp(message.data, self._later_ns) if later else message.data
         self._publishers[message.topic].publish(data)

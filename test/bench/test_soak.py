@@ -8,7 +8,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
-from lasso_motion_ros.bench.soak import Resources, SoakFigures, resources, soak
+from lasso_motion_ros.bench.soak import Resources, SoakFigures, SoakSetting, resources, soak
 
 
 def test_what_counts_as_a_leak() -> None:
@@ -35,7 +35,7 @@ def test_resources_of_this_process() -> None:
 
 @pytest.mark.ros
 def test_a_few_hundred_pairs_leave_nothing_behind() -> None:
-    figures = soak(pairs=300, warm_pairs=150, rate=25.0)
+    figures = soak(SoakSetting(pairs=300, warm_pairs=150, rate=25.0))
     assert figures.leaks == []
     assert figures.answered == 301  # a lazy or forgetful tracker leaks nothing either
     assert figures.poses >= figures.answered - 1

@@ -18,13 +18,29 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.wrapped_tracker import TimedTracker
 
-# Changes smaller than these are not called a cost or a gain.
-NOTABLE_SHARE = 0.03  # of a length in millimetres
-NOTABLE_MM = 0.003
-NOTABLE_COVERAGE = 0.02
-NOTABLE_TIME = 0.10
-NOTABLE_TARGET_MM = 0.02  # by which a sequence counts as worse or better
-NOTABLE_TRAP_SHARE = 0.10  # of a trap's lengths: it has a few sequences only
+
+@dataclass(frozen=True)
+class NotableChange:
+    """Changes smaller than these are not called a cost or a gain.
+
+    Attributes:
+        share: of a length.
+        mm: of a length, however small it is.
+        coverage: of the share of errors inside an ellipsoid.
+        time: of the time a pair.
+        target_mm: of a sequence's target error; also of a trap's, however small it is.
+        trap_share: of a trap's lengths: it has a few sequences only.
+    """
+
+    share: float = 0.03
+    mm: float = 0.003
+    coverage: float = 0.02
+    time: float = 0.10
+    target_mm: float = 0.02
+    trap_share: float = 0.10
+
+
+NOTABLE = NotableChange()
 
 
 @dataclass
@@ -145,12 +161,12 @@ def changes(whole: Outcome, outcome: Outcome) -> tuple[list[str], list[str]]:
         ("model", "model_mm"),
     ):
         old, new = getattr(before, attribute), getattr(after, attribute)
-        if old and new and abs(new - old) > max(NOTABLE_SHARE * old, NOTABLE_MM):
+        if old and new and abs(new - old) > max(NOTABLE.share * old, NOTABLE.mm):
             note(f"{name} {100.0 * (new / old - 1.0):+.0f} %", is_worse=new > old)
-    if before.inside_95 and after.inside_95 and abs(after.inside_95 - before.inside_95) > NOTABLE_COVERAGE:
+    if before.inside_95 and after.inside_95 and abs(after.inside_95 - before.inside_95) > NOTABLE.coverage:
         text = f"in 95 {100.0 * (after.inside_95 - before.inside_95):+.0f} points"
         note(text, is_worse=after.inside_95 < before.inside_95)
-    if abs(outcome.ms / whole.ms - 1.0) > NOTABLE_TIME:
+    if abs(outcome.ms / whole.ms - 1.0) > NOTABLE.time:
         note(f"time {100.0 * (outcome.ms / whole.ms - 1.0):+.0f} %", is_worse=outcome.ms > whole.ms)
     for text, is_worse in _trap_changes(whole, outcome):
         note(text, is_worse=is_worse)
@@ -172,7 +188,7 @@ def _trap_changes(whole: Outcome, outcome: Outcome) -> Iterator[tuple[str, bool]
                 yield f"{name}: {kind} {more:+d}", more > 0
         for kind, attribute in (("TRE", "target_mean_mm"), ("2-D", "error_2d_mm")):
             before, now = getattr(old.measures, attribute), getattr(new.measures, attribute)
-            if before and now and abs(now - before) > max(NOTABLE_TRAP_SHARE * before, NOTABLE_TARGET_MM):
+            if before and now and abs(now - before) > max(NOTABLE.trap_share * before, NOTABLE.target_mm):
                 yield f"{name}: {kind} {100.0 * (now / before - 1.0):+.0f} %", now > before
 
 
@@ -217,8 +233,8 @@ def _by_sequence(whole: Outcome, outcome: Outcome) -> tuple[int, int]:
         old, new = measures(before.scores), measures(after.scores)
         wrong = (new.silent + new.missing) - (old.silent + old.missing)
         off = (new.target_mean_mm or 0.0) - (old.target_mean_mm or 0.0)
-        worse += wrong > 0 or (wrong == 0 and off > NOTABLE_TARGET_MM)
-        better += wrong < 0 or (wrong == 0 and off < -NOTABLE_TARGET_MM)
+        worse += wrong > 0 or (wrong == 0 and off > NOTABLE.target_mm)
+        better += wrong < 0 or (wrong == 0 and off < -NOTABLE.target_mm)
     return worse, better
 
 
