@@ -22,10 +22,11 @@ _BYTES_PER_PIXEL = {"mono8": 1, "8UC1": 1, "mono16": 2, "16UC1": 2}
 
 
 def decode_image(message: Any) -> Pixels:
-    """The pixels of a `sensor_msgs/Image`.
+    """The pixels of a `sensor_msgs/Image` or `CompressedImage`.
 
     Args:
-        message: encoding mono8, 8UC1, mono16 or 16UC1, either endianness, rows padded or not.
+        message: an Image of encoding mono8, 8UC1, mono16 or 16UC1, either endianness, rows padded or not; or what
+            `decode_compressed_image` takes.
 
     Returns:
         (H, W) uint8 or uint16 in native byte order, read-only; a view of the message's data where its bytes
@@ -34,6 +35,8 @@ def decode_image(message: Any) -> Pixels:
     Raises:
         MessageError: another encoding, a size out of bounds, or data that do not fit height and step.
     """
+    if not hasattr(message, "encoding"):
+        return decode_compressed_image(message)
     height, width, step = int(message.height), int(message.width), int(message.step)
     size = _BYTES_PER_PIXEL.get(message.encoding)
     if size is None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from lasso_motion_ros.core.errors import MessageError
 from msg_adapters.checks.issue import Issue, Severity
-from msg_adapters.images import Pixels, decode_compressed_image, decode_image
+from msg_adapters.images import Pixels, decode_image
 
 SMALLEST_SIDE_PX = 256
 _SATURATED = 0.5
@@ -51,7 +51,7 @@ class ImageSamples:
         encoding = message.encoding if hasattr(message, "encoding") else message.format
         self.encodings[encoding] = self.encodings.get(encoding, 0) + 1
         try:
-            pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
+            pixels = decode_image(message)
         except MessageError as error:
             self.refusals[str(error)] = self.refusals.get(str(error), 0) + 1
             return

@@ -16,7 +16,7 @@ from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
-from msg_adapters.images import Pixels, decode_compressed_image, decode_image
+from msg_adapters.images import Pixels, decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 
 
@@ -160,7 +160,7 @@ class CalibratedFrames:
         try:
             if stamp == 0:
                 raise MessageError("header.stamp: expected the time of exposure, found zero")
-            pixels = decode_image(message) if hasattr(message, "encoding") else decode_compressed_image(message)
+            pixels = decode_image(message)
         except MessageError as error:
             self.counts.refused_images += 1
             self._complaints.append(str(error))

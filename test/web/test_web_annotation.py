@@ -20,6 +20,7 @@ from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.web.annotation import Annotation
 from msg_adapters import topics
 from msg_adapters.messages import stamp_to_ns
+from msg_adapters.recordings.annotated_recording import AnnotatedRecording
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
 
@@ -46,7 +47,7 @@ def bare(tmp_path: Path) -> Path:
 
 def test_a_drawn_pair_is_in_the_copy_beside_everything_else(bare: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
-    source = Annotation(bare, copy)
+    source = Annotation(AnnotatedRecording(bare, copy))
     source.command("go", {"index": 1})
     assert {plane: one.stamp_ns for plane, one in source.picture("film").planes.items()} == dict.fromkeys(
         "ab", stamp(1)
@@ -71,7 +72,7 @@ def test_a_drawn_pair_is_in_the_copy_beside_everything_else(bare: Path, tmp_path
 def test_what_was_drawn_before_is_shown_and_replaced(tmp_path: Path) -> None:
     known = write_input(tmp_path / "known.mcap", MOTIONS_MM)
     copy = tmp_path / "copy.mcap"
-    source = Annotation(known, copy)
+    source = Annotation(AnnotatedRecording(known, copy))
     assert source.status()["done"] == 3
     true = projections()["a"].project(apply(shift(0.0), loop()))
     np.testing.assert_allclose(source.status()["curves"]["a"], true, atol=0.02)
@@ -86,7 +87,7 @@ def test_what_was_drawn_before_is_shown_and_replaced(tmp_path: Path) -> None:
 
 
 def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: Path) -> None:
-    source = Annotation(bare, tmp_path / "copy.mcap")
+    source = Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap"))
     source.command("draw", drawing(0, CURVE, CURVE, closed=True))
     source.command("go", {"index": 1, "copy": True})
     status = source.status()
@@ -97,10 +98,10 @@ def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     copy.write_bytes(b"mine")
     with pytest.raises(RecordingError, match="exists: choose another name or add --overwrite"):
-        Annotation(bare, copy)
+        Annotation(AnnotatedRecording(bare, copy))
     with pytest.raises(RecordingError, match="is the recording itself"):
-        Annotation(bare, bare, overwrite=True)
-    Annotation(bare, copy, overwrite=True).save()
+        Annotation(AnnotatedRecording(bare, bare, overwrite=True))
+    Annotation(AnnotatedRecording(bare, copy, overwrite=True)).save()
     assert copy.read_bytes() != b"mine"
     assert [path.name for path in tmp_path.iterdir() if path.name.startswith(".")] == []
 
@@ -108,7 +109,7 @@ def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("index", [-1, 3, 1.0, True, None])
 def test_a_pair_that_is_not_there_is_refused(bare: Path, tmp_path: Path, index: object) -> None:
     with pytest.raises(MessageError, match="index: expected 0 to 2"):
-        Annotation(bare, tmp_path / "copy.mcap").command("go", {"index": index})
+        Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap")).command("go", {"index": index})
 
 
 def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:

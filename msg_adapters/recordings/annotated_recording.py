@@ -1,0 +1,176 @@
+"""A recording's pairs with the loop's centrelines in them, and the copy that has those drawn anew.
+
+A centreline has its pair's stamp, plane A's, as the truth of a simulated recording has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from msg_adapters.images import Pixels, decode_image
+from msg_adapters.messages import header_fields, stamp_to_ns
+from msg_adapters.recordings.copy import RecordingCopier
+from msg_adapters.recordings.reader import RawMessage, RecordingReader
+from msg_adapters.recordings.tracking_topics import check_tracking_topics
+from msg_adapters.recordings.writer import RecordingWriter, check_free
+from msg_adapters.seeds import decode_polygon, encode_polygon
+from msg_adapters.sync.pairing import PairSynchroniser
+from msg_adapters.sync.partner import PartnerRule
+from msg_adapters.topics import compressed_image_topic, image_topic, true_centreline_topic
+
+Array = npt.NDArray[np.float64]
+
+FEWEST_POINTS = 3
+"""Of a centreline; one with fewer is left out of the copy."""
+_CENTRELINE_TOPICS: dict[str, Plane] = {true_centreline_topic(plane).recorded_name: plane for plane in PLANES}
+
+
+@dataclass(eq=False)
+class AnnotatedPair:
+    """One pair and the centrelines in it.
+
+    Attributes:
+        stamp_ns: the pair's stamp.
+        image_stamps: of each plane's image that is there.
+        curves: the centrelines, (N, 2) pixels; empty where one was wiped out.
+        drawn: the planes whose centreline was drawn anew.
+    """
+
+    stamp_ns: int
+    image_stamps: dict[Plane, int]
+    curves: dict[Plane, Array] = field(default_factory=dict)
+    drawn: set[Plane] = field(default_factory=set)
+
+    def draw(self, plane: Plane, curve: Array) -> None:
+        """Replace a plane's centreline by (N, 2) pixels."""
+        self.curves[plane] = curve
+        self.drawn.add(plane)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether every image of the pair has its centreline."""
+        return all(plane in self.curves and len(self.curves[plane]) for plane in self.image_stamps)
+
+
+class AnnotatedRecording:
+    """A recording, its pairs, and the copy that is written of it.
+
+    Args:
+        recording: the recording; it is not changed.
+        output: the copy.
+        remap: recorded topic → the name it is read (and written) as.
+        overwrite: replace `output` if it exists.
+
+    Attributes:
+        pairs: in order of time, with the centrelines that the recording has.
+        name: the recording's file name.
+        output: the copy.
+
+    Raises:
+        RecordingError: it cannot be read, has no images, or the copy may not be written.
+    """
+
+    def __init__(
+        self, recording: Path, output: Path, remap: Mapping[str, str] | None = None, overwrite: bool = False
+    ) -> None:
+        self._reader = RecordingReader(recording, remap)
+        check_tracking_topics(recording, self._reader.topics, calibrated=True)
+        if output.exists() and any(output.samefile(file) for file in self._reader.files):
+            raise RecordingError(f"{output} is the recording itself; the copy needs a name of its own")
+        check_free(output, overwrite)
+        self.name = self._reader.path.name
+        self.output = output
+        self._image_topics = self._plane_of_topic()
+        self.pairs = self._read_pairs()
+        self._read_centrelines()
+
+    @property
+    def damage(self) -> str | None:
+        """What is wrong with the recording as a file."""
+        return self._reader.damage
+
+    def images(self, pair: AnnotatedPair) -> dict[Plane, Pixels]:
+        """The images of one pair."""
+        wanted = dict(pair.image_stamps)
+        found: dict[Plane, Pixels] = {}
+        for recorded in self._reader.messages(list(self._image_topics)):
+            plane, message = self._image_topics[recorded.topic], recorded.message
+            if wanted.get(plane) == stamp_to_ns(message.header.stamp):
+                del wanted[plane]
+                found[plane] = decode_image(message)
+                if not wanted:
+                    break
+        return found
+
+    def save(self) -> None:
+        """Write the copy: everything that the recording has, and the centrelines; whole or not at all.
+
+        Raises:
+            RecordingError: it cannot be written.
+        """
+        with RecordingWriter(self.output, overwrite=True, whole=True) as writer:
+            copier = RecordingCopier(self._reader, writer)
+            drawn = iter(self._drawn_curves())
+            waiting = next(drawn, None)
+            for message in self._kept_messages():
+                # In order of time, as a recorder would have written them.
+                while waiting is not None and waiting[0] < message.log_time_ns:
+                    _write_centreline(writer, *waiting)
+                    waiting = next(drawn, None)
+                copier.copy(message)
+            while waiting is not None:
+                _write_centreline(writer, *waiting)
+                waiting = next(drawn, None)
+
+    def _plane_of_topic(self) -> dict[str, Plane]:
+        topics: dict[str, Plane] = {}
+        for plane in PLANES:
+            raw, compressed = image_topic(plane), compressed_image_topic(plane)
+            is_raw = self._reader.topics.get(raw.recorded_name) == raw.type_name
+            topics[(raw if is_raw else compressed).recorded_name] = plane
+        return topics
+
+    def _read_pairs(self) -> list[AnnotatedPair]:
+        pairing: PairSynchroniser[int] = PairSynchroniser(PartnerRule())
+        pairs = []
+        for recorded in self._reader.messages(list(self._image_topics)):
+            stamp_ns = stamp_to_ns(recorded.message.header.stamp)
+            pairs += pairing.add(self._image_topics[recorded.topic], stamp_ns, stamp_ns)
+        pairs += pairing.flush()
+        if not pairs:
+            raise RecordingError(f"{self._reader.path} has no images")
+        return [AnnotatedPair(pair.stamp_ns, pair.frames) for pair in pairs]
+
+    def _read_centrelines(self) -> None:
+        by_stamp = {pair.stamp_ns: pair for pair in self.pairs}
+        for recorded in self._reader.messages(list(_CENTRELINE_TOPICS)):
+            pair = by_stamp.get(stamp_to_ns(recorded.message.header.stamp))
+            if pair is not None:
+                pair.curves[_CENTRELINE_TOPICS[recorded.topic]] = decode_polygon(recorded.message)
+
+    def _drawn_curves(self) -> list[tuple[int, Plane, Array]]:
+        """Stamp, plane and curve of what was drawn anew, in order of time."""
+        curves = [(pair.stamp_ns, plane, pair.curves[plane]) for pair in self.pairs for plane in sorted(pair.drawn)]
+        return sorted((one for one in curves if len(one[2]) >= FEWEST_POINTS), key=lambda one: one[0])
+
+    def _kept_messages(self) -> Iterator[RawMessage]:
+        """All messages but the centrelines that were drawn anew."""
+        drawn = {(pair.stamp_ns, plane) for pair in self.pairs for plane in pair.drawn}
+        replaced = {
+            (recorded.log_time_ns, recorded.topic)
+            for recorded in self._reader.messages(list(_CENTRELINE_TOPICS))
+            if (stamp_to_ns(recorded.message.header.stamp), _CENTRELINE_TOPICS[recorded.topic]) in drawn
+        }
+        return (one for one in self._reader.raw_messages() if (one.log_time_ns, one.topic) not in replaced)
+
+
+def _write_centreline(writer: RecordingWriter, stamp_ns: int, plane: Plane, curve: Array) -> None:
+    topic = true_centreline_topic(plane)
+    writer.write(topic.recorded_name, topic.type_name, encode_polygon(curve, header_fields(stamp_ns)), stamp_ns)
