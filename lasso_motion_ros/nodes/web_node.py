@@ -28,7 +28,7 @@ from lasso_motion_ros.nodes.qos import qos, topic_publisher, topic_subscription
 from lasso_motion_ros.nodes.running import guarded
 from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
-from lasso_motion_ros.web.live import LiveView
+from lasso_motion_ros.web.live_stream import LiveStream
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from msg_adapters.messages import header_fields, stamp_to_ns
@@ -72,7 +72,7 @@ _WAITS = _Waits()
 
 
 class WebNode(ConfiguredNode[WebConfig]):
-    """Wiring: callbacks fill the live view, the server's threads read it and command.
+    """Wiring: callbacks fill the live stream, the server's threads read it and command.
 
     Raises:
         ConfigurationError: a parameter that is unknown, of the wrong type or out of range.
@@ -81,7 +81,7 @@ class WebNode(ConfiguredNode[WebConfig]):
     def __init__(self) -> None:
         super().__init__("lasso_web", WebConfig)
         config = self._config = self.declared
-        self._view = LiveView(config.sync, config.tracker, config.world_frame, config.answer_wait_s)
+        self._stream = LiveStream(config.sync, config.tracker, config.world_frame, config.answer_wait_s)
         names = tuple(config.allowed_hosts.replace(",", " ").split())
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
@@ -132,7 +132,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         """See `Source.status`."""
         return {
             "mode": "live",
-            **self._view.status(),
+            **self._stream.status(),
             **self._graph,
             "sent": self._waits_for_answer,
             "taken": self._taken,
@@ -141,11 +141,11 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     def picture(self, view: PageView) -> Picture | None:
         """See `Source.picture`."""
-        return self._view.picture(view)
+        return self._stream.picture(view)
 
     def trace(self, after: int) -> list[TracePoint]:
         """See `Source.trace`."""
-        return self._view.trace(after)
+        return self._stream.trace(after)
 
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`."""
@@ -154,8 +154,8 @@ class WebNode(ConfiguredNode[WebConfig]):
     def audience(self, views: frozenset[PageView]) -> None:
         """See `Source.audience`; a viewer who leaves must not leave the picture frozen."""
         self._wanted = views
-        if not views and self._view.held is not None:
-            self._view.release()
+        if not views and self._stream.held is not None:
+            self._stream.release()
             self._unfreeze_at = time.monotonic()
 
     def command(self, name: str, body: Mapping[str, Any]) -> str:
@@ -177,7 +177,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         with self._holding:
             self._unfreeze_at = None
             if not self._freeze.service_is_ready():
-                self._view.hold(self._view.whole_pairs())
+                self._stream.hold(self._stream.whole_pairs())
                 return ""
             stamps: dict[Plane, int] = {}
             complete = threading.Event()
@@ -194,33 +194,33 @@ class WebNode(ConfiguredNode[WebConfig]):
                 self.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
                 for plane in PLANES
             ]
-            before = self._view.whole_pairs()
+            before = self._stream.whole_pairs()
             try:
                 answer = self._call(self._freeze, SetBool.Request(data=True), "freeze")
                 frozen.set()
-                pairs = list(dict.fromkeys([*before, *self._view.whole_pairs()]))
+                pairs = list(dict.fromkeys([*before, *self._stream.whole_pairs()]))
                 if answer.success:
                     complete.wait(_WAITS.hold_s)
-                self._view.hold(pairs, stamps if complete.is_set() else None)
+                self._stream.hold(pairs, stamps if complete.is_set() else None)
             finally:
                 for one in listening:
                     self.destroy_subscription(one)
             return ""
 
     def _release(self) -> str:
-        self._view.release()
+        self._stream.release()
         self._unfreeze_at = time.monotonic()
         return ""
 
     def _seed(self, body: Mapping[str, Any]) -> str:
-        pair = self._view.held
+        pair = self._stream.held
         if pair is None:
             raise TrackingError("no pair is held: hold one, then click")
         clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
         self._sent |= {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
         self._publish_clicks()
         self._waits_for_answer, self._again, self._taken = True, False, False
-        self._view.release()
+        self._stream.release()
         self._unfreeze_at = time.monotonic() + _WAITS.held_after_seed_s
         return "The clicks are on their way to the tracker."
 
@@ -262,48 +262,48 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     @guarded
     def _on_image(self, plane: Plane, message: Image) -> None:
-        self._complain(plane, self._view.add_image(plane, message))
-        if self._view.new_runs != self._runs:
-            self._runs = self._view.new_runs
+        self._complain(plane, self._stream.add_image(plane, message))
+        if self._stream.new_runs != self._runs:
+            self._runs = self._stream.new_runs
             # A recording played in a loop: clicks on one of its pairs hold for every round.
             self._again = bool(self._sent)
-        waiting = self._view.state == TrackerState.WAITING_FOR_SEED.value
-        if self._again and waiting and self._view.pairs_of_run >= _WAITS.pairs_before_clicks:
+        waiting = self._stream.state == TrackerState.WAITING_FOR_SEED.value
+        if self._again and waiting and self._stream.pairs_of_run >= _WAITS.pairs_before_clicks:
             self._again, self._waits_for_answer = False, True
             self._publish_clicks()
         self._changed()
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
-        self._complain(plane, self._view.add_camera_info(plane, message, latched=latched))
+        self._complain(plane, self._stream.add_camera_info(plane, message, latched=latched))
         self._changed()
 
     @guarded
     def _on_state(self, message: String) -> None:
-        self._view.add_state(message.data)
-        if self._view.has_pose:
+        self._stream.add_state(message.data)
+        if self._stream.has_pose:
             self._waits_for_answer = False
             self._taken = bool(self._sent)
         self._changed()
 
     @guarded
     def _on_motion(self, message: PoseStamped) -> None:
-        self._view.add_motion(message)
+        self._stream.add_motion(message)
         self._changed()
 
     @guarded
     def _on_catheter(self, message: Marker) -> None:
-        self._view.add_catheter(message)
+        self._stream.add_catheter(message)
         self._changed()
 
     @guarded
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self._view.add_diagnostics(message)
+        self._stream.add_diagnostics(message)
         self._changed()
 
     @guarded
     def _on_overlay(self, plane: Plane, message: Image) -> None:
-        self._view.add_overlay(plane, message)
+        self._stream.add_overlay(plane, message)
         self._changed()
 
     @guarded
@@ -315,7 +315,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         elif self._graph["drawing"] is None and self._get_style.service_is_ready():
             self._get_style.call_async(GetParameters.Request(names=[DRAWING])).add_done_callback(self._on_style)
         self._listen_to_overlays("overlay" in self._wanted and self._graph["overlay"])
-        if self._unfreeze_at is not None and time.monotonic() >= self._unfreeze_at and self._view.held is None:
+        if self._unfreeze_at is not None and time.monotonic() >= self._unfreeze_at and self._stream.held is None:
             self._unfreeze_at = None
             if self._freeze.service_is_ready():
                 self._freeze.call_async(SetBool.Request(data=False))

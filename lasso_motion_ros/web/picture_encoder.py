@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-from collections import OrderedDict
 
 import cv2
 import numpy as np
@@ -12,6 +11,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.windowing import window_image, window_limits
 from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
+from lasso_motion_ros.web.recent import Recent
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture
 
 JPEG_QUALITY = 88
@@ -24,7 +24,7 @@ class PictureEncoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: OrderedDict[tuple[int, PageView, Window], bytes] = OrderedDict()
+        self._kept: Recent[tuple[int, PageView, Window], bytes] = Recent(_KEPT)
 
     def encode(self, picture: Picture, view: PageView, window: Window) -> bytes:
         """The binary message of a picture (see `encode_picture`)."""
@@ -39,8 +39,6 @@ class PictureEncoder:
             }
             message = encode_picture(picture.number, picture.held, view, planes)
             self._kept[key] = message
-            while len(self._kept) > _KEPT:
-                self._kept.popitem(last=False)
             return message
 
 

@@ -9,17 +9,18 @@ import logging
 import socket
 import threading
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from lasso_motion_ros.core.errors import LassoMotionError, MessageError
+from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.web.picture_encoder import PictureEncoder
-from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, DisplaySettings, Request, Shown, Window, encode, parse
-from lasso_motion_ros.web.source import PageView, Source
+from lasso_motion_ros.web.source import Source
 
 try:
-    from aiohttp import WSCloseCode, WSMsgType, web
+    from aiohttp import WSCloseCode, web
+
+    from lasso_motion_ros.web.page_connection import PageConnection
 except ImportError as error:
     raise LassoMotionError(
         f"the page needs aiohttp ({error}): pip install aiohttp, or the [web] extra; apt has python3-aiohttp"
@@ -40,25 +41,26 @@ FILES = {
     "vendor/uPlot.LICENSE": "text/plain",
 }
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
-MAX_PAGES = 8
-TICK_S = 0.1
-SHORTEST_PAUSE_S = 0.02
-START_WAIT_S = 10.0
-SHUTDOWN_WAIT_S = 1.0
 
 
-@dataclass(eq=False)
-class _Page:
-    """One page that is connected, and what it has been sent."""
+@dataclass(frozen=True)
+class _Tuning:
+    """The server's bounds.
 
-    socket: web.WebSocketResponse
-    look: DisplaySettings = field(default_factory=lambda: DisplaySettings("film", Window()))
-    wake: asyncio.Event = field(default_factory=asyncio.Event)
-    can_take: bool = True
-    sent: tuple[int, PageView, Window] | None = None
-    status: str = ""
-    trace: int = 0
-    work: set[asyncio.Task[None]] = field(default_factory=set)
+    Attributes:
+        most_pages: connected at once: each costs an encoded picture at a time.
+        tick_s: pages are told this often that there may be something new: ages grow though nothing comes.
+        start_wait_s: listening takes milliseconds; longer than this it has failed.
+        shutdown_wait_s: open connections are given this long to end.
+    """
+
+    most_pages: int = 8
+    tick_s: float = 0.1
+    start_wait_s: float = 10.0
+    shutdown_wait_s: float = 1.0
+
+
+TUNING = _Tuning()
 
 
 class WebServer:
@@ -81,7 +83,7 @@ class WebServer:
         self._host, self._port = host, port
         self._names = LOOPBACK_NAMES | {host.lower(), socket.gethostname().lower(), *(name.lower() for name in names)}
         self._encoder = PictureEncoder()
-        self._pages: set[_Page] = set()
+        self._pages: set[PageConnection] = set()
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
         self._ready = threading.Event()
@@ -108,8 +110,8 @@ class WebServer:
             LassoMotionError: the address or port cannot be had.
         """
         self._thread.start()
-        if not self._ready.wait(START_WAIT_S):
-            raise LassoMotionError(f"the web server has not started within {START_WAIT_S:g} s")
+        if not self._ready.wait(TUNING.start_wait_s):
+            raise LassoMotionError(f"the web server has not started within {TUNING.start_wait_s:g} s")
         if self._failure is not None:
             self._thread.join()
             reason = self._failure.strerror if isinstance(self._failure, OSError) else str(self._failure)
@@ -144,7 +146,9 @@ class WebServer:
         application.router.add_get("/", self._index)
         application.router.add_get("/live", self._live)
         application.router.add_get("/{name:.+}", self._file)
-        runner = web.AppRunner(application, access_log=None, handle_signals=False, shutdown_timeout=SHUTDOWN_WAIT_S)
+        runner = web.AppRunner(
+            application, access_log=None, handle_signals=False, shutdown_timeout=TUNING.shutdown_wait_s
+        )
         await runner.setup()
         try:
             site = web.TCPSite(runner, self._host, self._port)
@@ -155,7 +159,7 @@ class WebServer:
             self._ready.set()
             while not self._stopping.is_set():
                 with contextlib.suppress(asyncio.TimeoutError):
-                    await asyncio.wait_for(self._stopping.wait(), TICK_S)
+                    await asyncio.wait_for(self._stopping.wait(), TUNING.tick_s)
                 self._wake()
             for page in list(self._pages):
                 await page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server stops")
@@ -168,7 +172,7 @@ class WebServer:
 
     def _wake(self) -> None:
         for page in self._pages:
-            page.wake.set()
+            page.wake()
 
     # Requests.
 
@@ -226,91 +230,18 @@ class WebServer:
         origin = urlsplit(request.headers.get("Origin", ""))
         if origin.scheme not in ("http", "https") or origin.netloc != request.headers.get("Host"):
             raise web.HTTPForbidden(text="only the page itself may connect\n")
-        if len(self._pages) >= MAX_PAGES:
-            raise web.HTTPServiceUnavailable(text=f"{MAX_PAGES} pages are connected already\n")
-        page = _Page(web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=10.0, compress=False))
+        if len(self._pages) >= TUNING.most_pages:
+            raise web.HTTPServiceUnavailable(text=f"{TUNING.most_pages} pages are connected already\n")
+        page = PageConnection(self._source, self._encoder, self._tell_audience, self._wake)
         await page.socket.prepare(request)
         self._pages.add(page)
         self._tell_audience()
-        page.wake.set()
-        writer = asyncio.create_task(self._write(page))
         try:
-            async for message in page.socket:
-                if message.type is not WSMsgType.TEXT:
-                    await page.socket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"expected text")
-                    break
-                await self._take(page, message.data)
+            await page.serve()
         finally:
             self._pages.discard(page)
-            for task in (writer, *page.work):
-                task.cancel()
             self._tell_audience()
         return page.socket
 
-    async def _take(self, page: _Page, text: str) -> None:
-        try:
-            message = parse(text)
-        except MessageError as error:
-            await page.socket.send_str(encode("refused", text=str(error)))
-            return
-        if isinstance(message, Shown):
-            page.can_take = True
-        elif isinstance(message, DisplaySettings):
-            page.look = message
-            self._tell_audience()
-        else:
-            # Beside the reading: a service may take its time, and `shown` must get through meanwhile.
-            task = asyncio.create_task(self._answer(page, message))
-            page.work.add(task)
-            task.add_done_callback(page.work.discard)
-        page.wake.set()
-
-    async def _answer(self, page: _Page, request: Request) -> None:
-        done, text = True, ""
-        try:
-            text = await asyncio.to_thread(self._source.command, request.name, request.body)
-        except LassoMotionError as error:
-            done, text = False, str(error)
-        except Exception as error:
-            LOG.exception("command %s", request.name)
-            done, text = False, f"{type(error).__name__}: {error}"
-        with contextlib.suppress(ConnectionError):
-            await page.socket.send_str(encode("answer", id=request.id, done=done, text=text))
-        self._wake()
-
-    async def _write(self, page: _Page) -> None:
-        """Send what is new: words and numbers always, a picture only once the last one has been drawn."""
-        try:
-            while not page.socket.closed:
-                await page.wake.wait()
-                page.wake.clear()
-                await self._send_news(page)
-                await asyncio.sleep(SHORTEST_PAUSE_S)
-        except ConnectionError:
-            return
-        except Exception:
-            LOG.exception("a page could not be served")
-            await page.socket.close(code=WSCloseCode.INTERNAL_ERROR)
-
-    async def _send_news(self, page: _Page) -> None:
-        status = encode("status", **self._source.status())
-        if status != page.status:
-            page.status = status
-            await page.socket.send_str(status)
-        points = self._source.trace(page.trace)
-        if points:
-            page.trace = points[-1].number
-            rows = [[round(one.time_s, 3), *(one.shift_mm or (None,) * 3)] for one in points]
-            await page.socket.send_str(encode("trace", points=rows))
-        if not page.can_take:
-            return
-        look = page.look
-        picture = self._source.picture(look.view)
-        if picture is None or page.sent == (picture.number, look.view, look.window):
-            return
-        page.sent, page.can_take = (picture.number, look.view, look.window), False
-        data = await asyncio.to_thread(self._encoder.encode, picture, look.view, look.window)
-        await page.socket.send_bytes(data)
-
     def _tell_audience(self) -> None:
-        self._source.audience(frozenset(page.look.view for page in self._pages))
+        self._source.audience(frozenset(page.settings.view for page in self._pages))

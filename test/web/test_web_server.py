@@ -19,7 +19,7 @@ import aiohttp
 
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES
-from lasso_motion_ros.web.server import FILES, MAX_PAGES, STATIC, WebServer
+from lasso_motion_ros.web.server import FILES, STATIC, TUNING, WebServer
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 
 PATIENCE_S = 10.0
@@ -292,7 +292,7 @@ def test_there_is_room_for_so_many_pages_only(server: WebServer) -> None:
     async def run() -> None:
         async with aiohttp.ClientSession() as session:
             origin = server.url.rstrip("/")
-            sockets = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(MAX_PAGES)]
+            sockets = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(TUNING.most_pages)]
             with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
                 await session.ws_connect(f"{server.url}live", origin=origin)
             assert refused.value.status == 503

@@ -11,7 +11,8 @@ from support.drawn_recording import SIDE, loop, projections, shift, stamp
 from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.web.live import LATENCY_KEY, TRACE_S, LiveView
+from lasso_motion_ros.web.live_stream import LiveStream
+from lasso_motion_ros.web.motion_trace import TRACE_S
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
@@ -28,14 +29,14 @@ class Bench:
 
     def __init__(self) -> None:
         self.now = 100.0
-        self.view = LiveView(SyncConfig(), "lasso_tracker", WORLD, 0.15, clock=lambda: self.now)
+        self.stream = LiveStream(SyncConfig(), "lasso_tracker", WORLD, 0.15, clock=lambda: self.now)
 
     def image(self, plane: str, pair: int) -> None:
         header = header_fields(stamp(pair), f"detector_{plane}")
         info = encode_camera_info(projections()[plane], header)
-        assert self.view.add_camera_info(plane, MAKE(topics.camera_info_topic(plane).type_name, info)) == []
+        assert self.stream.add_camera_info(plane, MAKE(topics.camera_info_topic(plane).type_name, info)) == []
         pixels = np.full((SIDE, SIDE), pair, np.uint8)
-        assert self.view.add_image(plane, MAKE(topics.IMAGE_TYPE, encode_image(pixels, header))) == []
+        assert self.stream.add_image(plane, MAKE(topics.IMAGE_TYPE, encode_image(pixels, header))) == []
 
     def pair(self, pair: int) -> None:
         self.image("a", pair)
@@ -43,26 +44,26 @@ class Bench:
 
     def motion(self, pair: int, z_mm: float, frame: str = WORLD) -> None:
         fields = encode_pose_stamped(shift(z_mm), header_fields(stamp(pair), frame))
-        self.view.add_motion(MAKE(topics.MOTION.type_name, fields))
+        self.stream.add_motion(MAKE(topics.MOTION.type_name, fields))
 
     def catheter(self, pair: int, z_mm: float | None, frame: str = WORLD) -> None:
         header = header_fields(stamp(pair), frame)
         points = apply(shift(z_mm or 0.0), loop())
         fields = encode_delete(header, "c") if z_mm is None else encode_line_strip(points, header, "c")
-        self.view.add_catheter(MAKE(topics.CATHETER.type_name, fields))
+        self.stream.add_catheter(MAKE(topics.CATHETER.type_name, fields))
 
     def diagnostics(self, name: str, message: str, **values: str) -> None:
         entries = [{"key": key, "value": value} for key, value in values.items()]
         status = {"name": name, "message": message, "values": entries}
-        self.view.add_diagnostics(MAKE(topics.DIAGNOSTICS.type_name, {"status": [status]}))
+        self.stream.add_diagnostics(MAKE(topics.DIAGNOSTICS.type_name, {"status": [status]}))
 
     def overlay(self, plane: str, pair: int, **other: Any) -> None:
         fields = encode_image(np.full((SIDE, SIDE, 3), pair, np.uint8), header_fields(stamp(pair)))
-        self.view.add_overlay(plane, MAKE(topics.IMAGE_TYPE, {**fields, **other}))
+        self.stream.add_overlay(plane, MAKE(topics.IMAGE_TYPE, {**fields, **other}))
 
     def shown(self, view: str = "film") -> tuple[int, bool] | None:
         """Grey value of plane A's picture, which is its pair, and whether a loop is drawn."""
-        picture = self.view.picture(view)
+        picture = self.stream.picture(view)
         return (
             None if picture is None else (int(picture.planes["a"].pixels.flat[0]), picture.planes["a"].loop is not None)
         )
@@ -75,106 +76,106 @@ def bench() -> Bench:
 
 def test_before_there_is_a_pose_pictures_are_shown_at_once(bench: Bench) -> None:
     assert bench.shown() is None
-    bench.view.add_state("WAITING_FOR_SEED")
+    bench.stream.add_state("WAITING_FOR_SEED")
     bench.pair(1)
     assert bench.shown() == (1, False)
 
 
 def test_a_pair_waits_for_its_own_loop_and_is_drawn_with_it(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.pair(0)
     bench.catheter(0, 0.0)
     bench.pair(1)
     assert bench.shown() == (0, True)
     bench.catheter(1, 5.0)
     assert bench.shown() == (1, True)
-    picture = bench.view.picture("film")
+    picture = bench.stream.picture("film")
     for plane, projection in projections().items():
         expected = projection.project(apply(shift(5.0), loop()))
         np.testing.assert_allclose(picture.planes[plane].loop, expected, atol=1e-9)
 
 
 def test_without_an_answer_it_is_shown_late_and_without_any_loop(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.pair(0)
     bench.catheter(0, 0.0)
     bench.pair(1)
     bench.now += 0.16
-    before = bench.view.picture("film").number
+    before = bench.stream.picture("film").number
     assert bench.shown() == (1, False)
     bench.catheter(1, 0.0)
     assert bench.shown() == (1, True)
-    assert bench.view.picture("film").number != before  # so that the page gets it again
+    assert bench.stream.picture("film").number != before  # so that the page gets it again
 
 
 @pytest.mark.parametrize("state", ["LOST", "DISPLACED", "WAITING_FOR_SEED", "INACTIVE"])
 def test_no_loop_in_a_state_without_a_pose(bench: Bench, state: str) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.pair(0)
     bench.catheter(0, 0.0)
-    bench.view.add_state(state)
+    bench.stream.add_state(state)
     assert bench.shown() == (0, False)
-    assert not bench.view.status()["has_pose"]
+    assert not bench.stream.status()["has_pose"]
 
 
 def test_half_a_pair_shows_the_plane_that_is_there(bench: Bench) -> None:
     for pair in range(4):
         bench.image("a", pair)
-    assert set(bench.view.picture("film").planes) == {"a"}
+    assert set(bench.stream.picture("film").planes) == {"a"}
 
 
 def test_a_held_pair_stays_and_has_no_loop_on_it(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     for pair in range(3):
         bench.pair(pair)
         bench.catheter(pair, 0.0)
-    pairs = bench.view.whole_pairs()
-    bench.view.hold(pairs, {"a": stamp(1), "b": stamp(1)})
+    pairs = bench.stream.whole_pairs()
+    bench.stream.hold(pairs, {"a": stamp(1), "b": stamp(1)})
     assert bench.shown() == (1, False)
-    assert bench.view.picture("overlay").held
+    assert bench.stream.picture("overlay").held
     bench.pair(3)
     assert bench.shown() == (1, False)
-    held = bench.view.picture("film").number
-    bench.view.release()
+    held = bench.stream.picture("film").number
+    bench.stream.release()
     bench.catheter(3, 0.0)
     assert bench.shown() == (3, True)
-    assert bench.view.picture("film").number > held
-    bench.view.hold(bench.view.whole_pairs(), {"a": stamp(77), "b": stamp(77)})  # not among them: the newest
+    assert bench.stream.picture("film").number > held
+    bench.stream.hold(bench.stream.whole_pairs(), {"a": stamp(77), "b": stamp(77)})  # not among them: the newest
     assert bench.shown() == (3, False)
 
 
 def test_without_a_whole_pair_none_can_be_held(bench: Bench) -> None:
     bench.image("a", 0)
     with pytest.raises(MessageError, match="no image pair to click in"):
-        bench.view.hold(bench.view.whole_pairs())
+        bench.stream.hold(bench.stream.whole_pairs())
 
 
 def test_a_new_run_forgets_the_loops_of_the_last_one_though_stamps_are_the_same(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     for pair in range(8):
         bench.pair(pair)
         bench.catheter(pair, 0.0)
     for pair in range(2):
         bench.pair(pair)
-    assert (bench.view.new_runs, bench.view.pairs_of_run) == (1, 2)
+    assert (bench.stream.new_runs, bench.stream.pairs_of_run) == (1, 2)
     bench.now += 1.0
     assert bench.shown() == (1, False)
 
 
 def test_the_overlays_pictures_are_shown_while_they_keep_up(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.pair(1)
     bench.catheter(1, 0.0)
     assert bench.shown("overlay") == (1, True)  # the film, there is nothing else yet
     bench.overlay("a", 1)
-    assert bench.view.picture("overlay").planes["a"].pixels.ndim == 2  # both planes or none
+    assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 2  # both planes or none
     bench.overlay("b", 1)
-    assert bench.view.picture("overlay").planes["a"].pixels.shape == (SIDE, SIDE, 3)
+    assert bench.stream.picture("overlay").planes["a"].pixels.shape == (SIDE, SIDE, 3)
     assert bench.shown("overlay") == (1, True)
     for pair in range(2, 9):
         bench.pair(pair)
     bench.catheter(8, 0.0)
-    assert bench.view.picture("overlay").planes["a"].pixels.ndim == 2  # 1.75 s behind
+    assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 2  # 1.75 s behind
 
 
 @pytest.mark.parametrize("other", [{"encoding": "bgr8"}, {"step": 3 * SIDE + 1}, {"height": SIDE - 1}])
@@ -188,19 +189,19 @@ def test_another_frame_is_refused(bench: Bench) -> None:
         bench.motion(0, 1.0, frame="map")
     with pytest.raises(MessageError, match="catheter is in frame 'map'"):
         bench.catheter(0, 1.0, frame="map")
-    assert bench.view.trace(0) == []
+    assert bench.stream.trace(0) == []
 
 
 def test_silence_is_counted_from_the_last_image(bench: Bench) -> None:
-    assert bench.view.status()["stopped_s"] == {"a": None, "b": None}
+    assert bench.stream.status()["stopped_s"] == {"a": None, "b": None}
     for pair in range(4):
         bench.now += 0.25
         bench.image("a", pair)
     bench.now += 1.4
-    assert bench.view.status()["stopped_s"] == {"a": None, "b": None}
+    assert bench.stream.status()["stopped_s"] == {"a": None, "b": None}
     bench.now += 2.6
-    assert bench.view.status()["stopped_s"] == {"a": 4, "b": None}
-    assert bench.view.status()["seen"] == {"a": True, "b": False}
+    assert bench.stream.status()["stopped_s"] == {"a": 4, "b": None}
+    assert bench.stream.status()["seen"] == {"a": True, "b": False}
 
 
 def test_at_one_image_a_second_two_seconds_are_no_silence(bench: Bench) -> None:
@@ -208,60 +209,60 @@ def test_at_one_image_a_second_two_seconds_are_no_silence(bench: Bench) -> None:
         bench.now += 1.0
         bench.image("a", pair)
     bench.now += 2.0
-    assert bench.view.status()["stopped_s"]["a"] is None
+    assert bench.stream.status()["stopped_s"]["a"] is None
 
 
 def test_latency_is_of_pairs_that_came_while_there_was_a_pose(bench: Bench) -> None:
     bench.pair(0)
     bench.now += 30.0  # someone clicks
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.motion(0, 0.0)
-    assert bench.view.status()["latency_ms"] is None
+    assert bench.stream.status()["latency_ms"] is None
     for pair, took in ((1, 0.010), (2, 0.020), (3, 0.060)):
         bench.pair(pair)
         bench.now += took
         bench.motion(pair, 0.0)
-    assert bench.view.status()["latency_ms"] == pytest.approx(20.0)
-    assert bench.view.status()["worst_latency_ms"] == pytest.approx(60.0)
+    assert bench.stream.status()["latency_ms"] == pytest.approx(20.0)
+    assert bench.stream.status()["worst_latency_ms"] == pytest.approx(60.0)
 
 
 def test_the_trace_has_each_pose_at_its_images_time_a_gap_at_a_loss_and_30_s(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     bench.pair(0)
     bench.now += 0.5
     bench.motion(0, 4.0)
-    bench.view.add_state("LOST")
-    first, gap = bench.view.trace(0)
+    bench.stream.add_state("LOST")
+    first, gap = bench.stream.trace(0)
     assert (first.time_s, gap.time_s, gap.shift_mm) == (100.0, 100.5, None)
     assert first.shift_mm == pytest.approx((0.0, 0.0, 4.0))
-    assert bench.view.trace(first.number) == [gap]
+    assert bench.stream.trace(first.number) == [gap]
     bench.now += TRACE_S - 0.25
-    assert bench.view.trace(0) == [gap]
+    assert bench.stream.trace(0) == [gap]
 
 
 def test_a_turn_about_the_worlds_origin_counts_as_what_it_moves_the_loop(bench: Bench) -> None:
-    bench.view.add_state("TRACKING")
+    bench.stream.add_state("TRACKING")
     turn = np.array([[0, -1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
     away = loop() + np.array([0.05, 0.0, 0.0])
     for pair in (0, 1):
         header = header_fields(stamp(pair), WORLD)
         self_motion = MAKE(topics.MOTION.type_name, encode_pose_stamped(turn, header))
-        bench.view.add_motion(self_motion)
+        bench.stream.add_motion(self_motion)
         fields = encode_line_strip(apply(turn, away), header, "c")
-        bench.view.add_catheter(MAKE(topics.CATHETER.type_name, fields))
+        bench.stream.add_catheter(MAKE(topics.CATHETER.type_name, fields))
     # The ring's centre goes from (50, 0, 0) mm to (0, 50, 0) mm.
-    assert bench.view.trace(0)[-1].shift_mm == pytest.approx((-50.0, 50.0, 0.0), abs=0.2)
+    assert bench.stream.trace(0)[-1].shift_mm == pytest.approx((-50.0, 50.0, 0.0), abs=0.2)
 
 
 def test_the_reason_is_the_trackers_own_and_of_this_state(bench: Bench) -> None:
-    bench.view.add_state("DEGRADED")
+    bench.stream.add_state("DEGRADED")
     bench.diagnostics("/lab/other: tracker", "DEGRADED: not this one")
     bench.diagnostics("/lab/lasso_tracker: plane_a", "DEGRADED: nor this")
-    assert bench.view.status()["reason"] == ""
-    bench.diagnostics("/lab/lasso_tracker: tracker", "DEGRADED: one plane only", **{LATENCY_KEY: "12.5"})
-    assert bench.view.status()["reason"] == "one plane only"
-    assert bench.view.status()["tracker_latency_ms"] == 12.5
-    bench.view.add_state("LOST")
-    assert bench.view.status()["reason"] == ""
-    bench.diagnostics("/lasso_tracker: tracker", "DEGRADED: late", **{LATENCY_KEY: "?"})
-    assert (bench.view.status()["reason"], bench.view.status()["tracker_latency_ms"]) == ("", None)
+    assert bench.stream.status()["reason"] == ""
+    bench.diagnostics("/lab/lasso_tracker: tracker", "DEGRADED: one plane only", **{topics.LAST_LATENCY_KEY: "12.5"})
+    assert bench.stream.status()["reason"] == "one plane only"
+    assert bench.stream.status()["tracker_latency_ms"] == 12.5
+    bench.stream.add_state("LOST")
+    assert bench.stream.status()["reason"] == ""
+    bench.diagnostics("/lasso_tracker: tracker", "DEGRADED: late", **{topics.LAST_LATENCY_KEY: "?"})
+    assert (bench.stream.status()["reason"], bench.stream.status()["tracker_latency_ms"]) == ("", None)

@@ -1,0 +1,235 @@
+"""The live page: takes the messages of a graph, gives what the page shows. Knows no node and no server."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.config.stream import SyncConfig
+from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
+from lasso_motion_ros.tracking.tracker import TrackerState
+from lasso_motion_ros.web.motion_trace import MotionTrace
+from lasso_motion_ros.web.shown_pairs import ShownPairs
+from lasso_motion_ros.web.source import PageView, Picture, TracePoint
+from lasso_motion_ros.web.stream_health import StreamHealth
+from msg_adapters.markers import DELETE, decode_points
+from msg_adapters.messages import stamp_to_ns
+from msg_adapters.poses import decode_pose
+from msg_adapters.sync.frame_pairs import FramePairs
+from msg_adapters.sync.partner import PartnerRule
+from msg_adapters.topics import LAST_LATENCY_KEY
+
+Array = npt.NDArray[np.float64]
+
+
+class LiveStream:
+    """Everything the page shows of a live graph; may be used from several threads.
+
+    Args:
+        sync: how images are paired.
+        tracker: the tracker node's name, as its diagnostics have it at their end.
+        world_frame: frame of motion and loop.
+        answer_wait_s: how long a pair waits for the tracker's answer.
+        clock: steady clock, seconds.
+
+    Attributes:
+        new_runs: how many times both planes' stamps have gone back.
+        pairs_of_run: pairs since then.
+    """
+
+    def __init__(
+        self,
+        sync: SyncConfig,
+        tracker: str,
+        world_frame: str,
+        answer_wait_s: float,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._tracker, self._world_frame = tracker, world_frame
+        self._lock = threading.RLock()
+        self._intake = FramePairs(PartnerRule.from_seconds(sync.jitter_s, sync.plane_b_offset_s))
+        self._health = StreamHealth(clock)
+        self._trace = MotionTrace(clock)
+        self._shown = ShownPairs(answer_wait_s, clock)
+        self._state, self._reason = "", ""
+        self._tracker_latency_ms: float | None = None
+        self.new_runs = 0
+        self.pairs_of_run = 0
+
+    # What comes in.
+
+    def add_image(self, plane: Plane, message: Any) -> list[str]:
+        """Take an image; returns complaints."""
+        with self._lock:
+            self._health.add_image(plane, stamp_to_ns(message.header.stamp), answer_expected=self.has_pose)
+            self._take_pairs(self._intake.add_image(plane, message))
+            return self._intake.frames[plane].take_complaints()
+
+    def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[str]:
+        """Take a calibration, from a publisher that latches or not; returns complaints."""
+        with self._lock:
+            self._take_pairs(self._intake.add_camera_info(plane, message, latched=latched))
+            return self._intake.frames[plane].take_complaints()
+
+    def _take_pairs(self, pairs: list[FramePair]) -> None:
+        for pair in pairs:
+            if pair.new_run:
+                self.new_runs += 1
+                self.pairs_of_run = 0
+            self.pairs_of_run += 1
+            self._shown.add_pair(pair)
+
+    def add_state(self, state: str) -> None:
+        """Take a `state`."""
+        with self._lock:
+            had_pose = self.has_pose
+            if state != self._state:
+                self._reason = ""  # it was the former state's; the diagnostics bring the new one's
+            self._state = state
+            if had_pose and not self.has_pose:
+                self._trace.interrupt()
+
+    def add_motion(self, message: Any) -> None:
+        """Take a `motion`: a point of the trace, and a latency.
+
+        Raises:
+            MessageError: another frame, or no pose.
+        """
+        if message.header.frame_id != self._world_frame:
+            raise MessageError(f"motion is in frame {message.header.frame_id!r}, expected {self._world_frame!r}")
+        motion = decode_pose(message)
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        with self._lock:
+            self._trace.add_motion(stamp_ns, motion, self._health.add_answer(stamp_ns))
+
+    def add_catheter(self, message: Any) -> None:
+        """Take a `catheter`: the loop of the pair with its stamp, or that there is none.
+
+        Raises:
+            MessageError: another frame, or points that are none.
+        """
+        stamp_ns = stamp_to_ns(message.header.stamp)
+        loop: Array | None = None
+        if message.action != DELETE:
+            if message.header.frame_id != self._world_frame:
+                raise MessageError(f"catheter is in frame {message.header.frame_id!r}, expected {self._world_frame!r}")
+            loop = decode_points(message)
+            if not np.isfinite(loop).all():
+                raise MessageError("catheter: a point is not finite")
+        with self._lock:
+            self._shown.add_loop(stamp_ns, loop)
+            if loop is not None:
+                self._trace.add_loop(stamp_ns, loop)
+
+    def add_diagnostics(self, message: Any) -> None:
+        """Take `/diagnostics`: the tracker's reason and latency."""
+        for status in message.status:
+            node, _, part = status.name.rpartition(": ")
+            if part != "tracker" or node.rpartition("/")[2] != self._tracker:
+                continue
+            values = {entry.key: entry.value for entry in status.values}
+            with self._lock:
+                state, _, reason = status.message.partition(": ")
+                if state == self._state:
+                    self._reason = reason
+                try:
+                    self._tracker_latency_ms = float(values[LAST_LATENCY_KEY])
+                except (KeyError, ValueError):
+                    self._tracker_latency_ms = None
+
+    def add_overlay(self, plane: Plane, message: Any) -> None:
+        """Take a `plane_x/overlay`.
+
+        Raises:
+            MessageError: not rgb8, or data that do not fit.
+        """
+        if message.encoding != "rgb8" or message.step != 3 * message.width:
+            raise MessageError(f"overlay: expected rgb8 without padding, found {message.encoding!r}")
+        data = np.frombuffer(message.data, np.uint8)
+        if data.size != message.height * message.step or data.size == 0:
+            raise MessageError(f"overlay: {data.size} bytes do not make {message.width}×{message.height} pixels")
+        with self._lock:
+            drawn = data.reshape(message.height, message.width, 3)
+            self._shown.add_overlay(plane, stamp_to_ns(message.header.stamp), drawn)
+
+    # Holding a pair to click in.
+
+    def whole_pairs(self) -> list[FramePair]:
+        """The last pairs with images of both planes, oldest first."""
+        with self._lock:
+            return self._shown.whole_pairs()
+
+    def hold(self, pairs: Sequence[FramePair], stamps: Mapping[Plane, int] | None = None) -> None:
+        """Keep one of some pairs on show: the one with these stamps, if it is there, else the last.
+
+        Raises:
+            MessageError: there is no pair.
+        """
+        with self._lock:
+            self._shown.hold(pairs, stamps)
+
+    def release(self) -> None:
+        """Show what is new again."""
+        with self._lock:
+            self._shown.release()
+
+    @property
+    def held(self) -> FramePair | None:
+        """The pair that is held."""
+        return self._shown.held
+
+    # What goes out.
+
+    @property
+    def has_pose(self) -> bool:
+        """Whether the tracker says that there is a pose."""
+        return self._state in (TrackerState.TRACKING.value, TrackerState.DEGRADED.value)
+
+    @property
+    def state(self) -> str:
+        """The last state heard; empty before the first."""
+        return self._state
+
+    def status(self) -> dict[str, Any]:
+        """The numbers and words of the page, ready for JSON."""
+        with self._lock:
+            silence = {plane: self._health.silence_s(plane) for plane in PLANES}
+            latency, worst = self._health.latency_ms, self._health.worst_latency_ms
+            return {
+                "state": self._state,
+                "reason": self._reason,
+                "colour": _colour(self._state),
+                "has_pose": self.has_pose,
+                "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},
+                "seen": {plane: self._health.has_seen(plane) for plane in PLANES},
+                "calibrated": {plane: self._intake.frames[plane].calibrated for plane in PLANES},
+                "tracker_latency_ms": self._tracker_latency_ms,
+                "latency_ms": None if latency is None else round(latency, 1),
+                "worst_latency_ms": None if worst is None else round(worst, 1),
+                "held": self._shown.held is not None,
+            }
+
+    def trace(self, after: int) -> list[TracePoint]:
+        """Points of the last 30 s with a number above `after`."""
+        with self._lock:
+            return self._trace.points(after)
+
+    def picture(self, view: PageView) -> Picture | None:
+        """The newest picture that may be shown."""
+        with self._lock:
+            return self._shown.picture(view, has_pose=self.has_pose)
+
+
+def _colour(state: str) -> str:
+    try:
+        red, green, blue = STATE_COLOURS[TrackerState(state)]
+    except ValueError:
+        return "#aaaaaa"
+    return f"#{red:02x}{green:02x}{blue:02x}"

@@ -1,0 +1,140 @@
+"""One page that is connected: what it asks for is taken, what is new is sent, pictures as fast as it draws them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+from collections.abc import Callable
+
+from aiohttp import WSCloseCode, WSMsgType, web
+
+from lasso_motion_ros.core.errors import LassoMotionError, MessageError
+from lasso_motion_ros.web.picture_encoder import PictureEncoder
+from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, DisplaySettings, Request, Shown, Window, encode, parse
+from lasso_motion_ros.web.source import PageView, Source
+
+LOG = logging.getLogger(__name__)
+SHORTEST_PAUSE_S = 0.02
+HEARTBEAT_S = 10.0
+
+
+class PageConnection:
+    """One page's WebSocket; lives in the server's event loop.
+
+    Args:
+        source: what is shown.
+        encoder: makes pictures of it, once for all pages.
+        on_settings: called when the page wants to see something else.
+        on_answer: called when a command has been carried out, for the other pages.
+
+    Attributes:
+        socket: the WebSocket.
+        settings: what the page wants to see.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        encoder: PictureEncoder,
+        on_settings: Callable[[], None],
+        on_answer: Callable[[], None],
+    ) -> None:
+        self._source, self._encoder = source, encoder
+        self._on_settings, self._on_answer = on_settings, on_answer
+        self.socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_S, compress=False)
+        self.settings = DisplaySettings("film", Window())
+        self._news = asyncio.Event()
+        self._can_take_picture = True
+        self._sent_picture: tuple[int, PageView, Window] | None = None
+        self._sent_status = ""
+        self._sent_point = 0
+        self._commands: set[asyncio.Task[None]] = set()
+
+    def wake(self) -> None:
+        """Tell it that there may be something new."""
+        self._news.set()
+
+    async def serve(self) -> None:
+        """Read and write until the page goes."""
+        self.wake()
+        writer = asyncio.create_task(self._write())
+        try:
+            async for message in self.socket:
+                if message.type is not WSMsgType.TEXT:
+                    await self.socket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"expected text")
+                    break
+                await self._take(message.data)
+        finally:
+            for task in (writer, *self._commands):
+                task.cancel()
+
+    async def _take(self, text: str) -> None:
+        try:
+            message = parse(text)
+        except MessageError as error:
+            await self.socket.send_str(encode("refused", text=str(error)))
+            return
+        if isinstance(message, Shown):
+            self._can_take_picture = True
+        elif isinstance(message, DisplaySettings):
+            self.settings = message
+            self._on_settings()
+        else:
+            # Beside the reading: a service may take its time, and `shown` must get through meanwhile.
+            task = asyncio.create_task(self._answer(message))
+            self._commands.add(task)
+            task.add_done_callback(self._commands.discard)
+        self.wake()
+
+    async def _answer(self, request: Request) -> None:
+        done, text = True, ""
+        try:
+            text = await asyncio.to_thread(self._source.command, request.name, request.body)
+        except LassoMotionError as error:
+            done, text = False, str(error)
+        except Exception as error:
+            LOG.exception("command %s", request.name)
+            done, text = False, f"{type(error).__name__}: {error}"
+        with contextlib.suppress(ConnectionError):
+            await self.socket.send_str(encode("answer", id=request.id, done=done, text=text))
+        self._on_answer()
+
+    async def _write(self) -> None:
+        """Send what is new: words and numbers always, a picture only once the last one has been drawn."""
+        try:
+            while not self.socket.closed:
+                await self._news.wait()
+                self._news.clear()
+                await self._send_status()
+                await self._send_trace()
+                if self._can_take_picture:
+                    await self._send_picture()
+                await asyncio.sleep(SHORTEST_PAUSE_S)
+        except ConnectionError:
+            return
+        except Exception:
+            LOG.exception("a page could not be served")
+            await self.socket.close(code=WSCloseCode.INTERNAL_ERROR)
+
+    async def _send_status(self) -> None:
+        status = encode("status", **self._source.status())
+        if status != self._sent_status:
+            self._sent_status = status
+            await self.socket.send_str(status)
+
+    async def _send_trace(self) -> None:
+        points = self._source.trace(self._sent_point)
+        if points:
+            self._sent_point = points[-1].number
+            rows = [[round(one.time_s, 3), *(one.shift_mm or (None,) * 3)] for one in points]
+            await self.socket.send_str(encode("trace", points=rows))
+
+    async def _send_picture(self) -> None:
+        view, window = self.settings.view, self.settings.window
+        picture = self._source.picture(view)
+        if picture is None or self._sent_picture == (picture.number, view, window):
+            return
+        self._sent_picture, self._can_take_picture = (picture.number, view, window), False
+        data = await asyncio.to_thread(self._encoder.encode, picture, view, window)
+        await self.socket.send_bytes(data)

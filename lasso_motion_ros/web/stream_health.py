@@ -1,0 +1,102 @@
+"""Whether images come, and how soon the tracker answers them."""
+
+from __future__ import annotations
+
+import statistics
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.web.recent import Recent
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """When a plane counts as silent, and what is remembered.
+
+    Attributes:
+        silent_s: no image for so long is a silence,
+        silent_periods: or for so many frame periods, where that is longer,
+        silent_at_most_s: but in any case after so long.
+        arrivals: images of a plane that tell its frame period.
+        unanswered: images of plane A whose answer may still come.
+        latencies: answers over which the latency is summed up.
+    """
+
+    silent_s: float = 1.5
+    silent_periods: float = 4.0
+    silent_at_most_s: float = 5.0
+    arrivals: int = 8
+    unanswered: int = 64
+    latencies: int = 64
+
+
+TUNING = _Tuning()
+
+
+class StreamHealth:
+    """Takes images and answers by their stamps.
+
+    Args:
+        clock: steady clock, seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        self._clock = clock
+        self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=TUNING.arrivals) for plane in PLANES}
+        self._received: Recent[int, tuple[float, bool]] = Recent(TUNING.unanswered)
+        self._latencies_ms: deque[float] = deque(maxlen=TUNING.latencies)
+
+    def add_image(self, plane: Plane, stamp_ns: int, *, answer_expected: bool) -> None:
+        """Take note of an image.
+
+        Args:
+            plane: its plane.
+            stamp_ns: its stamp.
+            answer_expected: whether the tracker answers at once. A pair that waits for clicks is answered when they
+                come: that says nothing about speed.
+        """
+        now = self._clock()
+        self._arrivals[plane].append(now)
+        if plane == "a":
+            newest = self._received.newest
+            if newest is not None and stamp_ns < newest:
+                self._received.clear()  # another run: its stamps may be those of the last
+            self._received[stamp_ns] = now, answer_expected
+
+    def add_answer(self, stamp_ns: int) -> float:
+        """Take note of the answer to plane A's image of this stamp.
+
+        Returns:
+            When that image came; now, where it has not: the pose may be here before the image, which is larger.
+        """
+        at_s, expected = self._received.get(stamp_ns, (self._clock(), False))
+        if expected:
+            self._latencies_ms.append(1e3 * (self._clock() - at_s))
+        return at_s
+
+    def has_seen(self, plane: Plane) -> bool:
+        """Whether an image has come."""
+        return bool(self._arrivals[plane])
+
+    def silence_s(self, plane: Plane) -> float | None:
+        """Seconds since the last image, if that is longer than the images' rate explains; else None."""
+        arrivals = self._arrivals[plane]
+        if not arrivals:
+            return None
+        age = self._clock() - arrivals[-1]
+        periods = [later - earlier for earlier, later in pairwise(arrivals)]
+        allowed = max(TUNING.silent_s, TUNING.silent_periods * statistics.median(periods) if periods else 0.0)
+        return age if age > min(allowed, TUNING.silent_at_most_s) else None
+
+    @property
+    def latency_ms(self) -> float | None:
+        """Median time from image to answer, milliseconds."""
+        return statistics.median(self._latencies_ms) if self._latencies_ms else None
+
+    @property
+    def worst_latency_ms(self) -> float | None:
+        """The longest time from image to answer, milliseconds."""
+        return max(self._latencies_ms, default=None)
