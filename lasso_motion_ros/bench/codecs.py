@@ -1,4 +1,4 @@
-"""Messages to bytes and back, as what is measured does it."""
+"""Messages to CDR bytes and back, by the serialiser of what is measured."""
 
 from __future__ import annotations
 

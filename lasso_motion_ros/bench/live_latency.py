@@ -1,4 +1,4 @@
-"""How long a pair's pose takes live, over DDS between processes, beside the bare transport of the same pair."""
+"""Latency from images to pose over DDS between processes, beside that of the bare transport."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from msg_adapters.topics import CATHETER, DIAGNOSTICS, MOTION, STATE, Topic
 ANSWER_WAIT_S = 5.0
 
 Notes = Mapping[Plane, Mapping[int, int]]
-"""A subscriber's notes: steady clock (ns) by plane and stamp."""
+"""What a subscriber noted: monotonic time (ns) by plane and stamp."""
 
 
 @dataclass(frozen=True)
 class LatencyBudget:
-    """What is asked, ms.
+    """Latency limits, ms.
 
     Attributes:
         median_ms: what tracking may add to the bare transport, at the median.
@@ -99,7 +99,7 @@ class LiveBenchmark:
 
 
 class _Answers:
-    """When (steady clock, ns) each pair's pose and its catheter message came, by stamp."""
+    """When (monotonic, ns) each pair's pose and catheter message arrived, by stamp."""
 
     def __init__(self) -> None:
         self.poses: dict[int, int] = {}
@@ -164,7 +164,7 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
                 START_WAIT_S + pairs / rate,
                 lambda: f"the stream has not ended: {graph.log('tracker', 1)}",
             )
-            with contextlib.suppress(TooLateError):  # what is not answered by then is told
+            with contextlib.suppress(TooLateError):  # the figures show what is not answered by then
                 graph.wait_until(lambda: len(answers.answered) > pairs, ANSWER_WAIT_S)
             graph.stop()
         return summarise(
@@ -174,7 +174,7 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
 
 
 def read_times(times: Mapping[str, int]) -> dict[int, int]:
-    """Steady clock (ns) by stamp, from a child's JSON."""
+    """Monotonic times (ns) by stamp, from a child's JSON."""
     return {int(stamp): int(at) for stamp, at in times.items()}
 
 
@@ -195,7 +195,7 @@ def summarise(
     load: tuple[float, float],
     pictures: Notes | None = None,
 ) -> LiveBenchmark:
-    """The figures; all clocks are the machine's steady one, ns, by the pair's stamp.
+    """The figures, from monotonic times in ns by the pair's stamp.
 
     Raises:
         LassoMotionError: nothing was received.
@@ -238,7 +238,7 @@ def _percentiles(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
 
 
 def format_live(figures: LiveBenchmark) -> str:
-    """The figures for people."""
+    """The figures as text."""
     beside = "" if figures.pictures is None else ", overlay beside it"
     lines = [
         f"{figures.side}×{figures.side} mono16, both planes, {figures.rate:g} pairs/s{beside}: {figures.answered} of "
@@ -270,7 +270,7 @@ def format_live(figures: LiveBenchmark) -> str:
 
 
 def format_disturbance(alone: LiveBenchmark, beside: LiveBenchmark) -> str:
-    """What the overlay beside it costs the tracker, for people: its own share, apart from what all transport costs."""
+    """How much the overlay slows the tracker, as text: tracking and transport apart."""
     added = [[pose - bare for pose, bare in zip(run.pose_ms, run.bare_ms, strict=True)] for run in (alone, beside)]
     return (
         f"the overlay adds to the pose {beside.pose_ms[0] - alone.pose_ms[0]:+.1f} ms at p50, "

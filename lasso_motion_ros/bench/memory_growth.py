@@ -1,4 +1,4 @@
-"""`lasso-motion bench --memory`: whether memory stays flat over thousands of pairs, and a pair's cost with it."""
+"""`lasso-motion bench --memory`: whether memory and the cost of a pair stay flat over thousands of pairs."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class MemoryUse:
 def measure_memory(
     config: StreamConfig, messages: Sequence[RawMessage], pairs: int, *, quiet: bool = True
 ) -> MemoryUse:
-    """Play a recording to one pipeline forth and back, its stamps going on, until so many pairs are processed.
+    """Play a recording back and forth to one pipeline, with stamps that keep increasing.
 
     Args:
         config: the tracker's parameters.
@@ -71,7 +71,7 @@ def measure_memory(
     done = poses = 0
     begin, since = time.process_time(), 0
     bar = progress(range(pairs), pairs, "memory", quiet)
-    for raw, stamp_ns in _forth_and_back(messages, stamps):
+    for raw, stamp_ns in _back_and_forth(messages, stamps):
         message = codec.decode(raw.data, raw.type_name)
         message.header.stamp = codec.factory.make("builtin_interfaces/msg/Time", ns_to_stamp(stamp_ns))
         for task in handlers[raw.topic](message):
@@ -95,7 +95,7 @@ def measure_memory(
 
 
 def format_memory(use: MemoryUse) -> str:
-    """The figures for people."""
+    """The figures as text."""
     lines = [f"{'pair':>8}{'resident':>14}{'a pair':>14}"]
     lines += [
         f"{number:>8}{size:>11.1f} MB{spent:>11.2f} ms"
@@ -112,8 +112,8 @@ def resident_mb() -> float:
     return int(STATM.read_text(encoding="ascii").split()[1]) * resource.getpagesize() / 1e6
 
 
-def _forth_and_back(messages: Sequence[RawMessage], stamps: Sequence[int]) -> Iterator[tuple[RawMessage, int]]:
-    """The messages with new stamps, endlessly; the motion goes back the way it came, so that it never jumps."""
+def _back_and_forth(messages: Sequence[RawMessage], stamps: Sequence[int]) -> Iterator[tuple[RawMessage, int]]:
+    """The messages with new stamps, endlessly; played back and forth, so that the motion never jumps."""
     first_plane = image_topic("a").recorded_name
     images = np.array([stamp for raw, stamp in zip(messages, stamps, strict=True) if raw.topic == first_plane])
     if len(images) < 2:

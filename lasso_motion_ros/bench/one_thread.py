@@ -1,4 +1,4 @@
-"""One thread, so that a time measured on a machine of many cores means the same on any."""
+"""Single-threaded measurements: a time means the same whatever the number of cores."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from lasso_motion_ros.core.memory import keep_freed_memory
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Hold every pool of threads (BLAS, OpenMP, OpenCV) at one, and memory as the node does."""
+    """Limit BLAS, OpenMP and OpenCV to one thread each; keep freed memory as the node does."""
     import cv2
     from threadpoolctl import threadpool_limits
 

@@ -1,4 +1,4 @@
-"""How long one plane's overlay picture takes: windowing, static and compensated place, lasso and words."""
+"""Time to draw one plane's overlay: windowing, static and compensated surface, lasso and text."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def measure_overlay(pictures: int = PICTURES) -> OverlayBenchmark:
 
 
 def format_overlay(benchmark: OverlayBenchmark) -> str:
-    """The figures for people."""
+    """The figures as text."""
     moving = f"while the gantry moves {benchmark.moving_gantry_ms:.1f} ms"
     return (
         f"overlay, {benchmark.triangles} triangles on {benchmark.side_px}²: {benchmark.median_ms:.1f} ms a plane on "

@@ -1,4 +1,4 @@
-"""A child of the live benchmark: publishes a biplane stream at a steady rate and notes when.
+"""Child process of the live benchmark: publishes a biplane stream at a steady rate and notes the times.
 
 `python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json MOST_AHEAD`
 """
@@ -32,13 +32,13 @@ BREATH_S = 2.0
 TICK_S = 0.02
 ANSWER_TICK_S = 0.002
 UNANSWERED_S = 2.0
-"""So long a pair may hold up those after it: where the loop is lost, no answer tells of it."""
+"""How long a pair may hold up the next: a pair whose loop is lost may have no answer."""
 
 
 class BenchPublisher(Node):  # type: ignore[misc]
     """Publishes one seeded pair, waits for the tracker's answer to it, then the stream.
 
-    The images of one breath are drawn before and sent over and over with new stamps: drawing is not what is measured.
+    The images of one breath are drawn beforehand and sent again and again with new stamps: drawing is not measured.
 
     Args:
         rate: pairs a second.
@@ -46,7 +46,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         side: of the images, pixels.
         image_subscribers: to wait for on each image topic.
         notes: file for the steady clock (ns) at which each pair's later image was published, by its stamp.
-        most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector knows no mercy.
+        most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector would.
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         self._answered_ns = stamp_to_ns(message.header.stamp)
 
     def _may_publish(self, number: int) -> bool:
-        """Wait until the pairs before it are answered as far as they must be; False where it ends meanwhile."""
+        """Wait until enough of the earlier pairs are answered; False if the node closes meanwhile."""
         needed_ns = START_NS + (number - self._most_ahead) * self._period_ns
         given_up_s = time.monotonic() + UNANSWERED_S
         while self._most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
@@ -132,7 +132,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return True
 
     def _publish_pair(self, number: int) -> int:
-        """Publish a pair; returns the steady clock, ns, just before its later image went out."""
+        """Publish a pair; returns the monotonic time, ns, just before its later image goes out."""
         stamp = ns_to_stamp(START_NS + number * self._period_ns)
         head = np.array([stamp["sec"], stamp["nanosec"]], "<u4").tobytes()
         began = 0
@@ -151,7 +151,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
 def publisher_arguments(
     rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
 ) -> list[str]:
-    """The process's arguments, for `BenchPublisher`'s own."""
+    """Command-line arguments that give `BenchPublisher` these values."""
     return [str(rate), str(pairs), str(side), str(image_subscribers), str(notes), str(most_ahead)]
 
 

@@ -1,4 +1,4 @@
-"""`lasso-motion bench --scaling`: what a pair costs as the region that is searched and the model's points grow."""
+"""`lasso-motion bench --scaling`: how the cost of a pair grows with the searched region and the model's points."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def measure_scaling(config: StreamConfig, messages: Sequence[RawMessage], pairs:
 
 
 def format_scaling(costs: Sequence[Cost]) -> str:
-    """The costs for people."""
+    """The costs as text."""
     lines = []
     varied = ""
     for cost in costs:

@@ -1,4 +1,4 @@
-"""Endurance: thousands of pairs through a real tracker, whose memory, threads and open files are watched.
+"""Endurance test: thousands of pairs through a live tracker, while its memory, threads and open files are watched.
 
 `python -m lasso_motion_ros.bench.soak [PAIRS]`, or `make soak`.
 """
@@ -24,7 +24,7 @@ from msg_adapters.topics import CATHETER, MOTION, STATE, Topic
 
 @dataclass(frozen=True)
 class SoakSetting:
-    """The run, and what is asked of it.
+    """What is run, and the limits it must keep.
 
     Attributes:
         pairs: published.
@@ -51,7 +51,7 @@ SETTING = SoakSetting()
 
 @dataclass(frozen=True)
 class Resources:
-    """What a process holds.
+    """A process's resources.
 
     Attributes:
         memory_mb: private memory (RssAnon), megabytes.
@@ -66,13 +66,13 @@ class Resources:
 
 @dataclass(frozen=True)
 class SoakFigures:
-    """What came of it.
+    """The outcome.
 
     Attributes:
         answered: pairs answered.
         poses: of these, with a pose.
-        warm: what the tracker held once it was warm.
-        end: what it held at the end, still running.
+        warm: the tracker's after the warm-up.
+        end: the tracker's at the end, still running.
     """
 
     answered: int
@@ -82,12 +82,12 @@ class SoakFigures:
 
     @property
     def growth_mb(self) -> float:
-        """Memory that came on since it was warm."""
+        """Memory growth since the warm-up, MB."""
         return self.end.memory_mb - self.warm.memory_mb
 
     @property
     def leaks(self) -> list[str]:
-        """What grew that must not, in words."""
+        """What grew though it must not, in words."""
         found = []
         if self.growth_mb > SETTING.largest_growth_mb:
             found.append(f"memory grew by {self.growth_mb:.1f} MB")
@@ -99,7 +99,7 @@ class SoakFigures:
 
 
 def resources(process_id: int) -> Resources:
-    """What a process holds now (Linux)."""
+    """A process's resources now (Linux)."""
     status = Path(f"/proc/{process_id}/status").read_text(encoding="utf-8")
     fields = dict(line.split(":", 1) for line in status.splitlines() if ":" in line)
     return Resources(
@@ -165,7 +165,7 @@ def soak(setting: SoakSetting = SETTING) -> SoakFigures:
 
 
 def main() -> int:
-    """Run it and print what came of it; returns the exit status."""
+    """Run it and print the outcome; returns the exit status."""
     setting = SoakSetting(pairs=int(sys.argv[1])) if len(sys.argv) > 1 else SETTING
     try:
         figures = soak(setting)

@@ -37,7 +37,7 @@ TrackerFactory = Callable[[TrackerConfig, Stages], Tracker]
 
 @dataclass
 class Clock:
-    """Time spent, by stage: what a tracker tells of its stages (`Stages`), and what tells of the rest.
+    """Time spent by stage; listens to a tracker's stages (see `Stages`).
 
     Attributes:
         timer: what the stages are timed by, seconds: wall time, or processor time where other programs must not count.
@@ -156,7 +156,7 @@ def measure(
 
 
 def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Codec, clock: Clock, pairs: int) -> None:
-    """Once through the recording; the time of a pair is kept once the model stands, until there are enough."""
+    """Play the recording once; pairs count from the first pose on, until there are enough."""
     handlers = topic_handlers(pipeline.intake, {raw.topic: raw.type_name for raw in messages})
     tracked = False
     clock.drop()
@@ -183,7 +183,7 @@ def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Cod
 
 
 class _TimedMessages:
-    """Makes messages as another factory does, and has that timed."""
+    """Another factory's messages, with the time to make them measured."""
 
     def __init__(self, factory: MessageFactory, clock: Clock) -> None:
         self._factory, self._clock = factory, clock
@@ -224,7 +224,7 @@ def stages_ms(clock: Clock) -> dict[str, float]:
 
 
 def format_benchmark(benchmark: Benchmark) -> str:
-    """The figures for people."""
+    """The figures as text."""
     lines = [
         f"{benchmark.configuration} on {benchmark.recording}: {benchmark.pairs_per_s:.1f} pairs/s on one thread "
         f"({benchmark.pairs} pairs, median {benchmark.median_ms:.1f} ms, 95 % within {benchmark.p95_ms:.1f} ms, "

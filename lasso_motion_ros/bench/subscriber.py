@@ -1,4 +1,4 @@
-"""A child of the live benchmark: receives images or overlay pictures like anybody, only notes when they came.
+"""Child process of the live benchmark: receives images or overlay pictures and notes when they arrive.
 
 `python -m lasso_motion_ros.bench.subscriber images|overlays NOTES.json`; they are written when it is stopped.
 """
@@ -25,7 +25,7 @@ TOPICS = {"images": image_topic, "overlays": overlay_topic}
 
 
 class BenchSubscriber(Node):  # type: ignore[misc]
-    """Notes the steady clock (ns) at which each plane's picture of a stamp was there.
+    """Notes the monotonic time (ns) at which each plane's picture arrives, by its stamp.
 
     Args:
         what: `images` or `overlays`.

@@ -1,4 +1,4 @@
-"""Arguments as every command takes them: a mistake is one plain line, and an option takes only values of its own."""
+"""Arguments common to the commands: an error is one plain line, and an option takes only its own values."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ class CommandParser(argparse.ArgumentParser):
         self.add_argument(option, nargs="+", action="extend", default=[], **settings)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """As argparse does it, once it is clear which word belongs to which option."""
+        """As argparse does, after each value has been tied to its option."""
         return super().parse_known_args(args if args is None else tie_values(args, self._several), namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Say in one line what is wrong; the usage is `--help`'s."""
+        """Say in one line what is wrong; `--help` shows the usage."""
         self.exit(2, f"{self.prog}: {message} (--help shows the usage)\n")
 
 

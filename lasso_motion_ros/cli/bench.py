@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _run_growth(args: argparse.Namespace, config: StreamConfig, messages: Sequence[RawMessage]) -> int:
-    """What grows with the sizes, and what must not grow with time."""
+    """Cost by size, and memory over time."""
     figures: dict[str, Any] = {}
     with one_thread():
         if args.scaling:
@@ -101,7 +101,7 @@ def _run_growth(args: argparse.Namespace, config: StreamConfig, messages: Sequen
 
 
 def _run_live(args: argparse.Namespace, configuration: Path) -> int:
-    """Each rate in a graph of its own, since a tracker's counts and caches outlive a stream."""
+    """Measure each rate in a new graph: a tracker's counts and caches outlast a stream."""
     require_ros()
     from lasso_motion_ros.bench.live_latency import format_disturbance, format_live, measure_live
 

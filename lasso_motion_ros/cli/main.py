@@ -86,7 +86,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _show_lines_at_once() -> None:
-    """Whoever reads our output through a pipe (`| tee log`, a supervisor) sees each line when it is written.
+    """Flush standard output at every line, also into a pipe (`| tee log`, a supervisor).
 
     Python would hold lines back until some kilobytes are there, and show them behind the errors that came after them.
     """

@@ -1,4 +1,4 @@
-"""`lasso-motion record`: capture a live graph into a recording that a crash cannot spoil; make a cut one whole."""
+"""`lasso-motion record`: record a live graph so that a crash costs little; repair a recording that was cut short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A graph of our own nodes as child processes, in a DDS domain of its own on this machine; none outlives its use."""
+"""A graph of our own nodes as child processes, in a DDS domain of its own on this machine."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ COMMAND = "lasso_motion_ros.cli.main"
 
 
 class TooLateError(LassoMotionError):
-    """What was waited for has not happened in time."""
+    """What was waited for did not happen in time."""
 
 
 class ChildGraph(Processes):
@@ -88,6 +88,6 @@ class ChildGraph(Processes):
 
 @contextmanager
 def child_graph(domain: int, logs: Path) -> Iterator[ChildGraph]:
-    """Children that are all stopped at the end, and signals held until it is safe to stop."""
+    """A `ChildGraph` whose children are all stopped at the end; signals are held until that is safe."""
     with held_signals() as interrupted, ChildGraph(domain, logs, interrupted) as graph:
         yield graph

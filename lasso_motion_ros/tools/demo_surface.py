@@ -22,7 +22,7 @@ def truth_if_any(recording: Path) -> Truth | None:
 
 
 def demo_surface(truth: Truth | None) -> TriangleMesh:
-    """A left atrium with the lasso in the ostium of a vein; about the world's origin where no truth tells the place."""
+    """A left atrium with the lasso in the ostium of a vein; at the world's origin where there is no truth."""
     if truth is None or truth.loop is None:
         return left_atrium_surface()
     centre = truth.loop.mean(axis=0)

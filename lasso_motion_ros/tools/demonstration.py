@@ -1,4 +1,4 @@
-"""The demonstrations: a recording through the live graph, and what is made of that; or with the page beside it."""
+"""The demonstrations: a recording through the live graph, with video, plots and table, or with the page beside it."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LIMITS: Mapping[str, float] = {
 
 @dataclass(frozen=True, eq=False)
 class Demonstration:
-    """What came of it.
+    """The outcome.
 
     Attributes:
         run: what was played, and what came over the wire.
@@ -176,7 +176,7 @@ def exceeded_limits(summary: Summary | None) -> list[str]:
 
 
 def describe(shown: Demonstration) -> list[str]:
-    """The table, where everything is, and the figures in a sentence."""
+    """The table, where the files are, and the main figures in a sentence."""
     artefacts, run = shown.artefacts, shown.run
     lines = [] if artefacts.table_text is None else [artefacts.table_text.read_text(encoding="utf-8")]
     files = (

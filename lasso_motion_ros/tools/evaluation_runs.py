@@ -92,7 +92,7 @@ def write_evaluation_report(directory: Path, results: Sequence[Evaluated], worst
 
 
 def versions() -> dict[str, str]:
-    """What figures were made with, by name."""
+    """Versions of what the figures were made with, by name."""
     return {
         "lasso_motion_ros": version(),
         "Python": platform.python_version(),

@@ -1,4 +1,4 @@
-"""Serialised messages with a later stamp, so that a recording played again goes on instead of beginning anew."""
+"""Later stamps for serialised messages, so that a recording played again continues the stream."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def is_stamped(message_class: type) -> bool:
 
 
 def with_later_stamp(data: bytes, later_ns: int) -> bytes:
-    """A serialised message that begins with a header, its stamp later by so much; a stamp of 0 means none and stays.
+    """A serialised message that begins with a header, its stamp moved; a stamp of 0 means none and stays.
 
     Args:
         data: CDR, either byte order.

@@ -1,4 +1,4 @@
-"""What `record` listens to, and under which name each topic is recorded."""
+"""The topics that `record` listens to, and the names they are recorded under."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A node that only listens, in a context and a thread of its own: for the demonstration's recorder and for tests."""
+"""A node that only listens, with its own context and thread: for the demonstration's recorder and for tests."""
 
 from __future__ import annotations
 

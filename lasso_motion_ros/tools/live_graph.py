@@ -110,7 +110,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
 
 
 class _Wire:
-    """What came over the wire: written down as it was, and counted."""
+    """Records what comes over the wire, byte by byte, and counts it."""
 
     def __init__(self, writer: RecordingWriter) -> None:
         self._writer = writer

@@ -32,7 +32,7 @@ DEFAULT_CONFIG = "config/tracker.yaml"
 
 @dataclass(frozen=True, eq=False)
 class TrackSummary:
-    """How it went.
+    """The outcome.
 
     Attributes:
         statistics: the pipeline's counts.
@@ -46,12 +46,12 @@ class TrackSummary:
 
     @property
     def problem_lines(self) -> list[str]:
-        """The problems, a line each; what is wrong on both planes is one."""
+        """The problems, one line each; a problem of both planes is one."""
         return problem_lines(self.problems)
 
 
 def counts(summary: TrackSummary) -> dict[str, Any]:
-    """How it went, as JSON values."""
+    """The summary as JSON values."""
     statistics = summary.statistics
     return {
         "pairs": statistics.pairs,
@@ -70,7 +70,7 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
 
 
 def why_nothing(summary: TrackSummary) -> str:
-    """In one line, why nothing came of a recording: the first problems, which the others often follow from."""
+    """Why a recording gave nothing, in one line: the first problems, since the others often follow from them."""
     found = summary.problem_lines
     more = [f"and {len(found) - 3} more"] if len(found) > 3 else []
     damage = [] if summary.damage is None else [summary.damage]

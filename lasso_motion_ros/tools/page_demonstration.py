@@ -1,4 +1,4 @@
-"""The demonstration to look at: tracker, overlay and page live on a recording that is played over and over."""
+"""The demonstration with the page: tracker, overlay and page, live on a recording that plays again and again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Publishes a recording on its topics, at its own timing, and loses nothing of it."""
+"""Publishes a recording on its topics at its recorded timing, without loss."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
 
 @dataclass(frozen=True)
 class PlayerTuning:
-    """How the player works.
+    """The player's constants.
 
     Attributes:
         depth: messages that a publisher keeps for a slow subscriber.

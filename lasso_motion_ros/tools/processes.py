@@ -1,4 +1,4 @@
-"""Child processes that never outlive their parent's work, each group in a DDS domain of its own."""
+"""Child processes that never outlive their parent's work; and DDS domains for groups of them."""
 
 from __future__ import annotations
 

@@ -127,7 +127,7 @@ class RawTopic:
         self._hear(HeardMessage(self.name, self.type_name or "", data, published_ns, received_ns, reliable, latched))
 
     def _count_lost(self, number: int | None) -> None:
-        """A publisher numbers its messages; which of several it was is not told, so that only one can be counted."""
+        """Count gaps in a publisher's numbers; with several publishers nothing tells whose number it is."""
         if number is None or len(self.offers) != 1 or len(self._subscriptions) != 1:
             self._last_number = None
             return

@@ -1,4 +1,4 @@
-"""Looks at a recording as `examiner` looks at a live graph; and what was seen, in words."""
+"""Examines a recording as `examiner` does a live graph; and the facts found, in words."""
 
 from __future__ import annotations
 

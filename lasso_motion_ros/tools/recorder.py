@@ -1,4 +1,4 @@
-"""Writes what comes over the wire into a recording, byte by byte, so that a crash costs half a second at most."""
+"""Records what comes over the wire, byte by byte; a crash costs half a second at most."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class RecordSummary:
 
 
 class _Disk:
-    """Writes in a thread of its own; each chunk holds half a second at most and is handed over at once.
+    """Writes in its own thread; each chunk holds half a second at most and goes to the operating system at once.
 
     Args:
         writer: the recording.

@@ -115,7 +115,7 @@ def _run(outcome: Outcome, sequence: RenderedSequence, config: StreamConfig) -> 
 def _tracked(
     without: Idea | None, sequence: RenderedSequence, config: StreamConfig
 ) -> tuple[SequenceResult, Sequence[float]]:
-    """What is made of a sequence, and the processor time of its pairs."""
+    """The result on a sequence, and the processor time of each pair, ms."""
     with nullcontext(create_tracker(config)) if without is None else without.switched_off(config) as tracker:
         timed = TimedTracker(tracker, time.process_time)
         return run_sequence(sequence, timed), timed.milliseconds

@@ -1,4 +1,4 @@
-"""Rendered sequences on disk: a second run, with another tracker, renders nothing again."""
+"""Rendered sequences on disk, so that a second run with another tracker need not render them again."""
 
 from __future__ import annotations
 

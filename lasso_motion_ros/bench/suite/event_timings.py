@@ -1,4 +1,4 @@
-"""How fast a tracker notices that the lasso is hidden, taken out or moved, and that it is back."""
+"""How soon a tracker notices that the lasso is hidden, removed or moved, and that it is back."""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ class Idea:
 
 
 class TurningWithTheRing(WrappedTracker):
-    """Another tracker, that publishes the ring's own turn as if it were the atrium's."""
+    """Another tracker, with the ring's own rotation added to the published motion."""
 
     _first: Array  # (N, 3) the loop at the seed, about its mean, metres
 

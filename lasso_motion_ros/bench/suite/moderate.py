@@ -1,4 +1,4 @@
-"""Moderate sequences: what sweeps and traps start from before they put their one difficulty in."""
+"""Moderate sequences: the starting point of sweeps and traps, which add one difficulty."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ EVENT_SHARES = {"none": 0.5, "hide": 0.14, "remove": 0.08, "move": 0.12, "drop":
 def suite_scenarios(
     seed: int = DEFAULT_SEED, sequences: int = DEFAULT_SEQUENCES, only: Iterable[int] | None = None
 ) -> tuple[Scenario, ...]:
-    """The scenarios of a suite, in order; `only` those of some numbers."""
+    """The scenarios of a suite, in order; with `only`, those of these numbers."""
     return tuple(suite_scenario(seed, index) for index in (only or range(sequences)))
 
 

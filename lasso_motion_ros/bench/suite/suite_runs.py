@@ -117,7 +117,7 @@ def run_ablations(
     rendered: SequenceCache,
     quiet: bool = True,
 ) -> list[Outcome]:
-    """Track everything with all ideas, then with each switched off; on one thread, since the outcomes have times.
+    """Track everything with all ideas, then with each switched off; on one thread, because times are compared.
 
     Args:
         ideas: those to be switched off.

@@ -39,7 +39,7 @@ def suite_record(results: Sequence[SequenceResult]) -> dict[str, Any]:
 
 
 def format_suite(results: Sequence[SequenceResult]) -> str:
-    """The tables for people."""
+    """The tables as text."""
     rows = [(r.scenario.name, measures(r.scores), r.refused or r.scenario.description) for r in results]
     rows.append(("all pairs", measures([score for r in results for score in r.scores]), ""))
     header = ["sequence", "pairs", "silent", "missing", "degr.", "centre", "max", "TRE", "p95", "2-D", "model"]

@@ -1,4 +1,4 @@
-"""What a tracker made of the traps: counted as in the suite, but for what a trap does not ask for, or asks besides."""
+"""Results on the traps: counted as in the suite, except for what a trap does not ask, or asks in addition."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def traps_record(found: Mapping[str, Mapping[str, TrapMeasures]]) -> dict[str, A
 
 
 def format_traps(found: Mapping[str, Mapping[str, TrapMeasures]]) -> str:
-    """The table for people: a line for every trap and configuration.
+    """The table as text: a line for every trap and configuration.
 
     Args:
         found: measures by name of the trap and of the configuration.

@@ -1,4 +1,4 @@
-"""Traps: sequences that each hold one difficulty which random ones lack, or have too rarely to show a cure."""
+"""Traps: sequences with one difficulty each, which random sequences lack or have too rarely to show an improvement."""
 
 from __future__ import annotations
 
