@@ -11,7 +11,7 @@ from lasso_motion_ros.cli.web import DEFAULT_HOST, DEFAULT_PORT
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import bundled_recording, share_file
-from lasso_motion_ros.evaluation.summary import report
+from lasso_motion_ros.evaluation.summary import evaluation_record
 from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.tools.demonstration import demonstrate, demonstrate_page, describe, exceeded_limits
 
@@ -47,7 +47,7 @@ def run(args: argparse.Namespace) -> int:
     shown = demonstrate(recording, configuration, args.out, say, quiet=args.quiet)
     artefacts = shown.artefacts
     if args.json is not None and artefacts.scores:
-        write_json(args.json, report({shown.run.name: artefacts.scores}))
+        write_json(args.json, evaluation_record({shown.run.name: artefacts.scores}))
     print("\n".join(describe(shown)))
     exceeded = exceeded_limits(artefacts.summary) if args.bag is None else []
     if exceeded:

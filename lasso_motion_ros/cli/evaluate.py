@@ -13,7 +13,7 @@ from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.evaluated import mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import DETECTOR_M
-from lasso_motion_ros.evaluation.summary import format_table, report, summarise
+from lasso_motion_ros.evaluation.summary import evaluation_record, format_table, summarise
 from lasso_motion_ros.tools.evaluation_runs import evaluate_recordings, write_evaluation_report
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     if not args.quiet:
         print(FOOTNOTE)
     if args.json is not None:
-        write_json(args.json, report(scores))
+        write_json(args.json, evaluation_record(scores))
     if args.report is not None:
         page = write_evaluation_report(args.report, results, args.worst, quiet=args.quiet)
         if not args.quiet:

@@ -165,7 +165,7 @@ def pair_record(score: PairScore) -> dict[str, Any]:
     return record
 
 
-def report(recordings: Mapping[str, Sequence[PairScore]]) -> dict[str, Any]:
+def evaluation_record(recordings: Mapping[str, Sequence[PairScore]]) -> dict[str, Any]:
     """Everything measured, as JSON values: per recording its summary and its pairs, and the mean row.
 
     Args:

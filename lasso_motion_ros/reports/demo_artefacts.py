@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth, score_pairs
-from lasso_motion_ros.evaluation.summary import Summary, format_table, report, summarise
+from lasso_motion_ros.evaluation.summary import Summary, evaluation_record, format_table, summarise
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.overlay.compositing import blend, surface_mask
@@ -128,7 +128,7 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
     table_text, table_json = paths[TABLE_TEXT], paths[TABLE_JSON]
     try:
         table_text.write_text(f"{format_table({run.name: summary})}\n\n{_PAPER_NOTE}\n", encoding="utf-8")
-        table_json.write_text(json.dumps(report({run.name: scores}), indent=2) + "\n", encoding="utf-8")
+        table_json.write_text(json.dumps(evaluation_record({run.name: scores}), indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise RecordingError(f"{error.filename}: cannot be written: {error.strerror}") from error
     return DemoArtefacts(video, motion_plot, error_plot, table_text, table_json, summary, scores)

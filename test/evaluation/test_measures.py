@@ -17,7 +17,7 @@ from lasso_motion_ros.evaluation.measures import (
     score_pairs,
     symmetric_mean_distance,
 )
-from lasso_motion_ros.evaluation.summary import format_table, mean_row, report, summarise
+from lasso_motion_ros.evaluation.summary import evaluation_record, format_table, mean_row, summarise
 from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.transforms import apply, rigid
 
@@ -271,7 +271,7 @@ def test_the_report_is_json_and_the_table_has_a_row_each() -> None:
     truth = Truth([true_pair(i, shift()) for i in range(3)], LOOP, TARGETS)
     good = score_pairs(truth, [estimate(i, shift()) for i in range(3)])
     bad = score_pairs(truth, [estimate(0, shift()), estimate(1, shift(x_mm=4.0))])
-    document = json.loads(json.dumps(report({"good": good, "bad": bad})))
+    document = json.loads(json.dumps(evaluation_record({"good": good, "bad": bad})))
     assert document["recordings"]["bad"]["summary"]["lost_in_silence"] == 1
     assert document["recordings"]["good"]["pairs"][1]["centre_error_mm"] == pytest.approx(0.0, abs=1e-9)
     assert document["mean"]["centre_error_mm"] == pytest.approx(2.0)  # of 0 and 4
