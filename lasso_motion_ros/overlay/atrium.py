@@ -19,9 +19,23 @@ from lasso_motion_ros.overlay.surface import TriangleMesh
 
 Array = npt.NDArray[np.float64]
 
-GRID_STEP_MM = 1.9
-JOIN_MM = 6.0
-LARGEST_BEND_RAD = np.radians(40.0)
+
+@dataclass(frozen=True)
+class _Shape:
+    """How finely and how smoothly the atrium is modelled.
+
+    Attributes:
+        grid_step_mm: of the grid that the surface is found on; gives some 10,000 triangles.
+        join_mm: width over which a vein's junction is rounded.
+        largest_bend_rad: a vein turns from its usual course by no more: a lasso may lie oblique in it.
+    """
+
+    grid_step_mm: float = 1.9
+    join_mm: float = 6.0
+    largest_bend_rad: float = float(np.radians(40.0))
+
+
+_SHAPE = _Shape()
 
 
 @dataclass(frozen=True)
@@ -50,7 +64,7 @@ _APPENDAGE = (
 )
 
 
-def left_atrium_surface(grid_step_mm: float = GRID_STEP_MM) -> TriangleMesh:
+def left_atrium_surface(grid_step_mm: float = _SHAPE.grid_step_mm) -> TriangleMesh:
     """The atrium about the world origin (the centre of its body), metres, closed.
 
     Args:
@@ -94,15 +108,15 @@ def atrium_at_ostium(centre: npt.ArrayLike, normal: npt.ArrayLike, diameter_m: f
 
 def _bent(usual: Array, wanted: Array) -> tuple[float, float, float]:
     angle = float(np.arccos(np.clip(usual @ wanted, -1.0, 1.0)))
-    if angle > LARGEST_BEND_RAD:
+    if angle > _SHAPE.largest_bend_rad:
         across = wanted - (wanted @ usual) * usual
         across /= np.linalg.norm(across)
-        wanted = np.cos(LARGEST_BEND_RAD) * usual + np.sin(LARGEST_BEND_RAD) * across
+        wanted = np.cos(_SHAPE.largest_bend_rad) * usual + np.sin(_SHAPE.largest_bend_rad) * across
     x, y, z = wanted
     return float(x), float(y), float(z)
 
 
-def _atrium(left_superior: _Tube, grid_step_mm: float = GRID_STEP_MM) -> TriangleMesh:
+def _atrium(left_superior: _Tube, grid_step_mm: float = _SHAPE.grid_step_mm) -> TriangleMesh:
     reach = np.array([52.0, 48.0, 46.0])
     axes = [np.arange(-r, r + grid_step_mm, grid_step_mm) for r in reach]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -124,7 +138,7 @@ def _signed_distance(points: Array, left_superior: _Tube) -> Array:
     valve = (points - np.array([9.0, -17.0, -19.0])) @ (outflow / np.linalg.norm(outflow))
     body = -_join(-body, -valve, 5.0)  # flattened by the valve's plane
     for vein in (left_superior, *_VEINS):
-        body = _join(body, _stub(points, vein), JOIN_MM)
+        body = _join(body, _stub(points, vein), _SHAPE.join_mm)
     appendage = np.full(points.shape[:-1], np.inf)
     for (start, r0), (end, r1) in pairwise(_APPENDAGE):
         appendage = np.minimum(appendage, _capsule(points, np.array(start), np.array(end), r0, r1))

@@ -13,11 +13,27 @@ from lasso_motion_ros.overlay.silhouette import WALL_CELL_PX, Silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
 from lasso_motion_ros.overlay.windowing import RgbImage
 
-FAINT_FILL_SHARE = 0.3
-FAINT_LINE_SHARE = 0.65
-_FOLD_SHARE = 0.45
-_WALL_FADES_M = 0.02
-DENSEST = 0.75
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How a drawing looks.
+
+    Attributes:
+        faint_fill: opacity of the fill behind another drawing, share of the usual.
+        faint_line: the same of the outline.
+        fold: opacity of folds inside the outline, share of the outline's.
+        wall_fades_m: depth over which a wall behind the nearest counts less, by a factor e.
+        densest: largest opacity of a fill: the film must be seen through everything.
+    """
+
+    faint_fill: float = 0.3
+    faint_line: float = 0.65
+    fold: float = 0.45
+    wall_fades_m: float = 0.02
+    densest: float = 0.75
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +59,7 @@ def surface_mask(shape: Silhouette, style: OverlayStyle, width_px: float, faint:
     coverage = cv2.convertScaleAbs(shape.coverage, alpha=255.0)
     opacity = np.zeros_like(coverage)
     if style.fill:
-        opacity = _fill_opacity(shape, style.fill_opacity * (FAINT_FILL_SHARE if faint else 1.0))
+        opacity = _fill_opacity(shape, style.fill_opacity * (TUNING.faint_fill if faint else 1.0))
     margin = 0
     if style.outline:
         margin = max(1, round(width_px / 2.0))
@@ -52,7 +68,7 @@ def surface_mask(shape: Silhouette, style: OverlayStyle, width_px: float, faint:
         )
         line = _outline(coverage, shape, margin)
         if faint:
-            line = cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE)
+            line = cv2.convertScaleAbs(line, alpha=TUNING.faint_line)
         opacity = cv2.max(opacity, line)
     return AlphaMask(opacity, shape.left - margin, shape.top - margin)
 
@@ -69,7 +85,7 @@ def _outline(coverage: npt.NDArray[np.uint8], shape: Silhouette, margin: int) ->
     folds = np.zeros_like(coverage)
     corner = np.array([shape.left - margin, shape.top - margin])
     fixed = np.rint(np.clip(shape.edges - corner, -1e4, 1e4) * 16.0).astype(np.int32)
-    cv2.polylines(folds, list(fixed), False, int(255 * _FOLD_SHARE), 1, cv2.LINE_AA, 4)
+    cv2.polylines(folds, list(fixed), False, int(255 * TUNING.fold), 1, cv2.LINE_AA, 4)
     return np.asarray(cv2.max(outer, folds), dtype=np.uint8)
 
 
@@ -84,13 +100,13 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
     flat = at[seen, 1] * width + at[seen, 0]
     depth = shape.depth[seen]
     # The wall nearer to the viewer, who looks from the detector's side, counts most.
-    weight = np.exp((depth - depth.max(initial=0.0)) / _WALL_FADES_M)
+    weight = np.exp((depth - depth.max(initial=0.0)) / TUNING.wall_fades_m)
     total, tilted = (
         cv2.GaussianBlur(np.bincount(flat, weights=w, minlength=width * height).reshape(height, width), (0, 0), 2.0)
         for w in (weight, weight * (1.0 - shape.facing[seen]))
     )
     shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.wall_count, 1.0) / 2.0)
-    shade = np.minimum(255.0 * opacity * shade, DENSEST * 255.0).astype(np.float32)
+    shade = np.minimum(255.0 * opacity * shade, TUNING.densest * 255.0).astype(np.float32)
     full = cv2.resize(shade, (width * WALL_CELL_PX, height * WALL_CELL_PX), interpolation=cv2.INTER_LINEAR)
     return np.asarray(cv2.convertScaleAbs(cv2.multiply(full[:rows, :columns], shape.coverage)), dtype=np.uint8)
 

@@ -17,15 +17,33 @@ from lasso_motion_ros.core.errors import VolumeError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.volumes import VolumeImage
-from lasso_motion_ros.overlay.compositing import DENSEST, FAINT_FILL_SHARE, FAINT_LINE_SHARE, AlphaMask, band
+from lasso_motion_ros.overlay.compositing import TUNING as LOOKS
+from lasso_motion_ros.overlay.compositing import AlphaMask, band
 from lasso_motion_ros.overlay.style import OverlayStyle
 
 Array = npt.NDArray[np.float64]
 
-MOST_POINTS = 60_000
-_NEAREST_DEPTH_M = 0.05
-_RIM_BLOCKS = 2.0
-_SMALLEST_CELL_PX, _LARGEST_CELL_PX = 2, 32
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How a cloud is made and drawn.
+
+    Attributes:
+        most_points: bodies; more cannot be drawn anew for each image.
+        nearest_depth_m: what is nearer to the source is not drawn.
+        rim_blocks: the outline is where rays cross so many of the cloud's spacings.
+        smallest_cell_px: side of the image's cells in which volumes are added up, at least;
+        largest_cell_px: and at most.
+    """
+
+    most_points: int = 60_000
+    nearest_depth_m: float = 0.05
+    rim_blocks: float = 2.0
+    smallest_cell_px: int = 2
+    largest_cell_px: int = 32
+
+
+_CLOUD = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +82,7 @@ def volume_cloud(image: VolumeImage, inside: npt.NDArray[np.bool_]) -> VolumeClo
     while True:
         blocks = _block_sums(inside, step)
         filled = np.argwhere(blocks > 0.0)
-        if len(filled) <= MOST_POINTS:
+        if len(filled) <= _CLOUD.most_points:
             break
         step += 1
     # The middle of a block of voxels, index (x, y, z).
@@ -100,14 +118,14 @@ def cloud_mask(
     full = cv2.resize(seen, (seen.shape[1] * cell, seen.shape[0] * cell), interpolation=cv2.INTER_LINEAR)
     opacity = np.zeros(full.shape, dtype=np.uint8)
     if style.fill:
-        densest = 2.0 * style.fill_opacity * (FAINT_FILL_SHARE if faint else 1.0)
+        densest = 2.0 * style.fill_opacity * (LOOKS.faint_fill if faint else 1.0)
         shade = cv2.exp(full * np.float32(-np.log(2.0) / style.projection_depth_m))
-        opacity = cv2.convertScaleAbs(np.minimum(densest * (1.0 - shade), DENSEST), alpha=255.0)
+        opacity = cv2.convertScaleAbs(np.minimum(densest * (1.0 - shade), LOOKS.densest), alpha=255.0)
     if style.outline:
         # Blocks and cells widen the rim by about one of them; where rays cross two, the line is back on the true rim.
-        coverage = np.clip((full / cloud.spacing_m - _RIM_BLOCKS) * cell + 0.5, 0.0, 1.0)
+        coverage = np.clip((full / cloud.spacing_m - _CLOUD.rim_blocks) * cell + 0.5, 0.0, 1.0)
         line = band(cv2.convertScaleAbs(coverage, alpha=255.0), max(1, round(width_px / 2.0)))
-        opacity = cv2.max(opacity, cv2.convertScaleAbs(line, alpha=FAINT_LINE_SHARE if faint else 1.0))
+        opacity = cv2.max(opacity, cv2.convertScaleAbs(line, alpha=LOOKS.faint_line if faint else 1.0))
     return AlphaMask(np.asarray(opacity, dtype=np.uint8), left * cell, top * cell)
 
 
@@ -115,14 +133,16 @@ def _thickness(cloud: VolumeCloud, projection: Projection, transform: Array) -> 
     """Side of a cell in pixels, and the thickness (h, w) in metres crossed by the rays through the cells' middles."""
     homogeneous = cloud.points @ (projection.matrix[:, :3] @ transform[:3, :3]).T + projection.matrix @ transform[:, 3]
     depth = homogeneous[:, 2]
-    middle = max(float(np.median(depth)), _NEAREST_DEPTH_M)
+    middle = max(float(np.median(depth)), _CLOUD.nearest_depth_m)
     reach = cloud.spacing_m * projection.focal_length_px / middle
-    cell = int(np.clip(np.ceil(reach), _SMALLEST_CELL_PX, _LARGEST_CELL_PX))
+    cell = int(np.clip(np.ceil(reach), _CLOUD.smallest_cell_px, _CLOUD.largest_cell_px))
     width, height = -(-projection.width // cell), -(-projection.height // cell)
-    in_front = np.maximum(depth, _NEAREST_DEPTH_M)
+    in_front = np.maximum(depth, _CLOUD.nearest_depth_m)
     # Cells' middles at integers, one cell of margin for what lies half outside.
     x, y = ((homogeneous[:, axis] / in_front + 0.5) / cell + 0.5 for axis in (0, 1))
-    seen = np.flatnonzero((depth > _NEAREST_DEPTH_M) & (x >= 0.0) & (y >= 0.0) & (x < width + 1) & (y < height + 1))
+    seen = np.flatnonzero(
+        (depth > _CLOUD.nearest_depth_m) & (x >= 0.0) & (y >= 0.0) & (x < width + 1) & (y < height + 1)
+    )
     x, y = x[seen], y[seen]
     column, row = x.astype(np.int64), y.astype(np.int64)
     right, down = x - column, y - row

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -24,7 +23,16 @@ from lasso_motion_ros.overlay.surface import TriangleMesh
 from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.overlay.windowing import RgbImage, grey_to_rgb, window_image
 from lasso_motion_ros.reports.figure_panels import save_figure
-from lasso_motion_ros.reports.sequence_figures import error_figure, motion_figure
+from lasso_motion_ros.reports.picture_grid import (
+    STRIP_TEXT_AT,
+    STRIP_TEXT_SCALE,
+    below_each_other,
+    beside,
+    fitted,
+    missing_cell,
+    text_strip,
+)
+from lasso_motion_ros.reports.sequence_figures import PairFlags, error_figure, errors_2d_mm, motion_figure
 from lasso_motion_ros.reports.video import VideoWriter
 from lasso_motion_ros.tracking.tracker import TrackerState
 
@@ -33,7 +41,7 @@ Array = npt.NDArray[np.float64]
 VIDEO, MOTION_PLOT, ERROR_PLOT = "overlay.mp4", "motion.png", "error_2d.png"
 TABLE_TEXT, TABLE_JSON = "table.txt", "table.json"
 CELL_PX = 512
-STRIP_PX = 34
+_GAP_PX = 4
 _STATIC_COLOUR: Colour = (143, 180, 216)
 _PAPER_NOTE = (
     "2-D and model errors are millimetres at the loop's depth. The published method (Brost et al., MICCAI 2009)\n"
@@ -117,12 +125,8 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
         return DemoArtefacts(video, motion_plot, None, None, None, None, ())
 
     error_plot = paths[ERROR_PLOT]
-    errors = {plane: np.array([score.error_2d_mm.get(plane, np.nan) for score in scores]) for plane in PLANES}
-    reference = np.array([score.is_reference for score in scores])
-    has_pose = np.array([score.has_pose for score in scores])
-    in_place = np.array([not (score.hidden or score.displaced) for score in scores])
     title = f"2-D error of every frame: {run.name}"
-    save_figure(error_figure(errors, reference, has_pose, in_place, title=title), error_plot)
+    save_figure(error_figure(errors_2d_mm(scores), PairFlags.of(scores), title=title), error_plot)
 
     summary = summarise(scores)
     table_text, table_json = paths[TABLE_TEXT], paths[TABLE_JSON]
@@ -143,9 +147,9 @@ def demo_picture(run: DemoRun, number: int) -> RgbImage:
             _cell(_static_picture(pair, plane, run.surface), f"Plane {plane.upper()}: without compensation"),
             _cell(_received_picture(run, pair, plane), f"Plane {plane.upper()}: with compensation, as received"),
         ]
-        rows.append(np.concatenate([cells[0], _gap(cells[0].shape[0], 4), cells[1]], axis=1))
-    grid = np.concatenate([rows[0], _gap(4, rows[0].shape[1]), rows[1]], axis=0)
-    return np.concatenate([grid, _footer(run, number, grid.shape[1])], axis=0)
+        rows.append(beside(cells, _GAP_PX))
+    grid = below_each_other(rows, _GAP_PX)
+    return below_each_other([grid, _footer(run, number, grid.shape[1])])
 
 
 def _static_picture(pair: FramePair, plane: Plane, surface: TriangleMesh) -> RgbImage | None:
@@ -156,7 +160,7 @@ def _static_picture(pair: FramePair, plane: Plane, surface: TriangleMesh) -> Rgb
     width = 2.0 * picture.shape[0] / CELL_PX
     mask = surface_mask(silhouette(surface, frame.projection, np.eye(4)), OverlayStyle(), width)
     blend(picture, mask, _STATIC_COLOUR)
-    picture = _resized(picture)
+    picture = fitted(picture, CELL_PX, CELL_PX)
     draw_legend(picture, [("static", _STATIC_COLOUR)])
     return picture
 
@@ -167,36 +171,20 @@ def _received_picture(run: DemoRun, pair: FramePair, plane: Plane) -> RgbImage |
         return None
     received = run.overlays.get(plane, {}).get(frame.stamp_ns)
     if received is not None:
-        return _resized(received)
-    picture = _resized(grey_to_rgb(window_image(frame.pixels)))
+        return fitted(received, CELL_PX, CELL_PX)
+    picture = fitted(grey_to_rgb(window_image(frame.pixels)), CELL_PX, CELL_PX)
     draw_banner(picture, "no overlay arrived for this image", (255, 92, 80))
     return picture
 
 
-def _resized(picture: RgbImage) -> RgbImage:
-    if picture.shape[:2] == (CELL_PX, CELL_PX):
-        return picture.copy()
-    scale = CELL_PX / max(picture.shape[:2])
-    size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
-    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
-    right, below = CELL_PX - size[0], CELL_PX - size[1]
-    return np.asarray(cv2.copyMakeBorder(small, 0, below, 0, right, cv2.BORDER_CONSTANT), dtype=np.uint8)
-
-
 def _cell(picture: RgbImage | None, label: str) -> RgbImage:
-    strip = np.full((STRIP_PX, CELL_PX, 3), 26, dtype=np.uint8)
-    draw_text(strip, label, (12, 23), WHITE, 0.55)
-    if picture is None:
-        picture = np.zeros((CELL_PX, CELL_PX, 3), dtype=np.uint8)
-        draw_banner(picture, "no image in this pair", (170, 170, 170))
-    return np.concatenate([strip, picture], axis=0)
+    shown = missing_cell(CELL_PX, CELL_PX, "no image in this pair") if picture is None else picture
+    return below_each_other([text_strip(label, CELL_PX), shown])
 
 
 def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
-    strip = np.full((STRIP_PX, width, 3), 26, dtype=np.uint8)
     pair = run.pairs[number]
-    text = f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s"
-    draw_text(strip, text, (12, 23), WHITE, 0.55)
+    strip = text_strip(f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s", width)
     estimate = _estimate(run, pair.stamp_ns)
     if estimate is None:
         words, colour = "no answer arrived", STATE_COLOURS[TrackerState.LOST]
@@ -206,17 +194,14 @@ def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
         if motion is not None:
             shift = 1e3 * (transforms.apply(motion, _centre(run)) - _centre(run))
             words += f"   motion x {shift[0]:+.1f}  y {shift[1]:+.1f}  z {shift[2]:+.1f} mm"
-    draw_text(strip, fit_text(words, 0.55, width // 2 - 24), (width // 2 + 14, 23), colour, 0.55)
+    half, scale = width // 2, STRIP_TEXT_SCALE
+    draw_text(strip, fit_text(words, scale, half - 24), (half + 14, STRIP_TEXT_AT[1]), colour, scale)
     return strip
 
 
 def _state_colour(state: str) -> Colour:
     known = {s.value: colour for s, colour in STATE_COLOURS.items()}
     return known.get(state, WHITE)
-
-
-def _gap(height: int, width: int) -> RgbImage:
-    return np.zeros((height, width, 3), dtype=np.uint8)
 
 
 def _frames_per_second(pairs: Sequence[FramePair]) -> float:

@@ -23,11 +23,18 @@ from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, resi
 from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Summary, Values, mean_row, summarise
-from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.reports.comparison_figures import comparison_figure, timing_figure
 from lasso_motion_ros.reports.figure_panels import save_figure, share_scale
 from lasso_motion_ros.reports.picture_files import EmbeddedPicture, embedded_jpeg, embedded_png, write_png
-from lasso_motion_ros.reports.sequence_figures import axis_figure, compensation_figure, error_figure, motion_figure
+from lasso_motion_ros.reports.sequence_figures import (
+    PairFlags,
+    axis_figure,
+    compensation_figure,
+    error_figure,
+    errors_2d_mm,
+    missing_as_nan,
+    motion_figure,
+)
 from lasso_motion_ros.reports.worst_frames import WorstFrame, error_mm
 
 Array = npt.NDArray[np.float64]
@@ -242,24 +249,22 @@ class _Contents:
 def _figures(one: Evaluated) -> Figures:
     """A result's plots with their captions, by name."""
     scores = one.scores
-    has_pose = np.array([score.has_pose for score in scores])
-    in_place = np.array([not (score.hidden or score.displaced) for score in scores])
-    reference = np.array([score.is_reference for score in scores])
+    flags = PairFlags.of(scores)
     figures: Figures = {}
-    static = _missing_as_nan([score.static_error_mm for score in scores])
+    static = missing_as_nan([score.static_error_mm for score in scores])
     if np.isfinite(static).any():
-        compensated = _missing_as_nan([score.target_error_mm for score in scores])
-        figure = compensation_figure(
-            static, compensated, reference, has_pose, in_place, title="Target error, static and compensated"
-        )
+        compensated = missing_as_nan([score.target_error_mm for score in scores])
+        figure = compensation_figure(static, compensated, flags, title="Target error, static and compensated")
         figures["target_error"] = figure, "Mean over the points on the atrium."
-    errors = {plane: _missing_as_nan([score.error_2d_mm.get(plane) for score in scores]) for plane in PLANES}
+    errors = errors_2d_mm(scores)
     if any(np.isfinite(values).any() for values in errors.values()):
-        figure = error_figure(errors, reference, has_pose, in_place, title="2-D error of every frame")
+        figure = error_figure(errors, flags, title="2-D error of every frame")
         figures["error_2d"] = figure, "As the paper's Fig. 3."
     true, found = displacements_mm(scores)
     if np.isfinite(true).any():
-        figure = motion_figure(one.times_s, found, true, in_place, title="Motion at the lasso since the reference")
+        figure = motion_figure(
+            one.times_s, found, true, flags.in_place, title="Motion at the lasso since the reference"
+        )
         figures["motion"] = figure, "Displacement of the loop's centre, world axes."
         figure = axis_figure(true, residuals_mm(scores), title="Residual against static error")
         figures["axes"] = figure, "Error of the loop's centre, axis by axis."
@@ -310,10 +315,6 @@ def _worst_caption(score: PairScore) -> str:
     if score.false_pose:
         words.append("false: the lasso was " + ("hidden" if score.hidden else "in another place"))
     return ", ".join(words) + "."
-
-
-def _missing_as_nan(values: Sequence[float | None]) -> Array:
-    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
 
 
 def _millimetres(value: float | None) -> str:

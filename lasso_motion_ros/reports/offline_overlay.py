@@ -6,21 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-import cv2
-import numpy as np
-
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
-from lasso_motion_ros.overlay.primitives import WHITE, draw_banner, draw_text, fit_text
 from lasso_motion_ros.overlay.windowing import RgbImage
+from lasso_motion_ros.reports.picture_grid import below_each_other, beside, fitted, missing_cell, text_strip
 
 OverlayView = Literal["compensated", "static", "both"]
 OVERLAY_VIEWS: tuple[OverlayView, ...] = ("compensated", "static", "both")
 
-_STRIP_PX = 34
 _GAP_PX = 4
 
 
@@ -89,8 +85,7 @@ class OfflineOverlay:
         moved = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status, loop=choice.loop)
         if static is None:
             return moved
-        gap = np.zeros((moved.shape[0], _GAP_PX, 3), dtype=np.uint8)
-        return np.concatenate([static, gap, moved], axis=1)
+        return beside([static, moved], _GAP_PX)
 
 
 def video_picture(drawn: DrawnPair, view: OverlayView, cell_px: int, words: str) -> RgbImage:
@@ -104,21 +99,11 @@ def video_picture(drawn: DrawnPair, view: OverlayView, cell_px: int, words: str)
     """
     columns = 2 if view == "both" else 1
     width, height = columns * cell_px + (columns - 1) * _GAP_PX, cell_px
-    cells = []
-    for plane in PLANES:
-        cell = np.zeros((height, width, 3), dtype=np.uint8)
-        picture = drawn.planes.get(plane)
-        if picture is None:
-            draw_banner(cell, f"plane {plane.upper()}: no image in this pair", (170, 170, 170))
-        else:
-            scale = min(width / picture.shape[1], height / picture.shape[0])
-            size = max(1, round(picture.shape[1] * scale)), max(1, round(picture.shape[0] * scale))
-            small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR)
-            cell[: size[1], : size[0]] = small
-        cells.append(cell)
-    below = view == "both"
-    gap = np.zeros((_GAP_PX, width, 3) if below else (height, _GAP_PX, 3), dtype=np.uint8)
-    grid = np.concatenate([cells[0], gap, cells[1]], axis=0 if below else 1)
-    strip = np.full((_STRIP_PX, grid.shape[1], 3), 26, dtype=np.uint8)
-    draw_text(strip, fit_text(words, 0.55, grid.shape[1] - 24), (12, 23), WHITE, 0.55)
-    return np.concatenate([grid, strip], axis=0)
+    cells = [
+        missing_cell(width, height, f"plane {plane.upper()}: no image in this pair")
+        if plane not in drawn.planes
+        else fitted(drawn.planes[plane], width, height)
+        for plane in PLANES
+    ]
+    grid = below_each_other(cells, _GAP_PX) if view == "both" else beside(cells, _GAP_PX)
+    return below_each_other([grid, text_strip(words, grid.shape[1])])

@@ -12,24 +12,36 @@ import numpy.typing as npt
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.overlay.primitives import (
-    WHITE,
     Colour,
-    draw_banner,
     draw_curve,
     draw_legend,
-    draw_text,
-    fit_text,
 )
 from lasso_motion_ros.overlay.windowing import GreyImage, RgbImage, grey_to_rgb, window_image
+from lasso_motion_ros.reports.picture_grid import below_each_other, beside, missing_cell, text_strip
 
 Array = npt.NDArray[np.float64]
 
-CELL_PX = 480
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How a pair is cut out.
+
+    Attributes:
+        cell_px: side of one plane's picture.
+        margin: side of what is shown, in extents of the curves.
+        smallest_share: side of what is shown at least, share of the image's.
+    """
+
+    cell_px: int = 480
+    margin: float = 1.6
+    smallest_share: float = 0.22
+
+
+TUNING = _Tuning()
+
 TRUE_COLOUR: Colour = (96, 190, 255)
 MODEL_COLOUR: Colour = (255, 176, 0)
 _STRIP_PX = 30
-_MARGIN = 1.6  # of the curves' extent
-_SMALLEST_SHARE = 0.22  # of the image's side that is shown at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,25 +89,23 @@ def worst_picture(pair: FramePair, truth: PairTruth, estimate: PairEstimate | No
     """
     loop = None if estimate is None or estimate.motion_raw is None else estimate.loop
     cells = [_cell(pair, plane, truth.centrelines.get(plane), loop) for plane in PLANES]
-    gap = np.full((cells[0].shape[0], 6, 3), 255, dtype=np.uint8)
-    return np.concatenate([cells[0], gap, cells[1]], axis=1)
+    return beside(cells, gap_px=6, shade=255)
 
 
 def _cell(pair: FramePair, plane: Plane, centreline: Array | None, loop: Array | None) -> RgbImage:
-    strip = np.full((_STRIP_PX, CELL_PX, 3), 26, dtype=np.uint8)
     frame = pair.frame(plane)
     if frame is None:
-        picture = np.zeros((CELL_PX, CELL_PX, 3), dtype=np.uint8)
-        draw_banner(picture, "no image in this pair", (170, 170, 170))
-        draw_text(strip, f"Plane {plane.upper()}", (10, 20), WHITE, 0.5)
-        return np.concatenate([strip, picture], axis=0)
+        picture = missing_cell(TUNING.cell_px, TUNING.cell_px, "no image in this pair")
+        return below_each_other([_strip(f"Plane {plane.upper()}"), picture])
     model = None if loop is None else frame.projection.project(loop)
     curves = [curve for curve in (centreline, model) if curve is not None and np.isfinite(curve).all()]
     (left, top), side = _window(curves, frame.pixels.shape[1], frame.pixels.shape[0])
-    scale = CELL_PX / side
+    scale = TUNING.cell_px / side
     # Pixel centres are at integers, in the picture that is cut out as in the one that is scaled.
     change = np.array([[scale, 0.0, scale * (0.5 - left) - 0.5], [0.0, scale, scale * (0.5 - top) - 0.5]])
-    cut: GreyImage = cv2.warpAffine(frame.pixels, change, (CELL_PX, CELL_PX), flags=cv2.INTER_LINEAR, borderValue=0)
+    cut: GreyImage = cv2.warpAffine(
+        frame.pixels, change, (TUNING.cell_px, TUNING.cell_px), flags=cv2.INTER_LINEAR, borderValue=0
+    )
     # Windowed after it was cut out: lung beside the heart would leave the loop's surroundings dark.
     picture = grey_to_rgb(window_image(cut))
     legend = []
@@ -109,19 +119,22 @@ def _cell(pair: FramePair, plane: Plane, centreline: Array | None, loop: Array |
         words += ": no true centreline here"
     if model is None:
         words += ": no model"
-    draw_text(strip, fit_text(words, 0.5, CELL_PX - 20), (10, 20), WHITE, 0.5)
-    return np.concatenate([strip, picture], axis=0)
+    return below_each_other([_strip(words), picture])
+
+
+def _strip(words: str) -> RgbImage:
+    return text_strip(words, TUNING.cell_px, height=_STRIP_PX, at=(10, 20), scale=0.5)
 
 
 def _window(curves: Sequence[Array], width: int, height: int) -> tuple[Array, float]:
     """Upper left corner and side, in pixels, of the square that is shown: about the curves, with a margin."""
-    least = _SMALLEST_SHARE * max(width, height)
+    least = TUNING.smallest_share * max(width, height)
     inside = [np.clip(curve, 0.0, [width - 1.0, height - 1.0]) for curve in curves]
     if not inside:
         side = float(max(width, height))
         return np.array([0.0, 0.0]), side
     points = np.concatenate(inside)
     low, high = points.min(axis=0), points.max(axis=0)
-    side = float(min(max(_MARGIN * (high - low).max(), least), max(width, height)))
+    side = float(min(max(TUNING.margin * (high - low).max(), least), max(width, height)))
     corner = (low + high) / 2.0 - side / 2.0
     return np.clip(corner, 0.0, np.maximum([width - side, height - side], 0.0)), side

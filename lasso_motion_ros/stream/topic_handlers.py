@@ -9,7 +9,8 @@ from typing import Any
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.intake import MessageIntake
 from lasso_motion_ros.stream.pair_task import PairTask
-from msg_adapters.topics import R_PEAK, camera_info_topic, compressed_image_topic, image_topic, seed_topic
+from msg_adapters.recordings.tracking_topics import recorded_image_topic
+from msg_adapters.topics import R_PEAK, camera_info_topic, seed_topic
 
 
 def topic_handlers(
@@ -25,9 +26,7 @@ def topic_handlers(
     """
     handlers: dict[str, Callable[[Any], list[PairTask]]] = {}
     for plane in PLANES:
-        raw, compressed = image_topic(plane), compressed_image_topic(plane)
-        images = raw if topics.get(raw.recorded_name) == raw.type_name else compressed
-        handlers[images.recorded_name] = partial(intake.add_image, plane)
+        handlers[recorded_image_topic(plane, topics).recorded_name] = partial(intake.add_image, plane)
         if calibrations:
             handlers[camera_info_topic(plane).recorded_name] = partial(intake.add_camera_info, plane)
         if seeds:

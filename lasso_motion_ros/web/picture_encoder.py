@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -14,9 +15,23 @@ from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
 from lasso_motion_ros.web.recent import Recent
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture
 
-JPEG_QUALITY = 88
-PNG_COMPRESSION = 1
-_KEPT = 4
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How pictures are packed.
+
+    Attributes:
+        jpeg_quality: of what passes; noise and thin lines are kept.
+        png_compression: of what is clicked: the fastest, since a page waits for it.
+        kept: encoded pictures: pages may want two views in two windowings.
+    """
+
+    jpeg_quality: int = 88
+    png_compression: int = 1
+    kept: int = 4
+
+
+_TUNING = _Tuning()
 
 
 class PictureEncoder:
@@ -24,7 +39,7 @@ class PictureEncoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: Recent[tuple[int, PageView, Window], bytes] = Recent(_KEPT)
+        self._kept: Recent[tuple[int, PageView, Window], bytes] = Recent(_TUNING.kept)
 
     def encode(self, picture: Picture, view: PageView, window: Window) -> bytes:
         """The binary message of a picture (see `encode_picture`)."""
@@ -55,9 +70,9 @@ def encode_plane(picture: PlanePicture, window: Window, *, lossless: bool) -> En
     """
     pixels = picture.pixels
     shown = windowed(pixels, window) if pixels.ndim == 2 else cv2.cvtColor(relit(pixels, window), cv2.COLOR_RGB2BGR)
-    name, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
+    name, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, _TUNING.jpeg_quality]
     if lossless:
-        name, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, PNG_COMPRESSION]
+        name, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, _TUNING.png_compression]
     done, data = cv2.imencode(name, shown, options)
     if not done:
         raise LassoMotionError(f"a picture of {pixels.shape} {pixels.dtype} cannot be encoded")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,16 +14,33 @@ from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.calibrations import decode_camera_info
-from msg_adapters.checks.issue import Issue
+from msg_adapters.checks.issue import Issue, cure_of
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.topics import camera_info_topic
 
 Array = npt.NDArray[np.float64]
 
-_DISAGREE = 1e-3
-_PARALLEL_DEG = 20.0
-# Of a stream joined and left in its middle, the partner may lie outside.
-_AT_THE_ENDS = 2
+
+@dataclass(frozen=True)
+class _Limits:
+    """From where on a calibration is suspicious.
+
+    Attributes:
+        disagree: distance of the normalised k·r and p, from which on they are two things.
+        parallel_deg: angle between the planes' views below which depth is badly known;
+        too_parallel_deg: and below which there is none to speak of.
+        at_the_ends: images without calibration that are no fault: of a stream joined and left in its middle, the
+            partner may lie outside.
+    """
+
+    disagree: float = 1e-3
+    parallel_deg: float = 20.0
+    too_parallel_deg: float = 5.0
+    at_the_ends: int = 2
+
+
+LIMITS = _Limits()
+
 _CURES = {
     "p: expected the source": "give p in metres: its fourth column is K·t with t in metres",
     "p: a plain camera matrix": "send p = K[R|t], world to pixels, or install tf2_ros and publish the camera's frame",
@@ -48,7 +66,7 @@ class CalibrationSamples:
     """
 
     stamps: list[int] = field(default_factory=list)
-    refusals: dict[str, int] = field(default_factory=dict)
+    refusals: Counter[str] = field(default_factory=Counter)
     projection: Projection | None = None
     inconsistent: int = 0
     without_k: int = 0
@@ -61,7 +79,7 @@ class CalibrationSamples:
         try:
             self.projection = decode_camera_info(message)
         except MessageError as error:
-            self.refusals[str(error)] = self.refusals.get(str(error), 0) + 1
+            self.refusals[str(error)] += 1
             return
         p, k, r = (np.asarray(values, dtype=np.float64) for values in (message.p, message.k, message.r))
         self.changes += self._last is not None and self._last != p.tobytes()
@@ -75,7 +93,7 @@ class CalibrationSamples:
 def _agree(left: Array, product: Array) -> bool:
     """Whether two (3, 3) matrices are one up to scale and sign."""
     left, product = left / np.linalg.norm(left), product / max(float(np.linalg.norm(product)), 1e-300)
-    return min(float(np.linalg.norm(left - product)), float(np.linalg.norm(left + product))) < _DISAGREE
+    return min(float(np.linalg.norm(left - product)), float(np.linalg.norm(left + product))) < LIMITS.disagree
 
 
 def check_calibration(
@@ -97,8 +115,7 @@ def check_calibration(
     """
     name = camera_info_topic(plane).recorded_name
     for refusal, count in seen.refusals.items():
-        cure = next((cure for start, cure in _CURES.items() if refusal.startswith(start)), "")
-        yield Issue("error", name, f"{refusal} ({count} of {len(seen.stamps)})", cure)
+        yield Issue("error", name, f"{refusal} ({count} of {len(seen.stamps)})", cure_of(refusal, _CURES))
     if seen.inconsistent:
         yield Issue(
             "warning",
@@ -125,7 +142,7 @@ def check_calibration(
 
 def _check_when(name: str, seen: CalibrationSamples, images: set[int], *, latched: bool) -> Iterator[Issue]:
     own = images & set(seen.stamps)
-    if len(images) - len(own) <= _AT_THE_ENDS:
+    if len(images) - len(own) <= LIMITS.at_the_ends:
         return
     per_frame = len(seen.stamps) > len(images) / 2
     if per_frame and len(own) >= len(seen.stamps) / 2:
@@ -172,9 +189,9 @@ def check_planes(projections: Mapping[Plane, Projection | None]) -> Iterator[Iss
         return
     cosine = abs(float(a.viewing_direction @ b.viewing_direction))
     angle = float(np.degrees(np.arccos(min(1.0, cosine))))
-    if angle < _PARALLEL_DEG:
+    if angle < LIMITS.parallel_deg:
         yield Issue(
-            "error" if angle < 5.0 else "warning",
+            "error" if angle < LIMITS.too_parallel_deg else "warning",
             "planes",
             f"the planes look along nearly one line ({angle:.1f}° apart): depth is badly known",
             "see that each plane has its own matrix, and the angles their signs",

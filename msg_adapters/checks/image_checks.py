@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,12 +10,27 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.core.errors import MessageError
-from msg_adapters.checks.issue import Issue, Severity
+from msg_adapters.checks.issue import Issue, Severity, cure_of
 from msg_adapters.images import Pixels, decode_image
 
-SMALLEST_SIDE_PX = 256
-_SATURATED = 0.5
-_SWAPPED = 0.5
+
+@dataclass(frozen=True)
+class _Limits:
+    """From where on images are suspicious.
+
+    Attributes:
+        smallest_side_px: with fewer pixels a lasso's wire is hardly one wide.
+        saturated: share of pixels at the highest value.
+        swapped: roughness with swapped bytes, share of that without.
+    """
+
+    smallest_side_px: int = 256
+    saturated: float = 0.5
+    swapped: float = 0.5
+
+
+LIMITS = _Limits()
+
 _CURES = {
     "encoding": "publish mono8 or mono16, linear, before any colour map",
     "step": "set step to the bytes of a row, padding included",
@@ -37,9 +53,9 @@ class ImageSamples:
         swapped: of those, smoother when their bytes are swapped.
     """
 
-    sizes: dict[tuple[int, int], int] = field(default_factory=dict)
-    encodings: dict[str, int] = field(default_factory=dict)
-    refusals: dict[str, int] = field(default_factory=dict)
+    sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
+    encodings: Counter[str] = field(default_factory=Counter)
+    refusals: Counter[str] = field(default_factory=Counter)
     samples: int = 0
     flat: int = 0
     saturated: int = 0
@@ -48,20 +64,18 @@ class ImageSamples:
     def add(self, message: Any) -> None:
         """Look at one image (Image or CompressedImage)."""
         self.samples += 1
-        encoding = message.encoding if hasattr(message, "encoding") else message.format
-        self.encodings[encoding] = self.encodings.get(encoding, 0) + 1
+        self.encodings[message.encoding if hasattr(message, "encoding") else message.format] += 1
         try:
             pixels = decode_image(message)
         except MessageError as error:
-            self.refusals[str(error)] = self.refusals.get(str(error), 0) + 1
+            self.refusals[str(error)] += 1
             return
-        shape = (pixels.shape[0], pixels.shape[1])
-        self.sizes[shape] = self.sizes.get(shape, 0) + 1
+        self.sizes[pixels.shape[0], pixels.shape[1]] += 1
         lowest, highest = int(pixels.min()), int(pixels.max())
         if lowest == highest:
             self.flat += 1
             return
-        self.saturated += int(np.count_nonzero(pixels == highest)) > _SATURATED * pixels.size
+        self.saturated += int(np.count_nonzero(pixels == highest)) > LIMITS.saturated * pixels.size
         self.swapped += _looks_swapped(pixels)
 
 
@@ -76,19 +90,19 @@ def _looks_swapped(pixels: Pixels) -> bool:
         return float(np.abs(np.diff(rows, axis=1)).mean() / max(rows.std(), 1e-9))
 
     # An 8-bit picture in 16 is its own swap but for a factor.
-    return bool(np.any(swapped < pixels)) and roughness(swapped) < _SWAPPED * roughness(pixels)
+    return bool(np.any(swapped < pixels)) and roughness(swapped) < LIMITS.swapped * roughness(pixels)
 
 
 def check_images(name: str, seen: ImageSamples) -> Iterator[Issue]:
     """What the samples of one topic say."""
     for refusal, count in seen.refusals.items():
-        cure = next((cure for field_name, cure in _CURES.items() if refusal.startswith(field_name)), "")
-        yield Issue("error", name, f"{refusal} ({count} of {seen.samples} images looked at)", cure)
+        found = f"{refusal} ({count} of {seen.samples} images looked at)"
+        yield Issue("error", name, found, cure_of(refusal, _CURES))
     if len(seen.sizes) > 1:
         sizes = ", ".join(f"{width}×{height}" for height, width in seen.sizes)
         yield Issue("note", name, f"the size changes: {sizes}", "let the calibration come with each image")
     for height, width in seen.sizes:
-        if min(height, width) < SMALLEST_SIDE_PX:
+        if min(height, width) < LIMITS.smallest_side_px:
             yield Issue(
                 "warning", name, f"{width}×{height} pixels are few for a lasso's wire", "publish the full read-out"
             )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -29,3 +30,13 @@ class Issue:
     def __str__(self) -> str:
         cure = f" -> {self.cure}" if self.cure else ""
         return f"{self.severity:7}  {self.subject}: {self.problem}{cure}"
+
+
+def cure_of(problem: str, cures: Mapping[str, str]) -> str:
+    """The cure of a problem that begins with a known text; empty where none does.
+
+    Args:
+        problem: as the adapters' errors say it, the field first.
+        cures: by the problem's beginning.
+    """
+    return next((cure for beginning, cure in cures.items() if problem.startswith(beginning)), "")

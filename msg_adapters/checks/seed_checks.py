@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,10 +20,26 @@ from msg_adapters.topics import seed_topic
 
 Array = npt.NDArray[np.float64]
 
-MEET_MM = 6.0
-"""How far rays through the middles of the clicks may pass each other; uneven clicks cost two or three."""
-_LOOP_MM = (6.0, 60.0)
-_FAR_M = 0.3
+
+@dataclass(frozen=True)
+class _Limits:
+    """What clicks on a lasso may look like.
+
+    Attributes:
+        meet_mm: how far rays through the middles of the clicks may pass each other; uneven clicks cost two or three.
+        narrowest_loop_mm: the clicked loop's larger side, at least; a lasso has 10 to 30.
+        widest_loop_mm: the same, at most.
+        far_m: distance from the world's origin, which is the iso-centre, within which a heart lies.
+    """
+
+    meet_mm: float = 6.0
+    narrowest_loop_mm: float = 6.0
+    widest_loop_mm: float = 60.0
+    far_m: float = 0.3
+
+
+LIMITS = _Limits()
+
 _MIRRORS = {
     "plane a mirrored left to right": ((-1, 1), (1, 1)),
     "plane b mirrored left to right": ((1, 1), (-1, 1)),
@@ -102,7 +119,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
     if found is None:
         return
     point, gap_mm = found
-    if gap_mm > MEET_MM:
+    if gap_mm > LIMITS.meet_mm:
         better = _mirrors_that_fit(middles[0], middles[1], a, b)
         hint = f"; with {' or '.join(better)} they would meet" if better else ""
         yield Issue(
@@ -112,7 +129,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
             "see signs and angles in p, that no plane is swapped or mirrored, and that the table's motion is in it",
         )
         return
-    if np.linalg.norm(point) > _FAR_M:
+    if np.linalg.norm(point) > LIMITS.far_m:
         yield Issue(
             "warning",
             "seeds",
@@ -121,7 +138,7 @@ def _check_geometry(points_a: Array, points_b: Array, a: Projection, b: Projecti
         )
     for plane, points, projection in zip(PLANES, (points_a, points_b), (a, b), strict=True):
         size = float(np.ptp(points, axis=0).max()) * projection.millimetres_per_pixel(point)
-        if not _LOOP_MM[0] <= size <= _LOOP_MM[1]:
+        if not LIMITS.narrowest_loop_mm <= size <= LIMITS.widest_loop_mm:
             yield Issue(
                 "warning",
                 seed_topic(plane).recorded_name,
@@ -158,6 +175,6 @@ def _mirrors_that_fit(pixel_a: Array, pixel_b: Array, a: Projection, b: Projecti
     fitting = []
     for words, (signs_a, signs_b) in _MIRRORS.items():
         found = _meeting(flipped(pixel_a, a, signs_a), flipped(pixel_b, b, signs_b), a, b)
-        if found is not None and found[1] < MEET_MM / 2:
+        if found is not None and found[1] < LIMITS.meet_mm / 2:
             fitting.append(words)
     return fitting

@@ -8,20 +8,41 @@ from dataclasses import dataclass, field
 
 from lasso_motion_ros.geometry.frames import Pair, Plane
 from msg_adapters.checks.issue import Issue, Severity
+from msg_adapters.messages import NANOSECONDS
 from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.sync.partner import NEW_RUN_NS, PartnerRule
 from msg_adapters.topics import image_topic
 
-NANOSECONDS = 1e9
-_AHEAD_S = 0.005
-SLOWEST_HZ = 1.0
-_IRREGULAR = 0.25
-_PAIRED_ENOUGH, _PAIRED_AT_ALL = 0.95, 0.5
-# Of a stream joined and left in its middle, the partner may lie outside.
-_AT_THE_ENDS = 2
-_RATES_APART = 1.2
-_CLOCKS_APART_S = 0.1
-_OLD_S = 1.0
+
+@dataclass(frozen=True)
+class _Limits:
+    """From where on stamps are suspicious.
+
+    Attributes:
+        ahead_s: how far stamps may be ahead of this machine's clock.
+        slowest_hz: below this rate breathing cannot be followed.
+        irregular: jitter, share of the period.
+        paired_enough: share of the images with a partner, below which frames are lost;
+        paired_at_all: and below which the planes do not belong together.
+        at_the_ends: images without partner that are no fault: of a stream joined and left in its middle, it may
+            lie outside.
+        rates_apart: ratio of the planes' rates.
+        clocks_apart_s: difference of the planes' ages: they come together, so one clock is wrong.
+        old_s: age of an image on arrival that no live stream has.
+    """
+
+    ahead_s: float = 0.005
+    slowest_hz: float = 1.0
+    irregular: float = 0.25
+    paired_enough: float = 0.95
+    paired_at_all: float = 0.5
+    at_the_ends: int = 2
+    rates_apart: float = 1.2
+    clocks_apart_s: float = 0.1
+    old_s: float = 1.0
+
+
+LIMITS = _Limits()
 
 
 @dataclass
@@ -105,35 +126,35 @@ def _check_plane(name: str, stream: PlaneStamps, *, live: bool) -> Iterator[Issu
     if len(intervals) < 3:
         return
     period = statistics.median(intervals)
-    if 1.0 / period < SLOWEST_HZ * 0.99:
+    if 1.0 / period < LIMITS.slowest_hz * 0.99:
         yield Issue("warning", name, f"{1.0 / period:.2g} images/s are too few to follow breathing", "1/s or more")
     gaps = sum(interval > 1.5 * period for interval in intervals)
     if gaps:
         yield Issue("warning", name, f"{gaps} gaps of more than 1.5 periods ({period:.3g} s)", "see what is lost")
     near = sorted(abs(interval - period) for interval in intervals if interval <= 1.5 * period)
     jitter = near[int(0.95 * (len(near) - 1))]
-    if jitter > _IRREGULAR * period:
+    if jitter > LIMITS.irregular * period:
         yield Issue(
             "warning",
             name,
             f"the stamps jitter by {jitter * 1e3:.0f} ms (period {period * 1e3:.0f} ms)",
             "stamp the exposure, not the arrival",
         )
-    if live and stream.age_s < -_AHEAD_S:
+    if live and stream.age_s < -LIMITS.ahead_s:
         yield Issue(
             "warning",
             name,
             f"the stamps are {-stream.age_s:.3f} s in the future of this machine's clock",
             "synchronise the clocks (chrony, PTP)",
         )
-    elif live and stream.age_s > _OLD_S:
+    elif live and stream.age_s > LIMITS.old_s:
         yield Issue("note", name, f"the stamps are {_duration(stream.age_s)} old: a recording, or another clock")
 
 
 def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Issue]:
     a, b = planes["a"], planes["b"]
     apart = a.age_s - b.age_s
-    clocks_apart = abs(apart) > _CLOCKS_APART_S
+    clocks_apart = abs(apart) > LIMITS.clocks_apart_s
     if clocks_apart:
         yield Issue(
             "error",
@@ -143,7 +164,7 @@ def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Issue]:
             "stamp both planes by one clock",
         )
     rates = a.rate_hz, b.rate_hz
-    if rates[0] and rates[1] and not 1 / _RATES_APART < rates[0] / rates[1] < _RATES_APART:
+    if rates[0] and rates[1] and not 1 / LIMITS.rates_apart < rates[0] / rates[1] < LIMITS.rates_apart:
         yield Issue(
             "warning",
             "planes",
@@ -153,9 +174,9 @@ def _check_together(planes: Mapping[Plane, PlaneStamps]) -> Iterator[Issue]:
     _, paired = pairs_of(planes)
     share = min(paired["a"] / len(a.stamps), paired["b"] / len(b.stamps))
     alone = max(len(a.stamps) - paired["a"], len(b.stamps) - paired["b"])
-    if share < _PAIRED_ENOUGH and alone > _AT_THE_ENDS and not clocks_apart:
+    if share < LIMITS.paired_enough and alone > LIMITS.at_the_ends and not clocks_apart:
         yield Issue(
-            "warning" if share >= _PAIRED_AT_ALL else "error",
+            "warning" if share >= LIMITS.paired_at_all else "error",
             "planes",
             f"{paired['a']} of {len(a.stamps)} images of plane a and {paired['b']} of {len(b.stamps)} of plane b"
             " pair by their stamps",

@@ -18,12 +18,12 @@ from msg_adapters.images import Pixels, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.recordings.copy import RecordingCopier
 from msg_adapters.recordings.reader import RawMessage, RecordingReader
-from msg_adapters.recordings.tracking_topics import check_tracking_topics
+from msg_adapters.recordings.tracking_topics import check_tracking_topics, recorded_image_topic
 from msg_adapters.recordings.writer import RecordingWriter, check_free
 from msg_adapters.seeds import decode_polygon, encode_polygon
 from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.sync.partner import PartnerRule
-from msg_adapters.topics import compressed_image_topic, image_topic, true_centreline_topic
+from msg_adapters.topics import true_centreline_topic
 
 Array = npt.NDArray[np.float64]
 
@@ -87,7 +87,7 @@ class AnnotatedRecording:
         check_free(output, overwrite)
         self.name = self._reader.path.name
         self.output = output
-        self._image_topics = self._plane_of_topic()
+        self._image_topics = {recorded_image_topic(plane, self._reader.topics).recorded_name: plane for plane in PLANES}
         self.pairs = self._read_pairs()
         self._read_centrelines()
 
@@ -128,14 +128,6 @@ class AnnotatedRecording:
             while waiting is not None:
                 _write_centreline(writer, *waiting)
                 waiting = next(drawn, None)
-
-    def _plane_of_topic(self) -> dict[str, Plane]:
-        topics: dict[str, Plane] = {}
-        for plane in PLANES:
-            raw, compressed = image_topic(plane), compressed_image_topic(plane)
-            is_raw = self._reader.topics.get(raw.recorded_name) == raw.type_name
-            topics[(raw if is_raw else compressed).recorded_name] = plane
-        return topics
 
     def _read_pairs(self) -> list[AnnotatedPair]:
         pairing: PairSynchroniser[int] = PairSynchroniser(PartnerRule())

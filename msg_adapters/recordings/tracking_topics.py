@@ -6,8 +6,8 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.geometry.frames import PLANES
-from msg_adapters.topics import camera_info_topic, compressed_image_topic, image_topic
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from msg_adapters.topics import Topic, camera_info_topic, compressed_image_topic, image_topic
 
 
 def check_tracking_topics(recording: Path, topics: Mapping[str, str], calibrated: bool = False) -> None:
@@ -33,6 +33,17 @@ def check_tracking_topics(recording: Path, topics: Mapping[str, str], calibrated
         raise RecordingError(
             f"{recording} lacks {', '.join(missing)}{found_topics(topics)}; --remap a:=b renames topics"
         )
+
+
+def recorded_image_topic(plane: Plane, topics: Mapping[str, str]) -> Topic:
+    """The topic with a plane's images: raw where the recording has them, else compressed.
+
+    Args:
+        plane: `a` or `b`.
+        topics: topic → type, as `RecordingReader.topics`.
+    """
+    raw = image_topic(plane)
+    return raw if topics.get(raw.recorded_name) == raw.type_name else compressed_image_topic(plane)
 
 
 def _missing(topics: Mapping[str, str], name: str, type_name: str) -> list[str]:

@@ -11,7 +11,8 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairTruth, Truth
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.reports.demo_artefacts import CELL_PX, STRIP_PX, DemoRun, demo_picture, write_demo_artefacts
+from lasso_motion_ros.reports.demo_artefacts import CELL_PX, DemoRun, demo_picture, write_demo_artefacts
+from lasso_motion_ros.reports.picture_grid import STRIP_PX
 
 av = pytest.importorskip("av", reason="pip install 'lasso_motion_ros[video]'")
 

@@ -5,7 +5,7 @@ import pytest
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.reports.figure_panels import ABSENT_COLOUR, MISSING_COLOUR, save_figure, share_scale
-from lasso_motion_ros.reports.sequence_figures import error_figure, motion_figure
+from lasso_motion_ros.reports.sequence_figures import PairFlags, error_figure, motion_figure
 
 TIMES = np.arange(6) / 3.0
 TRUE = np.column_stack([TIMES, -2.0 * TIMES, 10.0 * np.sin(TIMES)])
@@ -40,7 +40,7 @@ def test_errors_are_named_with_their_mean_over_the_tracked_pairs():
     errors = {"a": np.array([0.6, 0.2, 0.4, np.nan]), "b": np.array([0.5, 0.3, 0.3, np.nan])}
     reference = np.array([True, False, False, False])
     has_pose, in_place = np.array([True, True, True, False]), np.ones(4, dtype=bool)
-    figure = error_figure(errors, reference, has_pose, in_place)
+    figure = error_figure(errors, PairFlags(reference, has_pose, in_place))
     # By hand: plane A (0.2 + 0.4) / 2 = 0.30, spread 0.10; the reference pair is left out.
     assert legend(figure)[:2] == ["plane A: 0.30 ± 0.10 mm", "plane B: 0.30 ± 0.00 mm"]
     assert "no pose" in legend(figure)
@@ -51,7 +51,7 @@ def test_errors_are_named_with_their_mean_over_the_tracked_pairs():
 def test_a_pose_without_a_lasso_is_marked_as_false():
     nothing = {"a": np.array([0.1, np.nan]), "b": np.array([0.1, np.nan])}
     flags = np.array([True, False])
-    figure = error_figure(nothing, flags, np.array([True, True]), flags)
+    figure = error_figure(nothing, PairFlags(flags, np.array([True, True]), flags))
     assert {"lasso hidden or moved", "false pose"} <= set(legend(figure))
     np.testing.assert_array_equal(lines(figure.axes[0], "false pose").get_xdata(), [1])
 
@@ -68,12 +68,12 @@ def test_a_figure_is_written_the_same_each_time(tmp_path):
 def test_a_pair_without_lasso_that_rightly_got_no_pose_is_not_counted_as_missing():
     nothing = {"a": np.array([0.1, np.nan]), "b": np.array([0.1, np.nan])}
     flags = np.array([True, False])
-    assert "no pose" not in legend(error_figure(nothing, flags, flags, flags))
+    assert "no pose" not in legend(error_figure(nothing, PairFlags(flags, flags, flags)))
 
 
 def test_figures_beside_each_other_have_one_scale():
-    flags = np.array([True, False]), np.array([True, True]), np.array([True, True])
-    small, large = (error_figure({"a": np.array([0.1, v]), "b": np.array([0.1, v])}, *flags) for v in (0.5, 6.0))
+    flags = PairFlags(np.array([True, False]), np.array([True, True]), np.array([True, True]))
+    small, large = (error_figure({"a": np.array([0.1, v]), "b": np.array([0.1, v])}, flags) for v in (0.5, 6.0))
     top = large.axes[0].get_ylim()[1]
     assert small.axes[0].get_ylim()[1] < top
     share_scale([small, large])

@@ -12,9 +12,9 @@ from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTr
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.reports.worst_frames import (
-    CELL_PX,
     MODEL_COLOUR,
     TRUE_COLOUR,
+    TUNING,
     error_mm,
     worst_pairs,
     worst_picture,
@@ -77,7 +77,7 @@ def test_curves_lie_on_the_drawn_ring(depth):
     shares = []
     for z_mm in (0.0, 3.0):
         estimate = PairEstimate(stamp(0), "TRACKING", motion_raw=shift(z_mm), loop=apply(shift(z_mm), loop()))
-        picture = worst_picture(pair_at(0.0, depth), truth_at(z_mm), estimate)[30:-60, :CELL_PX]
+        picture = worst_picture(pair_at(0.0, depth), truth_at(z_mm), estimate)[30:-60, : TUNING.cell_px]
         dark = cv2.dilate((picture.max(axis=2) < 60).astype(np.uint8), np.ones((7, 7)))
         drawn = np.abs(picture.astype(int) - MODEL_COLOUR).max(axis=2) < 40
         shares.append(dark[drawn].mean())
@@ -94,5 +94,5 @@ def test_both_curves_are_seen_where_they_differ():
 
 def test_a_missing_plane_and_a_missing_pose_are_said_not_drawn():
     picture = worst_picture(pair_at(0.0, planes="a"), truth_at(0.0), None)
-    assert picture.shape[1] == 2 * CELL_PX + 6
+    assert picture.shape[1] == 2 * TUNING.cell_px + 6
     assert pixels_of(picture[30:-60], MODEL_COLOUR) == 0
