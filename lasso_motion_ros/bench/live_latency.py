@@ -22,7 +22,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import DROPPED_PAIRS
 from lasso_motion_ros.overlay.atrium import left_atrium_surface
-from lasso_motion_ros.overlay.surface import write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
 from lasso_motion_ros.tools.child_graph import START_WAIT_S, TooLateError, child_graph
 from lasso_motion_ros.tools.listener import Listener
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import SurfaceError
 from lasso_motion_ros.overlay.isosurface import iso_surface
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 Array = npt.NDArray[np.float64]
 

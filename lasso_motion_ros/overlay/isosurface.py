@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import SurfaceError
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 Array = npt.NDArray[np.float64]
 _CORNERS = np.array([(i, j, k) for i in (0, 1) for j in (0, 1) for k in (0, 1)])

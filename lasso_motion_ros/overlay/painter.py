@@ -19,7 +19,7 @@ from lasso_motion_ros.overlay.primitives import (
 )
 from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_mask
 from lasso_motion_ros.overlay.windowing import GreyImage, RgbImage, grey_to_rgb, window_image
 

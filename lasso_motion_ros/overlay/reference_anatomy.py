@@ -12,7 +12,8 @@ from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, VolumeError
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.volumes import VolumeImage, is_volume, read_volume_image
-from lasso_motion_ros.overlay.surface import METRES_PER_UNIT, TriangleMesh, clean_mesh, read_surface
+from lasso_motion_ros.overlay.surface_files import METRES_PER_UNIT, read_surface
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh, clean_mesh
 from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, volume_cloud
 from lasso_motion_ros.overlay.volume_registration import read_registration
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 Array = npt.NDArray[np.float64]
 

@@ -19,8 +19,8 @@ from lasso_motion_ros.overlay.compositing import blend, surface_mask
 from lasso_motion_ros.overlay.primitives import WHITE, Colour, draw_banner, draw_legend, draw_text, fit_text
 from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
-from lasso_motion_ros.overlay.surface import TriangleMesh
 from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.overlay.windowing import RgbImage, grey_to_rgb, window_image
 from lasso_motion_ros.reports.figure_panels import save_figure
 from lasso_motion_ros.reports.picture_grid import (

@@ -10,7 +10,8 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.evaluation.measures import Truth
 from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.overlay.atrium import atrium_at_ostium, left_atrium_surface
-from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 
 def truth_if_any(recording: Path) -> Truth | None:

@@ -15,7 +15,7 @@ from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.evaluation.summary import Summary
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
-from lasso_motion_ros.overlay.surface import write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
 from lasso_motion_ros.overlay.windowing import RgbImage
 from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs

@@ -15,7 +15,7 @@ from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.overlay.painter import OverlayPainter
-from lasso_motion_ros.overlay.surface import read_surface, write_stl
+from lasso_motion_ros.overlay.surface_files import read_surface, write_stl
 from msg_adapters.images import decode_image
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter

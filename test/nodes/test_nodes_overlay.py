@@ -25,7 +25,8 @@ from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.nodes.overlay_node import OverlayNode
 from lasso_motion_ros.overlay.painter import OverlayPainter
-from lasso_motion_ros.overlay.surface import TriangleMesh, read_surface, write_stl
+from lasso_motion_ros.overlay.surface_files import read_surface, write_stl
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.tools.processes import free_domain
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info

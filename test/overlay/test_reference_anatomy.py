@@ -16,7 +16,7 @@ from lasso_motion_ros.geometry.volumes import VolumeImage
 from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.silhouette import silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
-from lasso_motion_ros.overlay.surface import write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
 from lasso_motion_ros.overlay.volume_cloud import VolumeCloud, cloud_mask, volume_cloud
 
 VIEWS = views()

@@ -17,7 +17,7 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.overlay.compositing import blend, surface_mask
 from lasso_motion_ros.overlay.silhouette import WALL_CELL_PX, silhouette
 from lasso_motion_ros.overlay.style import OverlayStyle
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 VIEWS = views()
 ELLIPSOID_M = (0.030, 0.018, 0.022)

@@ -21,7 +21,8 @@ from support.node_harness import Graph
 
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.tools.listened_topics import RECORDED
 from msg_adapters.messages import RecordedMessages
 from msg_adapters.recordings.writer import RecordingWriter

@@ -4,7 +4,7 @@ import numpy as np
 
 from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.surface import TriangleMesh
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 
 TORUS_RING_M, TORUS_TUBE_M = 0.022, 0.008
 

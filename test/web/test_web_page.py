@@ -25,7 +25,8 @@ from support.method_inputs import draw_curve
 from support.node_harness import Graph
 
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.overlay.surface import TriangleMesh, write_stl
+from lasso_motion_ros.overlay.surface_files import write_stl
+from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image

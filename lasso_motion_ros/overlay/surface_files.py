@@ -1,4 +1,4 @@
-"""Triangle surfaces: the type, reading STL, PLY, OBJ, VTK and VTP, writing STL.
+"""Surfaces as files: reading STL, PLY, OBJ, VTK and VTP, writing STL.
 
 The readers are trimesh's and VTK's (optional dependencies of the package: the method does without). What is added
 here is what a clinical tool needs around them: bounds, refusals that name the file, unit and axes, and vertices
@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import io
 import re
-from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -18,112 +16,17 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import SurfaceError
-from lasso_motion_ros.geometry import transforms
+from lasso_motion_ros.overlay.triangle_mesh import MAX_TRIANGLES, TriangleMesh, clean_mesh
 
 Array = npt.NDArray[np.float64]
 Units = Literal["mm", "m"]
 
-MAX_TRIANGLES = 2_000_000
 MAX_FILE_BYTES = 512 * 1024 * 1024
 TRIMESH_SUFFIXES, VTK_SUFFIXES = (".stl", ".ply", ".obj"), (".vtk", ".vtp")
 SUFFIXES = TRIMESH_SUFFIXES + VTK_SUFFIXES
 METRES_PER_UNIT: dict[str, float] = {"mm": 1e-3, "m": 1.0}
 AXES = ("lps", "ras")
 _RAS_TO_LPS = np.array([-1.0, -1.0, 1.0])
-
-
-@dataclass(frozen=True, eq=False)
-class EdgeTable:
-    """Which edges a surface's triangles share.
-
-    Attributes:
-        ends: (E, 2) int32 vertex indices of each edge, the smaller first.
-        of_triangle: (T, 3) int32 the edges of each triangle, from its corners 0–1, 1–2 and 2–0.
-        direction: (T, 3) float64, +1 where the triangle runs along `ends`, −1 where against.
-    """
-
-    ends: npt.NDArray[np.int32]
-    of_triangle: npt.NDArray[np.int32]
-    direction: Array
-
-
-@dataclass(frozen=True, eq=False)
-class TriangleMesh:
-    """A surface of triangles; open, closed, in parts, or inconsistently oriented.
-
-    Attributes:
-        vertices: (V, 3) float64, metres, in the frame the owner states.
-        triangles: (T, 3) int32 indices into the vertices.
-
-    Raises:
-        SurfaceError: wrong shapes, coordinates that are not finite, indices out of range, or no triangle.
-    """
-
-    vertices: Array
-    triangles: npt.NDArray[np.int32]
-
-    def __post_init__(self) -> None:
-        vertices = np.asarray(self.vertices, dtype=np.float64)
-        triangles = np.asarray(self.triangles)
-        if vertices.ndim != 2 or vertices.shape[1] != 3:
-            raise SurfaceError(f"a surface's vertices are (V, 3), found shape {vertices.shape}")
-        if triangles.ndim != 2 or triangles.shape[1] != 3 or not np.issubdtype(triangles.dtype, np.integer):
-            raise SurfaceError(f"a surface's triangles are (T, 3) indices, found {triangles.dtype} {triangles.shape}")
-        if len(triangles) == 0:
-            raise SurfaceError("the surface has no triangle")
-        if len(triangles) > MAX_TRIANGLES:
-            raise SurfaceError(f"{len(triangles)} triangles, at most {MAX_TRIANGLES} are drawn: decimate the surface")
-        if not np.all(np.isfinite(vertices)):
-            raise SurfaceError("the surface has coordinates that are not finite")
-        if triangles.min() < 0 or triangles.max() >= len(vertices):
-            raise SurfaceError(f"a triangle refers to a vertex that does not exist (there are {len(vertices)})")
-        object.__setattr__(self, "vertices", vertices)
-        object.__setattr__(self, "triangles", triangles.astype(np.int32, copy=False))
-
-    @cached_property
-    def edges(self) -> EdgeTable:
-        """The edges and the triangles that share them; computed once a surface."""
-        starts = self.triangles.astype(np.int64)
-        ends = np.roll(starts, -1, axis=1)
-        low, high = np.minimum(starts, ends), np.maximum(starts, ends)
-        keys, index = np.unique((low * len(self.vertices) + high).ravel(), return_inverse=True)
-        pairs = np.stack([keys // len(self.vertices), keys % len(self.vertices)], axis=1)
-        return EdgeTable(
-            ends=pairs.astype(np.int32),
-            of_triangle=index.reshape(-1, 3).astype(np.int32),
-            direction=np.where(starts < ends, 1.0, -1.0),
-        )
-
-    @cached_property
-    def areas(self) -> Array:
-        """(T,) areas of the triangles, m²."""
-        a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
-        return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
-
-    def moved(self, transform: Array) -> TriangleMesh:
-        """The surface moved by a (4, 4) transform, metres."""
-        return TriangleMesh(transforms.apply(transform, self.vertices), self.triangles)
-
-
-def clean_mesh(vertices: Array, triangles: npt.NDArray[np.integer]) -> TriangleMesh:
-    """Join vertices at the same place, then drop triangles without area and vertices without triangle.
-
-    Args:
-        vertices: (V, 3) metres.
-        triangles: (T, 3) indices.
-
-    Raises:
-        SurfaceError: nothing is left, or the input is not a surface.
-    """
-    checked = TriangleMesh(vertices, triangles.astype(np.int32))
-    places, joined = np.unique(checked.vertices, axis=0, return_inverse=True)
-    faces = joined.reshape(-1)[checked.triangles]
-    a, b, c = (places[faces[:, i]] for i in range(3))
-    has_area = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0
-    if not np.any(has_area):
-        raise SurfaceError("every triangle of the surface is degenerate (no area)")
-    used, faces = np.unique(faces[has_area], return_inverse=True)
-    return TriangleMesh(places[used], faces.reshape(-1, 3).astype(np.int32))
 
 
 def read_surface(path: str | Path, units: str, axes: str = "") -> TriangleMesh:
