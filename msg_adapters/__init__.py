@@ -1,1 +1,1 @@
-"""Between messages or files and the method's own types; imports no rclpy."""
+"""Converts between messages or files and the method's own types; imports no rclpy."""

@@ -32,7 +32,7 @@ def decode_camera_info(
 
     Args:
         message: the CameraInfo.
-        image_shape: (height, width) of the image it shall belong to; checked when given.
+        image_shape: (height, width) of its image; checked when given.
         extrinsics: where the pose of a plain camera matrix `p` = [K′|0] comes from; without it such a matrix
             is refused.
 
@@ -154,7 +154,7 @@ def _published(detector: Projection, message: Any, image_shape: tuple[int, int] 
         )
     try:
         published = detector.read_out(x, y, width, height, binning_x, binning_y)
-        # As strictly as any matrix: so much binning may leave it no rank.
+        # Checked like any other matrix: extreme binning may cost it its rank.
         return Projection(published.matrix, columns, rows, detector_width=published.detector_width)
     except GeometryError as error:
         raise MessageError(f"p: with binning {binning_x}×{binning_y} and roi: {error}") from error

@@ -45,7 +45,7 @@ def decode_image(message: Any) -> Pixels:
     if step < width * size:
         raise MessageError(f"step: a row of {width} {message.encoding} pixels has {width * size} bytes, found {step}")
     data = np.frombuffer(message.data, dtype=np.uint8)
-    # The padding behind the last row may be left out; nothing else may be missing or left over.
+    # Only the padding behind the last row may be missing.
     if not step * (height - 1) + width * size <= data.size <= step * height:
         raise MessageError(f"data: expected {step * height} bytes (step × height), found {data.size}")
     order = ">" if message.is_bigendian else "<"
@@ -96,9 +96,9 @@ def decode_compressed_image(message: Any) -> Pixels:
 
 
 def _png_size(data: bytes) -> tuple[int, int, int]:
-    """Width, height and bytes a pixel, from a PNG's first block, once it is seen that its blocks are whole.
+    """Width, height and bytes a pixel, from a PNG's first chunk, once all its chunks are known to be complete.
 
-    OpenCV reserves what a block says it holds, before it looks whether it is there.
+    OpenCV allocates what a chunk claims to hold before it checks that it is there.
     """
     place = len(_PNG_SIGNATURE)
     while place + 12 <= len(data) and data[place + 4 : place + 8] != b"IEND":

@@ -37,7 +37,7 @@ _FIXED = re.compile(r"(?P<item>[^\[]+)\[\d+\]$")
 
 
 class MessageFactory(Protocol):
-    """Makes messages; what it makes has the message's fields, whoever made it."""
+    """Makes messages; they have the type's fields, whichever factory makes them."""
 
     def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
         """A message of `type_name` (`package/msg/Name`).
@@ -103,7 +103,7 @@ def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
 
 @lru_cache(maxsize=256)
 def _converters(message_class: Any) -> dict[str, _Convert | None]:
-    """By field, what makes a value of it; None for a nested message. Looked up once: a curve has hundreds of points."""
+    """For each field, what converts a value; None for a nested message. Cached: a curve has hundreds of points."""
     return {name: _converter(kind) for name, kind in message_class.get_fields_and_field_types().items()}
 
 
@@ -186,7 +186,7 @@ class RecordedMessages:
         return self._types.types[type_name](**arguments)
 
     def _converters(self, type_name: str) -> dict[str, _Convert]:
-        """By field, what makes a value, or None for the default, what the message holds."""
+        """For each field, what converts a value (or None, for the default) to what the message holds."""
         if type_name not in self._types.fielddefs:
             raise MessageError(f"message type {type_name} is not known")
         return {name: self._converter(definition) for name, definition in self._types.fielddefs[type_name][1]}

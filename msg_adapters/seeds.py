@@ -62,7 +62,7 @@ def decode_seed(message: Any) -> Array:
     """The clicks of a seed message, (N, 2) float64 pixels.
 
     Raises:
-        MessageError: fewer than 6 clicks, absurdly many, or a coordinate that is not finite.
+        MessageError: fewer than 6 clicks, too many, or a coordinate that is not finite.
     """
     count = len(message.polygon.points)
     if not MINIMUM_CLICKS <= count <= MAXIMUM_CLICKS:

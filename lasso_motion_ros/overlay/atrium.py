@@ -1,4 +1,4 @@
-"""A left atrium made of formulas, for demonstrations: body, four pulmonary veins, appendage.
+"""A left atrium from formulas, for demonstrations: body, four pulmonary veins, appendage.
 
 Nothing in it is measured from a patient. The shape is an implicit surface: signed distances of simple bodies joined
 by a smooth minimum (I. Quilez's polynomial form), which rounds the junctions as tissue does. Sizes follow the usual
@@ -25,9 +25,9 @@ class _Shape:
     """How finely and how smoothly the atrium is modelled.
 
     Attributes:
-        grid_step_mm: of the grid that the surface is found on; gives some 10,000 triangles.
-        join_mm: width over which a vein's junction is rounded.
-        largest_bend_rad: a vein turns from its usual course by no more: a lasso may lie oblique in it.
+        grid_step_mm: spacing of the sampling grid; the default gives about 10,000 triangles.
+        join_mm: how widely a vein's junction with the body is rounded.
+        largest_bend_rad: the furthest a vein is bent from its usual course; a lasso may lie oblique in it.
     """
 
     grid_step_mm: float = 1.9
@@ -68,7 +68,7 @@ def left_atrium_surface(grid_step_mm: float = _SHAPE.grid_step_mm) -> TriangleMe
     """The atrium about the world origin (the centre of its body), metres, closed.
 
     Args:
-        grid_step_mm: how fine it is; the default gives some 10,000 triangles.
+        grid_step_mm: spacing of the sampling grid; the default gives about 10,000 triangles.
     """
     return _atrium(_LEFT_SUPERIOR, grid_step_mm)
 

@@ -1,4 +1,4 @@
-"""One drawing as opacity over a part of the picture, and its blending into the picture."""
+"""Alpha masks: the opacity of one drawing over part of a picture, and its blending into the picture."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ class _Tuning:
     """How a drawing looks.
 
     Attributes:
-        faint_fill: opacity of the fill behind another drawing, share of the usual.
-        faint_line: the same of the outline.
-        fold: opacity of folds inside the outline, share of the outline's.
-        wall_fades_m: depth over which a wall behind the nearest counts less, by a factor e.
-        densest: largest opacity of a fill: the film must be seen through everything.
+        faint_fill: opacity of a fill that stands behind another drawing, as a share of the usual.
+        faint_line: the same for an outline.
+        fold: opacity of the folds inside the outline, as a share of the outline's.
+        wall_fades_m: distance behind the nearest wall at which another one counts 1/e.
+        densest: largest opacity of a fill: the film must stay visible.
     """
 
     faint_fill: float = 0.3
@@ -46,13 +46,13 @@ class AlphaMask:
 
 
 def surface_mask(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool = False) -> AlphaMask:
-    """A surface's drawing.
+    """The alpha mask of a surface.
 
     Args:
         shape: its silhouette in the picture.
         style: what is drawn.
         width_px: the outline's width in this picture, pixels.
-        faint: drawn thinner, to stand behind another.
+        faint: drawn fainter, to stand behind another drawing.
     """
     if shape.coverage.size == 0:
         return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
@@ -112,7 +112,7 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
 
 
 def blend(picture: RgbImage, mask: AlphaMask, colour: Colour) -> None:
-    """Paint one colour into a picture (H, W, 3) uint8, in place, by a mask's opacity."""
+    """Paint one colour into a picture (H, W, 3) uint8, in place, with the mask's opacity."""
     rows, columns = mask.opacity.shape
     top, left = mask.top, mask.left
     y0, x0 = max(top, 0), max(left, 0)

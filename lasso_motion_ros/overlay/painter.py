@@ -30,9 +30,9 @@ _MASKS_KEPT = 8
 
 
 class OverlayPainter:
-    """Draws one object over image after image; what does not change from one to the next is kept.
+    """Draws one object over a sequence of images and caches what does not change between them.
 
-    One painter serves both planes. It is not meant for several threads at once; `style` may be set from another.
+    One painter serves both planes. Draw from one thread only; `style` may be set from another.
 
     Args:
         shown: the surface, or the cloud of a volume, at the reference, world metres.
@@ -58,7 +58,7 @@ class OverlayPainter:
         Args:
             image: (H, W) uint8 or uint16 X-ray image.
             projection: world metres to the image's pixels.
-            motion: (4, 4) T with p_now = T · p_reference; None where there is none that may be trusted.
+            motion: (4, 4) T with p_now = T · p_reference; None where none can be trusted.
             status: with a motion, a remark printed small ("DEGRADED: …", "motion 0.3 s old"), or empty; without one,
                 why not ("LOST: too few electrodes are seen"), printed in the banner.
             loop: (N, 3) the catheter's curve now, world metres; drawn thin beside a motion, never without one.
@@ -90,7 +90,7 @@ class OverlayPainter:
         return picture
 
     def draw_static(self, image: GreyImage, projection: Projection) -> RgbImage:
-        """The object at its static place alone, in that place's colour: what one has without compensation."""
+        """The object at its static place only, in the static colour: the overlay without compensation."""
         picture = grey_to_rgb(window_image(image))
         width = line_width(picture, self.style.outline_width_px)
         blend(picture, self._still_mask(projection, self.style, width, faint=False), self.style.static)

@@ -1,4 +1,4 @@
-"""Words, lines and frames drawn into a picture, sized by the picture."""
+"""Drawing primitives: text, banners, legends and curves, scaled to the picture."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Colour = tuple[int, int, int]
 WHITE: Colour = (240, 240, 240)
 _FONT = cv2.FONT_HERSHEY_SIMPLEX
 _SUBPIXEL_BITS = 4
-# The drawing font knows ASCII only; what it lacks would come out as question marks.
+# OpenCV's font is ASCII only; other characters would come out as question marks.
 _ASCII = str.maketrans(
     {"–": "-", "—": "-", "−": "-", "°": " deg", "±": "+/-", "×": "x", "µ": "u", "…": "...", "’": "'"}
 )
@@ -39,7 +39,7 @@ def parse_colour(text: str) -> Colour:
 
 
 def text_scale(image: RgbImage) -> float:
-    """Size of the words, by the picture's smaller side, never below legibility."""
+    """Text size for a picture, from its smaller side; never too small to read."""
     return max(0.45, 0.8 * float(min(image.shape[:2])) / 1024.0)
 
 
@@ -66,7 +66,7 @@ def draw_text(image: RgbImage, text: str, at: tuple[int, int], colour: Colour, s
 
 
 def fit_text(text: str, scale: float, width: int) -> str:
-    """The text, shortened with dots at its end if it is wider than `width` pixels."""
+    """The text, shortened with dots if it is wider than `width` pixels."""
     if text_size(text, scale)[0] <= width:
         return text
     while text and text_size(text + "...", scale)[0] > width:
@@ -75,7 +75,7 @@ def fit_text(text: str, scale: float, width: int) -> str:
 
 
 def draw_banner(image: RgbImage, text: str, colour: Colour) -> None:
-    """A warning that cannot be overlooked: a bar with words across the top, and a frame of the same colour."""
+    """A warning that cannot be missed: a bar with text across the top and a frame of the same colour."""
     scale = 1.15 * text_scale(image)
     height = round(46 * scale / 0.7)
     width = image.shape[1]
@@ -102,11 +102,11 @@ def draw_legend(image: RgbImage, entries: list[tuple[str, Colour]]) -> None:
 
 
 def draw_curve(image: RgbImage, points: Array, colour: Colour, width: int = 1, closed: bool = False) -> None:
-    """Draw a curve of pixels (N, 2) in place, with sub-pixel ends; points that are not finite break nothing."""
+    """Draw a curve of pixels (N, 2) in place, with sub-pixel accuracy; points that are not finite are skipped."""
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 2:
         return
-    # Far outside, coordinates would overflow the drawing's fixed point.
+    # Far outside the image, coordinates would overflow OpenCV's fixed-point format.
     points = np.clip(points, -1e4, 1e4)
     fixed = np.rint(points * 2**_SUBPIXEL_BITS).astype(np.int32)
     cv2.polylines(image, [fixed.reshape(-1, 1, 2)], closed, colour, width, cv2.LINE_AA, _SUBPIXEL_BITS)

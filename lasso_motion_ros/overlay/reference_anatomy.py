@@ -1,4 +1,4 @@
-"""What the overlay draws, from the file that its parameters name: a surface, or a volume's surface or projection."""
+"""The anatomy that the overlay draws: a surface, or a volume's surface or projection, read from a file."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class ReferenceAnatomy:
-    """The object at the reference pair, in the world.
+    """The anatomy where it was at the reference pair, in world coordinates.
 
     Attributes:
         surface: its surface, world metres.
-        cloud: what is drawn instead of the surface where a volume is to be seen as projection, or None.
-        description: what was read and how it was understood, one line for people.
+        cloud: drawn instead of the surface where a volume is shown as a projection; else None.
+        description: what was read and how it was interpreted, one line for the user.
     """
 
     surface: TriangleMesh
@@ -54,7 +54,7 @@ def read_reference_anatomy(config: OverlayConfig) -> ReferenceAnatomy:
     path = Path(config.volume_file)
     if not is_volume(path):
         mesh = read_surface(path, config.units, config.axes)
-        # Said from here, so that a wrong guess about axes or unit shows in the log.
+        # Reported, so that wrong axes or a wrong unit show up in the log.
         low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
         axes = f"taken as {config.axes.upper()}" if config.axes else "axes as the file states them, else LPS"
         words = f"{path.name}: surface, coordinates in {config.units}, {axes}"

@@ -3,8 +3,8 @@
 Turn every projected triangle counter-clockwise. The number of triangles that cover a pixel is then the winding
 number, about it, of all their boundaries together; and along an edge shared by two triangles that lie side by side
 the two boundaries cancel. What remains are the few edges where the surface folds over (coefficient ±2) or ends (±1).
-So the region is filled from some hundred edges instead of thousands of triangles, and it does not matter how the
-surface's own triangles are oriented, whether it is closed, nor whether the display is mirrored.
+So the region is filled from a few hundred edges instead of thousands of triangles, whatever the orientation of the
+triangles, whether or not the surface is closed or the display mirrored.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How the overlay looks."""
+"""The overlay's colours, widths and opacities, from the node's parameters."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Surfaces as files: reading STL, PLY, OBJ, VTK and VTP, writing STL.
 
-The readers are trimesh's and VTK's (optional dependencies of the package: the method does without). What is added
-here is what a clinical tool needs around them: bounds, refusals that name the file, unit and axes, and vertices
-shared between triangles, without which a surface has no silhouette.
+trimesh and VTK do the reading (optional dependencies: the method does without them). Added here is what a clinical
+tool needs: bounds, errors that name the file, units and axes, and vertices shared between triangles, without which a
+surface has no silhouette.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def read_surface(path: str | Path, units: str, axes: str = "") -> TriangleMesh:
     Args:
         path: the file; its suffix tells the format.
         units: "mm" or "m", the unit of the file's coordinates (none of the formats states it).
-        axes: "lps" or "ras", what the file's x, y and z mean; empty: as the file itself says ("SPACE=RAS" in its
+        axes: "lps" or "ras", what the file's x, y and z mean; empty: as the file states ("SPACE=RAS" in its
             header, as 3D Slicer writes it), and LPS where it says nothing.
 
     Returns:
@@ -112,7 +112,7 @@ def _announced_triangles(data: bytes, suffix: str) -> int:
     """How many triangles the file says it has, before anything is allocated for them."""
     if suffix == ".ply":
         counts = dict(re.findall(rb"^element\s+(vertex|face)\s+(\d+)", data[:65536], flags=re.MULTILINE))
-        # Triangles that share nothing have three vertices each; more vertices than that are no surface's.
+        # Even triangles that share no vertex have three each; a surface has no more vertices than that.
         return max(int(counts.get(b"face", 0)), int(counts.get(b"vertex", 0)) // 3)
     if suffix == ".obj":
         return len(re.findall(rb"^f\s", data, flags=re.MULTILINE))
@@ -142,12 +142,12 @@ def _load(data: bytes, suffix: str) -> tuple[Array, npt.NDArray[np.integer]]:
     except ImportError as error:
         raise SurfaceError("reading surfaces needs trimesh: pip install 'lasso_motion_ros[overlay]'") from error
     try:
-        # From memory rather than by name: so no material or texture beside the file is opened.
+        # Read from memory, so that no material or texture file beside it is opened.
         file_type = "stl_ascii" if suffix == ".stl" and _is_text_stl(data) else suffix[1:]
         mesh = trimesh.load_mesh(io.BytesIO(data), file_type=file_type, process=False)
         vertices = np.asarray(mesh.vertices, dtype=np.float64)
         triangles = np.asarray(mesh.faces, dtype=np.int64)
-    except Exception as error:  # a parser of foreign files raises whatever it stumbles over
+    except Exception as error:  # a parser may raise anything on a foreign file
         raise SurfaceError(f"not a readable {suffix[1:].upper()} surface: {error or type(error).__name__}") from error
     if triangles.size == 0:
         raise SurfaceError("the surface has no triangle")

@@ -46,7 +46,7 @@ def draw_tracking(
     Args:
         frame: image of any bit depth, with its geometry where that is known.
         loop: (N, 3) the catheter's curve now, world metres, or None. It is drawn only in a state that has a pose:
-            a curve left from earlier would look like a result.
+            an old curve would look like a result.
         state: the tracker's state.
         reason: why, in a few words; printed under the state.
         clicks: (M, 2) the user's clicks so far, pixels.

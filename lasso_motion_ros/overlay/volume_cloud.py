@@ -1,8 +1,8 @@
-"""A volume drawn as itself: the thickness that each ray crosses, as translucent colour.
+"""A volume drawn as a projection: the thickness that each ray crosses, as translucent colour.
 
-The part to be shown is a cloud of small bodies, each the share of a block of voxels. Projecting them exactly, under
-any matrix, and adding up their volumes in a coarse grid of the image is quick enough for every new motion, where
-sampling along every ray is not.
+The visible part is a cloud of small bodies, one for each block of voxels. Projecting them exactly and adding up their
+volumes in a coarse grid over the image is fast enough to be done for every new motion; sampling along every ray is
+not.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ class _Tuning:
     """How a cloud is made and drawn.
 
     Attributes:
-        most_points: bodies; more cannot be drawn anew for each image.
-        nearest_depth_m: what is nearer to the source is not drawn.
-        rim_blocks: the outline is where rays cross so many of the cloud's spacings.
-        smallest_cell_px: side of the image's cells in which volumes are added up, at least;
-        largest_cell_px: and at most.
+        most_points: upper bound on the number of bodies, so that a cloud is drawn anew for each image in time.
+        nearest_depth_m: bodies nearer to the source are not drawn.
+        rim_blocks: thickness, in spacings of the cloud, at which the outline is drawn.
+        smallest_cell_px: smallest side of a grid cell, pixels of the image.
+        largest_cell_px: largest side of a grid cell, pixels of the image.
     """
 
     most_points: int = 60_000
@@ -48,7 +48,7 @@ _CLOUD = _Tuning()
 
 @dataclass(frozen=True, eq=False)
 class VolumeCloud:
-    """The shown part of a volume as small bodies.
+    """The visible part of a volume as small bodies.
 
     Attributes:
         points: (N, 3) their centres, metres.
@@ -73,7 +73,7 @@ def volume_cloud(image: VolumeImage, inside: npt.NDArray[np.bool_]) -> VolumeClo
         inside: (Z, Y, X) which of its voxels are shown.
 
     Raises:
-        VolumeError: none is.
+        VolumeError: no voxel is shown.
     """
     count = int(inside.sum())
     if count == 0:
@@ -106,13 +106,13 @@ def cloud_mask(
         transform: (4, 4) rigid.
         style: what is drawn; the outline is where rays begin to cross two of the cloud's spacings.
         width_px: the outline's width in this picture, pixels.
-        faint: drawn thinner, to stand behind another.
+        faint: drawn fainter, to stand behind another drawing.
     """
     cell, thickness = _thickness(cloud, projection, transform)
     rows, columns = np.flatnonzero(thickness.any(axis=1)), np.flatnonzero(thickness.any(axis=0))
     if rows.size == 0:
         return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
-    # Empty cells about what is seen, so that it fades out as it would in the whole picture.
+    # With a margin of empty cells, so that the edge fades out as it would in the whole picture.
     top, left = max(0, int(rows[0]) - 2), max(0, int(columns[0]) - 2)
     seen = thickness[top : int(rows[-1]) + 3, left : int(columns[-1]) + 3]
     full = cv2.resize(seen, (seen.shape[1] * cell, seen.shape[0] * cell), interpolation=cv2.INTER_LINEAR)

@@ -1,6 +1,6 @@
-"""What comes from VTK (in the optional extra `volume`): its surface files, iso-surfaces, fewer triangles.
+"""What VTK does for us (in the optional extra `volume`): its surface files, iso-surfaces, decimation.
 
-Imported only where such a file is given: the library is large.
+Imported only when needed: the library is large.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def read_polygons(path: Path) -> tuple[Array, Indices, str]:
         SurfaceError: VTK is not installed, or the file is no surface.
     """
     core = _vtk("CommonCore")
-    core.vtkObject.GlobalWarningDisplayOff()  # what it would print is said by our own error
+    core.vtkObject.GlobalWarningDisplayOff()  # our own error says it
     if path.suffix.lower() == ".vtp":
         reader = _vtk("IOXML").vtkXMLPolyDataReader()
     else:
@@ -55,7 +55,7 @@ def level_surface(values: npt.NDArray[Any], level: float, spacing: Array, most: 
         values: (Z, Y, X) samples.
         level: the value on the surface.
         spacing: (3,) distance between samples along x, y, z, in any unit.
-        most: triangles that are kept; more are reduced by quadric edge collapse.
+        most: largest number of triangles; more are reduced by quadric edge collapse.
 
     Returns:
         (V, 3) vertices as *indices* (x, y, z) into the samples, and (T, 3) triangles.

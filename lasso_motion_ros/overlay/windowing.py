@@ -19,7 +19,7 @@ def window_limits(image: GreyImage) -> tuple[float, float]:
     Args:
         image: (H, W) uint8 or uint16.
     """
-    # A regular subset tells the same percentiles in a hundredth of the time.
+    # A regular subset gives the same percentiles in a hundredth of the time.
     step = max(1, int(np.sqrt(image.size / _SAMPLES)))
     low, high = np.quantile(image[::step, ::step], (_SHARE_CLIPPED, 1.0 - _SHARE_CLIPPED))
     return float(low), float(max(high, low + 1.0))
@@ -36,7 +36,7 @@ def window_image(image: GreyImage, limits: tuple[float, float] | None = None) ->
     scale = 255.0 / (high - low)
     if low <= 0.0:
         return np.asarray(cv2.convertScaleAbs(image, alpha=scale, beta=-low * scale), dtype=np.uint8)
-    # Subtraction saturates at zero first, because convertScaleAbs would fold negative values up.
+    # Subtract first, which saturates at zero: convertScaleAbs would fold negative values up.
     return np.asarray(cv2.convertScaleAbs(cv2.subtract(image, np.array([low, 0, 0, 0])), alpha=scale), dtype=np.uint8)
 
 

@@ -1,1 +1,1 @@
-"""Pages, figures, pictures and videos made from what was measured."""
+"""Pages, figures, pictures and videos of results."""

@@ -1,4 +1,4 @@
-"""Figures of several results beside each other: their errors, recording by recording, and their times."""
+"""Figures that compare results: their errors, recording by recording, and their times."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def comparison_figure(summaries: Mapping[tuple[str, str], Summary]) -> Any:
 
 
 def timing_figure(milliseconds: Mapping[str, Array], *, title: str) -> Any:
-    """Time of every pair's answer.
+    """The time that each pair took.
 
     Args:
         milliseconds: (N,) by the result's name.

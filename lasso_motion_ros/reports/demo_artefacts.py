@@ -1,4 +1,4 @@
-"""What the demonstration leaves behind: video, plots and table, from what came over the wire and the truth."""
+"""The demonstration's results: video, plots and table, from the received messages and the truth."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ _PAPER_NOTE = (
 
 @dataclass(frozen=True, eq=False)
 class DemoRun:
-    """One run of the graph, as it was seen from outside.
+    """One run of the graph, as seen from outside.
 
     Attributes:
         name: what the recording is called in table and titles.
@@ -105,7 +105,7 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
     paths = {name: directory / name for name in (VIDEO, MOTION_PLOT, ERROR_PLOT, TABLE_TEXT, TABLE_JSON)}
     try:
         directory.mkdir(parents=True, exist_ok=True)
-        # What this run does not write must not be left from an earlier one.
+        # A file of an earlier run must not remain beside this one's.
         for path in paths.values():
             path.unlink(missing_ok=True)
     except OSError as error:

@@ -1,6 +1,6 @@
 """The evaluation's report: one HTML page that holds its own pictures, and the same pictures as PNG files.
 
-What is said where stands in `templates/evaluation_report.html.j2`; here are the figures and numbers that go into it.
+The page's words and order are in `templates/evaluation_report.html.j2`; its figures and numbers are made here.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ _BAD_UNLESS_ZERO = {"missing", "silent", "false"}
 
 @dataclass(frozen=True)
 class Fact:
-    """A number that one wants to know first."""
+    """A key figure at the top of the page."""
 
     name: str
     value: str
@@ -96,7 +96,7 @@ def write_report(
         results: in the order of the rows; several of one recording stand side by side.
         worst: for each result its worst frames, the worst first.
         versions: what the figures were made with, by name.
-        show: goes through the results' numbers and may tell how far it is.
+        show: iterates over the results' indices and may show progress.
 
     Returns:
         The page.
@@ -191,7 +191,7 @@ class _Contents:
         recordings = []
         for recording in dict.fromkeys(one.recording for one in self._results):
             numbers = [number for number, one in enumerate(self._results) if one.recording == recording]
-            # What stands side by side is compared by eye.
+            # Figures side by side are compared by eye: one scale for all.
             for name in {name for number in numbers for name in drawn[number]}:
                 share_scale([drawn[number][name][0] for number in numbers if name in drawn[number]])
             results = [self._result(number, drawn[number]) for number in numbers]

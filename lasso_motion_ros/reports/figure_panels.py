@@ -1,4 +1,4 @@
-"""What all figures share: colours, panels with their legends and bands, one scale, saving."""
+"""What all figures share: colours, panels with legends and bands, a common scale, saving."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The overlay over the pairs of a recording: what the node draws live, with the motions of a result."""
+"""The overlay drawn offline: what the node draws live, from a recording and a tracker's result."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class DrawnPair:
 
 
 class OfflineOverlay:
-    """Draws pair after pair, in order of time, by the node's own rule of which motion an image is drawn with.
+    """Draws pair after pair, in order of time; each image with the motion that the node would choose.
 
     Args:
         painter: draws.
@@ -54,7 +54,7 @@ class OfflineOverlay:
         self._view = view
 
     def draw(self, pair: FramePair) -> DrawnPair:
-        """One pair; those before it must have been drawn before."""
+        """Draw one pair; pairs must come in order of time."""
         self._take_estimates(pair.stamp_ns)
         pictures: dict[Plane, RgbImage] = {}
         choices: list[Choice] = []
@@ -69,7 +69,7 @@ class OfflineOverlay:
     def _take_estimates(self, stamp_ns: int) -> None:
         while self._estimates and self._estimates[0].stamp_ns <= stamp_ns + SAME_PAIR_NS:
             estimate = self._estimates.pop(0)
-            # The pair's own stamp, so that what was rounded still belongs to it.
+            # A stamp that was rounded still belongs to its pair.
             near = abs(estimate.stamp_ns - stamp_ns) <= SAME_PAIR_NS
             at_ns = stamp_ns if near else estimate.stamp_ns
             self._history.add_state(estimate.state)

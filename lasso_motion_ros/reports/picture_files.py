@@ -1,4 +1,4 @@
-"""Pictures as PNG files, and as data that stand in a page itself."""
+"""Pictures as PNG files, and as data embedded in a page."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ JPEG_QUALITY = 90
 
 @dataclass(frozen=True)
 class EmbeddedPicture:
-    """A picture for a page that holds its own.
+    """A picture as part of the page itself.
 
     Attributes:
-        kind: of the file.
+        kind: file format.
         base64: the file, encoded for a data URL.
-        caption: what stands below it.
+        caption: text below it.
     """
 
     kind: Literal["png", "jpeg"]

@@ -1,4 +1,4 @@
-"""Pictures put together: fitted into cells, joined with gaps, with words in a strip of their own."""
+"""Pictures composed of others: fitted into cells, joined with gaps, with strips of text."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def fitted(picture: RgbImage, width: int, height: int) -> RgbImage:
 
 
 def missing_cell(width: int, height: int, words: str) -> RgbImage:
-    """A black cell that says what is not there."""
+    """A black cell with a banner that says what is missing."""
     cell = np.zeros((height, width, 3), dtype=np.uint8)
     draw_banner(cell, words, _MISSING_COLOUR)
     return cell

@@ -32,7 +32,7 @@ PAPER_ERROR_MM = 1.0
 
 @dataclass(frozen=True, eq=False)
 class PairFlags:
-    """Of what kind each pair of a sequence is.
+    """What kind of pair each one of a sequence is.
 
     Attributes:
         reference: (N,) the pairs whose motion is the identity by definition: they are left out of the means.
@@ -178,7 +178,7 @@ def compensation_figure(static_mm: Array, compensated_mm: Array, flags: PairFlag
 
 
 def axis_figure(static_mm: Array, residual_mm: Array, *, title: str) -> Any:
-    """Per axis of the world, what there was to compensate and what is left of it.
+    """Along each world axis, the displacement to compensate and the residual.
 
     Args:
         static_mm: (N, 3) true displacement of the loop's centre since the reference; NaN where unknown.

@@ -18,7 +18,7 @@ TIME_BASE = Fraction(1, 90_000)
 class VideoWriter:
     """Writes RGB pictures of one size to an MP4, as a context manager; an existing file is replaced.
 
-    Browsers decode 4:2:0 only, whose sides are even: an odd last row or column is left out.
+    Browsers decode 4:2:0 only, which needs even sides: an odd last row or column is dropped.
 
     Args:
         path: the file.
@@ -44,7 +44,7 @@ class VideoWriter:
         self._size = (0, 0)
         self._frames = 0
         try:
-            # The library opens the file with the first picture only; a bad path must be said at once.
+            # PyAV opens the file only with the first picture; a bad path must fail at once.
             self._path.open("wb").close()
             self._container = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
         except (OSError, av.FFmpegError) as error:
@@ -79,7 +79,7 @@ class VideoWriter:
         self._mux(frame)
 
     def close(self) -> None:
-        """Finish the file; again is harmless."""
+        """Finish the file; calling it again is harmless."""
         if self._container is None:
             return
         try:

@@ -1,4 +1,4 @@
-"""Pictures of the pairs in which a result is furthest off: both planes, the true centreline and the model drawn."""
+"""Pictures of the pairs with the largest errors: both planes, with the true centreline and the model drawn in."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ class _Tuning:
 
     Attributes:
         cell_px: side of one plane's picture.
-        margin: side of what is shown, in extents of the curves.
-        smallest_share: side of what is shown at least, share of the image's.
+        margin: side of the cut-out, as a multiple of the curves' extent.
+        smallest_share: smallest side of the cut-out, as a share of the image's.
     """
 
     cell_px: int = 480
@@ -106,7 +106,7 @@ def _cell(pair: FramePair, plane: Plane, centreline: Array | None, loop: Array |
     cut: GreyImage = cv2.warpAffine(
         frame.pixels, change, (TUNING.cell_px, TUNING.cell_px), flags=cv2.INTER_LINEAR, borderValue=0
     )
-    # Windowed after it was cut out: lung beside the heart would leave the loop's surroundings dark.
+    # Windowed after cutting out: bright lung elsewhere would leave the loop's surroundings dark.
     picture = grey_to_rgb(window_image(cut))
     legend = []
     for curve, colour, name in ((centreline, TRUE_COLOUR, "truth"), (model, MODEL_COLOUR, "model")):

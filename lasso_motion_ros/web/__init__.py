@@ -1,1 +1,1 @@
-"""The page in the browser: server, live view, annotation. Free of ROS; `nodes/web_node.py` brings the messages."""
+"""The page in the browser: server, live stream, annotation. Free of ROS; `nodes/web_node.py` brings the messages."""

@@ -33,9 +33,9 @@ class _Clicks:
 
 
 class Annotation:
-    """The pairs of a recording, one of them on show for clicking; what the server shows (see `Source`).
+    """The source (see `Source`) of a page on which the pairs of a recording are clicked, one after the other.
 
-    What the recording already has is shown, and replaced where it is drawn anew.
+    Centrelines that the recording already has are shown, and replaced where they are drawn anew.
 
     Args:
         recording: the recording and its copy.
@@ -91,7 +91,7 @@ class Annotation:
         return []
 
     def watch(self, on_change: Callable[[], None]) -> None:
-        """See `Source.watch`; what changes here, the page has asked for."""
+        """See `Source.watch`; nothing changes here but by the page's own commands."""
 
     def audience(self, views: frozenset[PageView]) -> None:
         """See `Source.audience`."""
@@ -125,7 +125,7 @@ class Annotation:
     def _go(self, index: int, *, copy: bool) -> str:
         pair = self._recording.pairs[index]
         if copy and index > 0:
-            # Where the loop was a frame ago is a good start: the clicks are moved, not set anew.
+            # The last pair's clicks are a good start: they only need to be moved.
             before = self._clicks[index - 1]
             for plane in pair.image_stamps:
                 if plane in before.points:
@@ -146,7 +146,7 @@ class Annotation:
             points = protocol.points(body, plane)
             curve = protocol.points(body, plane, key=f"curve_{plane}")
             if not len(points) and not len(clicks.points.get(plane, _EMPTY)):
-                continue  # nothing was clicked here: what the recording has stays
+                continue  # nothing was clicked here: the recorded centreline stays
             clicks.points[plane] = points
             pair.draw(plane, curve)
             self.unsaved = True

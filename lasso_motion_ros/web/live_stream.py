@@ -1,4 +1,4 @@
-"""The live page: takes the messages of a graph, gives what the page shows. Knows no node and no server."""
+"""The live page's data: messages of a running graph go in, what the page shows comes out. Free of node and server."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class LiveStream:
 
     Args:
         sync: how images are paired.
-        tracker: the tracker node's name, as its diagnostics have it at their end.
+        tracker: the tracker node's name without its namespace, as in its diagnostics.
         world_frame: frame of motion and loop.
         answer_wait_s: how long a pair waits for the tracker's answer.
         clock: steady clock, seconds.
@@ -73,7 +73,7 @@ class LiveStream:
             return self._intake.frames[plane].take_complaints()
 
     def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[str]:
-        """Take a calibration, from a publisher that latches or not; returns complaints."""
+        """Take a calibration, latched or not; returns complaints."""
         with self._lock:
             self._take_pairs(self._intake.add_camera_info(plane, message, latched=latched))
             return self._intake.frames[plane].take_complaints()
@@ -91,7 +91,7 @@ class LiveStream:
         with self._lock:
             had_pose = self.has_pose
             if state != self._state:
-                self._reason = ""  # it was the former state's; the diagnostics bring the new one's
+                self._reason = ""  # that was the last state's; the diagnostics bring the new one's
             self._state = state
             if had_pose and not self.has_pose:
                 self._trace.interrupt()
@@ -194,11 +194,11 @@ class LiveStream:
 
     @property
     def state(self) -> str:
-        """The last state heard; empty before the first."""
+        """The last state received; empty before the first."""
         return self._state
 
     def status(self) -> dict[str, Any]:
-        """The numbers and words of the page, ready for JSON."""
+        """The page's numbers and words, ready for JSON."""
         with self._lock:
             silence = {plane: self._health.silence_s(plane) for plane in PLANES}
             latency, worst = self._health.latency_ms, self._health.worst_latency_ms

@@ -18,7 +18,7 @@ _MOST_POINTS = 4000
 
 
 class MotionTrace:
-    """Takes motions and loops, gives points.
+    """Makes the trace from motions and loops.
 
     Args:
         clock: steady clock, seconds.
@@ -31,15 +31,15 @@ class MotionTrace:
         self._centre: Array | None = None
 
     def add_motion(self, stamp_ns: int, motion: Array, at_s: float) -> None:
-        """Add the point of a motion (4, 4), whose image came at a time of the clock."""
+        """Add the point of a motion (4, 4) whose image came at the given time of the clock."""
         self._motion = stamp_ns, motion
-        # A rotation about the far origin moves the loop too: what counts is where the loop's centre goes.
+        # A rotation about the distant origin moves the loop too: the displacement of the loop's centre counts.
         at = np.zeros(3) if self._centre is None else self._centre
         shift_mm = 1e3 * (apply(motion, at[None])[0] - at)
         self._add((float(shift_mm[0]), float(shift_mm[1]), float(shift_mm[2])), at_s)
 
     def add_loop(self, stamp_ns: int, loop: Array) -> None:
-        """Take the catheter's curve (N, 3), world metres; with its own motion it tells where the reference's was."""
+        """Take the catheter's curve (N, 3), world metres; its pair's motion then gives the centre at the reference."""
         if len(loop) and self._motion is not None and self._motion[0] == stamp_ns:
             self._centre = apply(inverse(self._motion[1]), loop.mean(axis=0)[None])[0]
 

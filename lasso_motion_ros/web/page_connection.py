@@ -1,4 +1,4 @@
-"""One page that is connected: what it asks for is taken, what is new is sent, pictures as fast as it draws them."""
+"""The connection to one page: its commands come in, status, trace and pictures go out, as fast as it can draw them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class PageConnection:
 
     Args:
         source: what is shown.
-        encoder: makes pictures of it, once for all pages.
+        encoder: encodes its pictures, once for all pages.
         on_settings: called when the page wants to see something else.
         on_answer: called when a command has been carried out, for the other pages.
 
@@ -52,11 +52,11 @@ class PageConnection:
         self._commands: set[asyncio.Task[None]] = set()
 
     def wake(self) -> None:
-        """Tell it that there may be something new."""
+        """Note that there may be something new to send."""
         self._news.set()
 
     async def serve(self) -> None:
-        """Read and write until the page goes."""
+        """Read and write until the page disconnects."""
         self.wake()
         writer = asyncio.create_task(self._write())
         try:
@@ -81,7 +81,7 @@ class PageConnection:
             self.settings = message
             self._on_settings()
         else:
-            # Beside the reading: a service may take its time, and `shown` must get through meanwhile.
+            # As a task of its own: a service may take its time, and `shown` must get through meanwhile.
             task = asyncio.create_task(self._answer(message))
             self._commands.add(task)
             task.add_done_callback(self._commands.discard)
@@ -101,7 +101,7 @@ class PageConnection:
         self._on_answer()
 
     async def _write(self) -> None:
-        """Send what is new: words and numbers always, a picture only once the last one has been drawn."""
+        """Send what is new: status and trace always, a picture only once the page has drawn the last one."""
         try:
             while not self.socket.closed:
                 await self._news.wait()

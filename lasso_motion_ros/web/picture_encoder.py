@@ -1,4 +1,4 @@
-"""Pictures to files in memory: windowed for the eye, JPEG for what passes, PNG for what is clicked."""
+"""Encodes pictures: windowed for the eye, as JPEG while they pass by, as PNG where someone clicks in them."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from lasso_motion_ros.web.source import PageView, Picture, PlanePicture
 
 @dataclass(frozen=True)
 class _Tuning:
-    """How pictures are packed.
+    """How pictures are encoded.
 
     Attributes:
-        jpeg_quality: of what passes; noise and thin lines are kept.
-        png_compression: of what is clicked: the fastest, since a page waits for it.
-        kept: encoded pictures: pages may want two views in two windowings.
+        jpeg_quality: of passing pictures; noise and thin lines survive.
+        png_compression: of held pictures; the fastest, since the user waits.
+        kept: encoded pictures in the cache: pages may want two views in two windowings.
     """
 
     jpeg_quality: int = 88
@@ -35,7 +35,7 @@ _TUNING = _Tuning()
 
 
 class PictureEncoder:
-    """Encodes each picture once for all pages that want it alike; may be called from several threads."""
+    """Encodes each picture once for all pages with the same settings; may be called from several threads."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -83,7 +83,7 @@ def encode_plane(picture: PlanePicture, window: Window, *, lossless: bool) -> En
 
 
 def windowed(pixels: np.ndarray, window: Window) -> np.ndarray:
-    """(H, W) uint8: what suits the picture by itself, made brighter, or richer in contrast about its middle."""
+    """(H, W) uint8: the picture's own window, made brighter or richer in contrast about its middle."""
     low, high = window_limits(pixels)
     half = 0.5 * (high - low)
     middle = 0.5 * (high + low) - window.brightness * half
@@ -92,10 +92,10 @@ def windowed(pixels: np.ndarray, window: Window) -> np.ndarray:
 
 
 def relit(pixels: np.ndarray, window: Window) -> np.ndarray:
-    """(H, W, 3) uint8 RGB: a picture that somebody else has windowed, its film made brighter or richer in contrast.
+    """(H, W, 3) uint8 RGB: an already windowed picture, its film made brighter or richer in contrast.
 
-    Each pixel is lightened by what its grey value gains, all three colours alike: so film is as `windowed` would have
-    it, as far as its 8 bits go, and what is drawn over it keeps its hue.
+    Each pixel changes by what its grey value would gain, in all three channels alike: so film looks as `windowed` would
+    make it, as far as 8 bits allow, and what is drawn over it keeps its hue.
     """
     if window == Window():
         return pixels

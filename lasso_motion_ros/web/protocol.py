@@ -1,4 +1,4 @@
-"""What goes over the WebSocket: bounded, checked JSON from the page; JSON and pictures to it."""
+"""The WebSocket's messages: bounded, checked JSON from the page; JSON and pictures to it."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ _LARGEST_COORDINATE = 1e5
 
 @dataclass(frozen=True)
 class Window:
-    """How grey values are shown, relative to what suits the picture by itself.
+    """How grey values are shown, relative to the picture's own window.
 
     Attributes:
-        brightness: −1 to 1, added, in units of the shown range's half.
-        contrast: 0.2 to 5, times.
+        brightness: −1 to 1, an offset in halves of the window's width.
+        contrast: 0.2 to 5, a factor.
     """
 
     brightness: float = 0.0
@@ -94,7 +94,7 @@ def points(body: Mapping[str, Any], plane: Plane, fewest: int = 0, key: str = ""
     """The points of one plane, (N, 2) pixels, in a command's body, under the plane's name or another key.
 
     Raises:
-        MessageError: not a list of pairs of finite numbers, too few, or absurdly many.
+        MessageError: not a list of pairs of finite numbers, too few or too many.
     """
     found = body.get(key or plane)
     if not isinstance(found, list) or len(found) > MAX_POINTS:
@@ -108,10 +108,10 @@ def points(body: Mapping[str, Any], plane: Plane, fewest: int = 0, key: str = ""
 
 
 def text(name: str, body: Mapping[str, Any], choices: tuple[str, ...]) -> str:
-    """One word of a few, in a command's body.
+    """A word from a fixed set, in a command's body.
 
     Raises:
-        MessageError: another one.
+        MessageError: any other value.
     """
     value = body.get(name)
     if value not in choices:
@@ -170,7 +170,7 @@ def _number(message: Mapping[str, Any], name: str, low: float, high: float) -> f
 
 
 def _is_finite(value: object) -> bool:
-    # A whole number may be too large for a float.
+    # An integer may be too large for a float.
     return isinstance(value, float | int) and not isinstance(value, bool) and abs(value) < math.inf
 
 

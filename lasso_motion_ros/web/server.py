@@ -1,4 +1,4 @@
-"""The web server: one page, its files, and a WebSocket that brings the newest picture to whoever can take one."""
+"""The web server: one page, its files, and a WebSocket for each page that is open."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ class _Tuning:
     """The server's bounds.
 
     Attributes:
-        most_pages: connected at once: each costs an encoded picture at a time.
-        tick_s: pages are told this often that there may be something new: ages grow though nothing comes.
-        start_wait_s: listening takes milliseconds; longer than this it has failed.
-        shutdown_wait_s: open connections are given this long to end.
+        most_pages: pages connected at once; each keeps one encoded picture in memory.
+        tick_s: how often pages are updated even if nothing arrives: ages go on growing.
+        start_wait_s: starting takes milliseconds; after this long it has failed.
+        shutdown_wait_s: how long open connections get to end.
     """
 
     most_pages: int = 8
@@ -66,10 +66,10 @@ TUNING = _Tuning()
 class WebServer:
     """Serves a source, in a thread of its own.
 
-    Security: the Host header must be an address or a name of this machine (a page of another site whose name was
+    Security: the Host header must be an address or a name of this machine (another site's page whose name was
     made to point here is refused), the WebSocket's Origin must be this server, messages are bounded and checked,
-    the content security policy allows no script but the page's own files. There is no login: who reaches the port
-    can use the page, so it is bound to this machine unless told otherwise.
+    the content security policy allows no script but the page's own files. There is no login: whoever reaches the
+    port can use the page, so it listens on this machine only unless told otherwise.
 
     Args:
         source: what is shown.
@@ -98,7 +98,7 @@ class WebServer:
 
     @property
     def is_local(self) -> bool:
-        """Whether only this machine reaches it."""
+        """Whether only this machine can reach it."""
         with contextlib.suppress(ValueError):
             return ipaddress.ip_address(self._host).is_loopback
         return self._host == "localhost"
@@ -120,7 +120,7 @@ class WebServer:
             ) from self._failure
 
     def stop(self) -> None:
-        """Say goodbye to the pages and end the thread."""
+        """Close the connections and end the thread."""
         if self._thread.is_alive():
             with contextlib.suppress(RuntimeError):  # the loop has ended meanwhile
                 self._loop.call_soon_threadsafe(self._stopping.set)
@@ -185,7 +185,7 @@ class WebServer:
         return await handler(request)
 
     def _is_ours(self, host: str) -> bool:
-        """Whether a Host header names this server: by an address, or by a name that was foreseen.
+        """Whether a Host header names this server: by an address or by an allowed name.
 
         A page of another site may have its own name resolved to this address (DNS rebinding), but the browser then
         still says that name.

@@ -22,9 +22,9 @@ class _Tuning:
     """What is kept of the stream.
 
     Attributes:
-        pairs: whose pixels are kept: the tracker may hold one that is not the newest.
-        loops: that wait for their images.
-        overlays: pictures of the overlay node, a plane.
+        pairs: pairs whose pixels are kept: the tracker may hold one that is not the newest.
+        loops: loops that wait for their images.
+        overlays: the overlay node's pictures, for each plane.
         overlay_lag_ns: an overlay that is older than the newest pair by more than this does not keep up.
     """
 
@@ -47,7 +47,7 @@ class _Seen:
 
 
 class ShownPairs:
-    """The last pairs, what belongs to them, and the picture that is made of them.
+    """The last pairs with their loops and overlays, and the picture made of them.
 
     A pair is shown once the tracker has answered it, so that picture and loop belong together, or when the answer
     is too long in coming; then without a loop, never with an older one.
@@ -69,7 +69,7 @@ class ShownPairs:
         self._overlay_number = 0
 
     def add_pair(self, pair: FramePair) -> None:
-        """Take the next pair; one of a new run ends what was before it."""
+        """Take the next pair; the first of a new run discards those before it."""
         if pair.new_run:
             self._loops.clear()
             self._pairs.clear()
@@ -149,7 +149,7 @@ class ShownPairs:
                 plane: PlanePicture(frame.stamp_ns, drawn[plane][1], _projected(loop, frame))
                 for plane, frame in frames.items()
             }
-            # Drawn anew, it is another picture. Films' numbers are multiples of four and their successors.
+            # A new drawing is a new picture. Films have the numbers 4n and 4n + 1, overlays 8n + 2 and 8n + 6.
             number = max(number for number, _ in drawn.values())
             return Picture(4 * (2 * number + (loop is not None)) + 2, False, planes)
         return None
@@ -160,7 +160,7 @@ def _film(seen: _Seen, loop: Array | None, *, held: bool) -> Picture:
         plane: PlanePicture(frame.stamp_ns, frame.pixels, _projected(loop, frame))
         for plane, frame in seen.pair.frames.items()
     }
-    # The number tells apart the same pair before and after its loop has come.
+    # The same pair has another number once its loop has come.
     return Picture(4 * seen.number + (loop is not None), held, planes)
 
 

@@ -36,8 +36,8 @@ class Picture:
     """What both planes show at one time.
 
     Attributes:
-        number: another number is another picture.
-        held: it stays until it is released, for a person to click in: worth sending without loss.
+        number: differs between any two pictures.
+        held: it stays until it is released, for a person to click in; to be sent without loss.
         planes: what there is of each plane.
     """
 
@@ -63,10 +63,10 @@ class TracePoint:
 
 
 class Source(Protocol):
-    """What the server asks; called from the server's threads."""
+    """What a server can show; called from the server's threads."""
 
     def status(self) -> dict[str, Any]:
-        """All that the page says in words and numbers, ready for JSON."""
+        """The page's numbers and words, ready for JSON."""
 
     def picture(self, view: PageView) -> Picture | None:
         """The newest picture; None before the first."""
@@ -75,7 +75,7 @@ class Source(Protocol):
         """Points with a number above `after`, oldest first."""
 
     def command(self, name: str, body: Mapping[str, Any]) -> str:
-        """Do what the user asks; may block.
+        """Carry out a user's command; may block.
 
         Returns:
             A line for the user, or nothing.
@@ -85,7 +85,7 @@ class Source(Protocol):
         """
 
     def watch(self, on_change: Callable[[], None]) -> None:
-        """Have a function called, from any thread, when there is something new."""
+        """Register a function to be called, from any thread, when there is something new."""
 
     def audience(self, views: frozenset[PageView]) -> None:
-        """Be told which views somebody looks at; empty when the last page has gone."""
+        """Learn which views are being watched; empty when the last page has gone."""

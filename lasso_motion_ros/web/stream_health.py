@@ -17,12 +17,12 @@ class _Tuning:
     """When a plane counts as silent, and what is remembered.
 
     Attributes:
-        silent_s: no image for so long is a silence,
-        silent_periods: or for so many frame periods, where that is longer,
-        silent_at_most_s: but in any case after so long.
-        arrivals: images of a plane that tell its frame period.
-        unanswered: images of plane A whose answer may still come.
-        latencies: answers over which the latency is summed up.
+        silent_s: a plane is silent after this long without an image, seconds,
+        silent_periods: or after this many frame periods, whichever is longer;
+        silent_at_most_s: but no later than this, seconds.
+        arrivals: images from which a plane's frame period is taken.
+        unanswered: images of plane A that may still be answered.
+        latencies: answers over which the latency is taken.
     """
 
     silent_s: float = 1.5
@@ -37,7 +37,7 @@ TUNING = _Tuning()
 
 
 class StreamHealth:
-    """Takes images and answers by their stamps.
+    """Follows images and answers by their stamps.
 
     Args:
         clock: steady clock, seconds.
@@ -70,7 +70,7 @@ class StreamHealth:
         """Take note of the answer to plane A's image of this stamp.
 
         Returns:
-            When that image came; now, where it has not: the pose may be here before the image, which is larger.
+            When that image came, or now if it has not: a pose may overtake its image, which is larger.
         """
         at_s, expected = self._received.get(stamp_ns, (self._clock(), False))
         if expected:

@@ -23,14 +23,14 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class _Limits:
-    """From where on a calibration is suspicious.
+    """Where a calibration becomes suspicious.
 
     Attributes:
-        disagree: distance of the normalised k·r and p, from which on they are two things.
-        parallel_deg: angle between the planes' views below which depth is badly known;
-        too_parallel_deg: and below which there is none to speak of.
-        at_the_ends: images without calibration that are no fault: of a stream joined and left in its middle, the
-            partner may lie outside.
+        disagree: distance between k·r and p, both normalised, above which they contradict each other.
+        parallel_deg: angle between the planes' views below which depth is poorly known (a warning).
+        too_parallel_deg: the same, below which it is not known at all (an error).
+        at_the_ends: images without calibration that are no fault: of a stream joined and left midway, the partner may
+            lie outside.
     """
 
     disagree: float = 1e-3
@@ -54,7 +54,7 @@ _CURES = {
 
 @dataclass
 class CalibrationSamples:
-    """What the calibrations of one plane showed.
+    """What was found in one plane's calibrations.
 
     Attributes:
         stamps: of all of them.
@@ -104,7 +104,7 @@ def check_calibration(
     *,
     latched: bool,
 ) -> Iterator[Issue]:
-    """What the calibrations of one plane say, beside its images.
+    """Issues with one plane's calibrations, beside its images.
 
     Args:
         plane: `a` or `b`.
@@ -183,7 +183,7 @@ def _check_origin(name: str, projection: Projection) -> Iterator[Issue]:
 
 
 def check_planes(projections: Mapping[Plane, Projection | None]) -> Iterator[Issue]:
-    """What both planes' calibrations say together."""
+    """Issues with both planes' calibrations together."""
     a, b = projections.get("a"), projections.get("b")
     if a is None or b is None:
         return

@@ -1,4 +1,4 @@
-"""Takes a stream's messages one by one, live or recorded, and says at the end what is wrong with it."""
+"""Collects a stream's messages, live or recorded, and reports what is wrong with it."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from msg_adapters.topics import (
     seed_topic,
 )
 
-# An image's content is looked at this often (by arrival): the rest is for the stamps only, which costs nothing.
+# How often an image is decoded (by arrival); of the others only the stamps are read, which costs nothing.
 _SAMPLE_PERIOD_NS = NANOSECONDS
 _MOST_SEEDS = 100
 
@@ -82,7 +82,7 @@ class Examination:
             return
         try:
             message: Any = jazzy_types().deserialize_cdr(data, type_name)
-        except Exception:  # whatever the deserialiser stumbles over, the bytes are not such a message
+        except Exception:  # whatever the deserialiser raises: the bytes are not such a message
             self._undecodable[topic] += 1
             return
         if role == "image":
@@ -95,7 +95,7 @@ class Examination:
             self._state = message.data
 
     def issues(self, topics: Mapping[str, TopicFacts]) -> list[Issue]:
-        """What is wrong, the worst first.
+        """All issues, the worst first.
 
         Args:
             topics: contract name → facts, of all topics there are.

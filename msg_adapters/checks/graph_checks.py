@@ -1,4 +1,4 @@
-"""Topics that are missing, misnamed, of another type, or offered in a way that is not heard."""
+"""Topics that are missing, misnamed, of another type, or offered with a QoS that nobody can receive."""
 
 from __future__ import annotations
 

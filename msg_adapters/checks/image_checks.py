@@ -1,4 +1,4 @@
-"""Images: encoding, size, byte order, empty pictures; a few samples tell."""
+"""Images: encoding, size, byte order, empty pictures, from a few samples."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from msg_adapters.images import Pixels, decode_image
 
 @dataclass(frozen=True)
 class _Limits:
-    """From where on images are suspicious.
+    """Where images become suspicious.
 
     Attributes:
-        smallest_side_px: with fewer pixels a lasso's wire is hardly one wide.
+        smallest_side_px: with fewer pixels a lasso's wire is hardly one pixel wide.
         saturated: share of pixels at the highest value.
-        swapped: roughness with swapped bytes, share of that without.
+        swapped: roughness with swapped bytes, as a share of that without.
     """
 
     smallest_side_px: int = 256
@@ -41,7 +41,7 @@ _CURES = {
 
 @dataclass
 class ImageSamples:
-    """What some images of one plane showed.
+    """What was found in some images of one plane.
 
     Attributes:
         sizes: (height, width) → how often.
@@ -89,12 +89,12 @@ def _looks_swapped(pixels: Pixels) -> bool:
         rows = image[::4].astype(np.float64)
         return float(np.abs(np.diff(rows, axis=1)).mean() / max(rows.std(), 1e-9))
 
-    # An 8-bit picture in 16 is its own swap but for a factor.
+    # An 8-bit picture in 16 bits differs from its swap by a factor only.
     return bool(np.any(swapped < pixels)) and roughness(swapped) < LIMITS.swapped * roughness(pixels)
 
 
 def check_images(name: str, seen: ImageSamples) -> Iterator[Issue]:
-    """What the samples of one topic say."""
+    """Issues with the images of one topic."""
     for refusal, count in seen.refusals.items():
         found = f"{refusal} ({count} of {seen.samples} images looked at)"
         yield Issue("error", name, found, cure_of(refusal, _CURES))

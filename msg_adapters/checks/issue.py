@@ -1,4 +1,4 @@
-"""One thing that is wrong, and its cure."""
+"""An issue: something that is wrong, and how to fix it."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 @dataclass(frozen=True)
 class Issue:
-    """One thing found.
+    """Something that is wrong, or worth knowing.
 
     Attributes:
         severity: `error` keeps the tracker from working, `warning` costs frames or accuracy, `note` is for
             information.
         subject: a topic's full name, or `plane a`, `planes`, `graph`, `recording`.
         problem: what was found, and what was expected.
-        cure: how to mend it; empty where there is nothing to do.
+        cure: how to fix it; empty where there is nothing to do.
     """
 
     severity: Severity

@@ -1,4 +1,4 @@
-"""Clicks: number, place, stamp; and what they say about the calibration: do the two planes' rays meet?"""
+"""Clicks: number, place, stamp; and whether the two planes' rays meet, which tests the calibration."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class _Limits:
     """What clicks on a lasso may look like.
 
     Attributes:
-        meet_mm: how far rays through the middles of the clicks may pass each other; uneven clicks cost two or three.
-        narrowest_loop_mm: the clicked loop's larger side, at least; a lasso has 10 to 30.
-        widest_loop_mm: the same, at most.
-        far_m: distance from the world's origin, which is the iso-centre, within which a heart lies.
+        meet_mm: how far apart the rays through the clicks' centroids may pass; uneven clicks cost two or three.
+        narrowest_loop_mm: smallest extent of a clicked loop; a lasso has 10 to 30.
+        widest_loop_mm: largest extent of a clicked loop.
+        far_m: largest distance of the heart from the world's origin, the iso-centre.
     """
 
     meet_mm: float = 6.0
@@ -57,7 +57,7 @@ def check_seeds(
     *,
     live: bool,
 ) -> Iterator[Issue]:
-    """Everything about the clicks.
+    """Issues with the clicks.
 
     Args:
         messages: per plane, the seeds in order.

@@ -16,19 +16,19 @@ from msg_adapters.topics import image_topic
 
 @dataclass(frozen=True)
 class _Limits:
-    """From where on stamps are suspicious.
+    """Where stamps become suspicious.
 
     Attributes:
         ahead_s: how far stamps may be ahead of this machine's clock.
         slowest_hz: below this rate breathing cannot be followed.
-        irregular: jitter, share of the period.
-        paired_enough: share of the images with a partner, below which frames are lost;
-        paired_at_all: and below which the planes do not belong together.
-        at_the_ends: images without partner that are no fault: of a stream joined and left in its middle, it may
-            lie outside.
-        rates_apart: ratio of the planes' rates.
-        clocks_apart_s: difference of the planes' ages: they come together, so one clock is wrong.
-        old_s: age of an image on arrival that no live stream has.
+        irregular: jitter, as a share of the frame period.
+        paired_enough: share of images with a partner below which frames are lost (a warning).
+        paired_at_all: the same, below which the planes do not belong together (an error).
+        at_the_ends: images without partner that are no fault: of a stream joined and left midway, the partner may lie
+            outside.
+        rates_apart: ratio of the planes' frame rates.
+        clocks_apart_s: difference between the ages of images that arrive together: one clock is wrong.
+        old_s: age on arrival that no image of a live stream has.
     """
 
     ahead_s: float = 0.005
@@ -87,7 +87,7 @@ def pairs_of(planes: Mapping[Plane, PlaneStamps]) -> tuple[list[Pair[int]], dict
 
 
 def check_stamps(planes: Mapping[Plane, PlaneStamps], *, live: bool) -> Iterator[Issue]:
-    """Everything about the stamps of both planes' images.
+    """Issues with the stamps of both planes' images.
 
     Args:
         planes: `a` and `b`.

@@ -1,4 +1,4 @@
-"""A recording's pairs with the loop's centrelines in them, and the copy that has those drawn anew.
+"""A recording's pairs with their centrelines, and the copy with those that were drawn anew.
 
 A centreline has its pair's stamp, plane A's, as the truth of a simulated recording has.
 """
@@ -38,8 +38,8 @@ class AnnotatedPair:
 
     Attributes:
         stamp_ns: the pair's stamp.
-        image_stamps: of each plane's image that is there.
-        curves: the centrelines, (N, 2) pixels; empty where one was wiped out.
+        image_stamps: for each plane that is there, its image's stamp.
+        curves: the centrelines, (N, 2) pixels; empty where one was erased.
         drawn: the planes whose centreline was drawn anew.
     """
 
@@ -60,7 +60,7 @@ class AnnotatedPair:
 
 
 class AnnotatedRecording:
-    """A recording, its pairs, and the copy that is written of it.
+    """A recording to draw centrelines in, and the copy that gets them.
 
     Args:
         recording: the recording; it is not changed.

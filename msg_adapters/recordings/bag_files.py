@@ -1,4 +1,4 @@
-"""Which MCAP files a recording consists of: one, or those of a bag directory, with its metadata or without."""
+"""Which MCAP files a recording consists of: one, or those of a bag directory, with metadata or without."""
 
 from __future__ import annotations
 

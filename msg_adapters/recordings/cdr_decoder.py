@@ -1,4 +1,4 @@
-"""Recorded messages decoded, also those of types that the recording alone defines."""
+"""Decodes recorded messages, also of types that only the recording defines."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class CdrDecoder:
             self._checked.add(schema.name)
         try:
             return self._types.deserialize_cdr(data, schema.name)
-        except Exception:  # whatever the deserialiser stumbles over, the bytes are not such a message
+        except Exception:  # whatever the deserialiser raises: the bytes are not such a message
             return None
 
     def _learn(self, schema: Schema) -> None:

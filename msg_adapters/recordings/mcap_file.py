@@ -41,7 +41,7 @@ class McapFile:
         for channel in self.layout.channels.values():
             self._learn(channel)
         if not (self.layout.has_summary and self.known):
-            # No summary that repeats the channels: they stand in the chunks.
+            # Without a summary, the channels stand only in the chunks.
             with path.open("rb") as stream:
                 for segment in self.layout.segments:
                     self.read(stream, segment)
@@ -70,5 +70,5 @@ class McapFile:
     def _learn(self, channel: Channel) -> None:
         schema = self._schemas.get(channel.schema_id)
         if schema is not None:
-            # The first to be read holds, so that a spoilt repetition changes nothing.
+            # The first one read holds, so that a corrupt repetition changes nothing.
             self.known.setdefault(channel.id, (channel, schema))

@@ -38,7 +38,7 @@ from msg_adapters.recordings.mcap_records import (
 # What a chunk, a schema or the summary may hold: rosbag2 and the mcap tools write chunks of 0.8 to 8 MB, the
 # largest image has 128 MB.
 MAX_CHUNK_BYTES = 192 << 20
-# A run of messages outside chunks is cut here, so that it is held in memory piece by piece.
+# Messages outside chunks are taken in runs of this size, so that memory stays bounded.
 _RUN_BYTES = 8 << 20
 _CRC_BYTES = 4
 _LONGEST_COMPRESSION_NAME = 64
@@ -71,7 +71,7 @@ class Segment:
 
 @dataclass
 class FileLayout:
-    """What walking through a file found.
+    """Where everything in a file lies.
 
     Attributes:
         segments: where messages lie, in file order.
@@ -189,7 +189,7 @@ class _Run:
             self._last_ns = log_time
 
     def close(self) -> None:
-        """No further message follows directly."""
+        """End the run: another record follows."""
         if self._offset is not None:
             size = self._end - self._offset
             segment = Segment(self._offset, size, self._first_ns, self._last_ns, None, size, 0, complete=True)

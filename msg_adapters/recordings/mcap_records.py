@@ -1,4 +1,4 @@
-"""Records of MCAP files, taken apart by the mcap library; one that is not whole is refused.
+"""Records of MCAP files, parsed by the mcap library; incomplete ones are refused.
 
 Format: https://mcap.dev/spec.
 """
@@ -23,7 +23,7 @@ MESSAGE_HEAD = struct.Struct("<HIQQ")
 """What a message record's content begins with: channel, sequence, log and publish time."""
 FOOTER_BYTES = 8 + 8 + 4
 
-# As plain numbers: to compare with an enumeration's member takes three times as long, and each record is asked.
+# As plain numbers: comparing with an enumeration's member takes three times as long, for every record.
 SCHEMA, CHANNEL, MESSAGE, CHUNK, CHUNK_INDEX, DATA_END, FOOTER = (
     int(code)
     for code in (
@@ -40,9 +40,9 @@ _LAST_KNOWN, _FIRST_PRIVATE = int(max(Opcode)), 0x80
 
 
 class WholeReads:
-    """A stream of which a read gives all that was asked for or EOFError.
+    """A stream whose reads return all that was asked for, or raise EOFError.
 
-    The library's parsers take a stream's end for a shorter text.
+    The library's parsers would take the end of a stream for the end of a text.
     """
 
     def __init__(self, stream: BinaryIO) -> None:
@@ -89,7 +89,7 @@ def parse_schema(content: bytes) -> Schema:
 def parse_channel(content: bytes) -> Channel:
     """A topic; raises as `parse_schema`."""
     channel, used = _parsed(Channel.read, content)
-    # The library reads entries of the metadata until it is past their stated end, into whatever comes there.
+    # The library reads metadata entries until it is past their stated end, whatever follows there.
     start = 12 + len(channel.topic.encode()) + len(channel.message_encoding.encode())
     if used != start + 4 + int.from_bytes(content[start : start + 4], "little"):
         raise ValueError("a channel's metadata do not end where they say")

@@ -46,8 +46,8 @@ class RecordedMessage:
 class RecordingReader:
     """A recording, streamed in log-time order with bounded memory.
 
-    Neither footer nor index is needed: of a file cut short, every message that is whole is given, and then
-    `damage` says what is wrong. Messages of equal log time keep their stored order.
+    Needs neither footer nor index: of a file cut short, every complete message is read, and `damage` then says what is
+    wrong. Messages of equal log time keep their stored order.
 
     Args:
         path: an MCAP file, or a bag directory (with its `metadata.yaml`, or without, as a crashed recorder

@@ -1,4 +1,4 @@
-"""Makes a recording that was cut short whole again: index, summary and footer, so that every reader takes it."""
+"""Repairs a recording that was cut short: gives it index, summary and footer, so that every reader accepts it."""
 
 from __future__ import annotations
 

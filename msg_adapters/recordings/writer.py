@@ -37,15 +37,15 @@ class _Channel:
 class RecordingWriter:
     """An MCAP file being written: profile `ros2`, schemas `ros2msg`, CDR, indexed chunks, rosbag2 metadata.
 
-    The same input gives the same bytes. Use it as a context manager; leaving it finishes the file, so that what
-    was written before an error stays readable, unless it shall be whole.
+    The same input gives the same bytes. Use it as a context manager: leaving it finishes the file, so that what
+    was written before an error stays readable, unless `whole` is set.
 
     Args:
         path: the file to write.
         compression: of the chunks, `zstd` or `none`.
         overwrite: whether an existing file is replaced.
-        whole: the file is there whole or not at all: it grows beside its place and moves there at the end. After an
-            error what stood there before still does.
+        whole: all or nothing: the file is written under another name and moved into place at the end. After an error,
+            an earlier file is still there.
 
     Raises:
         RecordingError: the file exists and may not be overwritten, or cannot be created.
@@ -62,7 +62,7 @@ class RecordingWriter:
         check_free(self.path, overwrite)
         self._unfinished: Path | None = None
         if whole and not _is_device(self.path):
-            place = self.path.resolve()  # of a link, what it leads to
+            place = self.path.resolve()  # the target of a link
             self._unfinished = place.with_name(f".{place.name}.unfinished")
         try:
             self._file = (self._unfinished or self.path).open("wb" if overwrite or self._unfinished else "xb")
@@ -202,7 +202,7 @@ class RecordingWriter:
             raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
 
     def _discard(self, unfinished: Path) -> None:
-        with suppress(OSError):  # what a full disk did not take is not wanted any more
+        with suppress(OSError):  # the file is thrown away: a full disk does not matter any more
             self._file.close()
         unfinished.unlink(missing_ok=True)
 
@@ -263,7 +263,7 @@ class RecordingWriter:
 
 
 def check_free(path: Path, overwrite: bool) -> None:
-    """Check that an output file or directory may be written: every command that writes one asks here.
+    """Check that an output file or directory may be written; every command that writes one calls this.
 
     Raises:
         RecordingError: it exists, and is not to be overwritten.

@@ -1,4 +1,4 @@
-// The page: what the server says goes on the screen, what the user does goes to the server.
+// The page: shows what the server sends, and sends what the user does.
 
 import { Clicks, smooth } from "./clicks.js";
 import { Link } from "./link.js";
@@ -97,7 +97,7 @@ function refresh() {
   get("alarm").hidden = !alarm;
   get("alarm").textContent = alarm?.text ?? "";
   get("alarm").classList.toggle("hint", Boolean(alarm?.hint));
-  // What to do stands in the header: the pictures must not move or shrink when they are to be clicked.
+  // Instructions go in the header: the pictures must not move or shrink while they are being clicked.
   const place = alarm?.hint ? get("why") : document.body;
   if (get("alarm").parentNode !== place) place.insertBefore(get("alarm"), alarm?.hint ? null : document.querySelector("main"));
   get("live-panel").hidden = !live;
@@ -175,7 +175,7 @@ function reasonWords() {
   }[status.state] ?? "";
 }
 
-/** Whether the tracker says why it has not taken the clicks. */
+/** Whether the tracker says why it has not accepted the clicks. */
 function refused() {
   return Boolean(status.reason) && status.reason !== "no seed yet";
 }
@@ -282,7 +282,7 @@ function refreshDrawing() {
   get("save").disabled = !status.unsaved;
 }
 
-/** Hand the clicks and the curve through them to the server, at every change: a page that is closed loses nothing. */
+/** Send the clicks and their curve to the server at every change: nothing is lost when the page is closed. */
 function store() {
   const closed = get("closed").checked;
   const body = { index: status.index, closed, a: clicks.points.a, b: clicks.points.b };
@@ -297,7 +297,7 @@ function wish() {
   get("window-reset").disabled = !grey.brightness && !grey.contrast;
 }
 
-/** Add to the sliders: each moves by what it is given. */
+/** Move the sliders by the given amounts. */
 function slide(steps) {
   for (const [id, by] of Object.entries(steps)) {
     grey[id] = Math.min(Number(get(id).max), Math.max(Number(get(id).min), grey[id] + by));
@@ -306,7 +306,7 @@ function slide(steps) {
   wish();
 }
 
-/** What the sliders stand for, finer than they can: small drags add up. */
+/** The sliders' values, finer than their steps: small drags add up. */
 const grey = { brightness: 0, contrast: 0 };
 
 function takeSliders() {
@@ -315,7 +315,7 @@ function takeSliders() {
 }
 
 function reset() {
-  // A model that is gone is gone: the second press within three seconds means it.
+  // A reset cannot be undone: it takes a second press within three seconds.
   if (stopArmed) {
     stopArmed();
     ask("reset");
@@ -365,7 +365,7 @@ get("drawing").addEventListener("change", () => ask("style", { drawing: get("dra
 get("slider").addEventListener("input", () => ask("go", { index: Number(get("slider").value) }));
 get("closed").addEventListener("change", () => change(() => {}));
 
-/** Press a button by its key, if it is there and may be pressed. */
+/** Press a button by its key, if it is shown and enabled. */
 function press(...ids) {
   const id = ids.find((one) => get(one).offsetParent !== null && !get(one).disabled);
   if (id) get(id).click();
@@ -433,7 +433,7 @@ document.addEventListener("keydown", (event) => {
     return;
   }
   if (event.ctrlKey || event.metaKey || event.altKey || !keys[letter]) return;
-  // What a button, slider or list does with a key of its own is its own.
+  // Buttons, sliders and lists keep the keys that they use themselves.
   const kind = event.target.tagName;
   if ((kind === "BUTTON" || kind === "SUMMARY") && ["Enter", " "].includes(event.key) && event.target.offsetParent !== null) return;
   if ((kind === "INPUT" || kind === "SELECT") && (event.key.startsWith("Arrow") || event.key === " " || event.key.startsWith("Page"))) return;

@@ -12,7 +12,7 @@ export class Clicks {
     this.history = [];
   }
 
-  /** Remember how it is before a change, so that it can be undone. */
+  /** Remember the state before a change, so that it can be undone. */
   remember() {
     this.history.push(JSON.stringify(this.points));
     if (this.history.length > LONGEST_HISTORY) this.history.shift();

@@ -1,10 +1,10 @@
-// The WebSocket: connects, again and again if need be; pictures are acknowledged once they have been drawn.
+// The WebSocket: reconnects as needed; acknowledges each picture once it has been drawn.
 
 const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
 
 export class Link {
-  /** hear: {status, trace, picture, connection}, each called with what has come. */
+  /** hear: {status, trace, picture, connection}, each called with what was received. */
   constructor(hear) {
     this.hear = hear;
     this.pause = FIRST_PAUSE_MS;
@@ -55,13 +55,13 @@ export class Link {
     } else if (message.type === "refused") console.error(message.text);
   }
 
-  /** What this page wants to see; said again after each new connection. */
+  /** Tell the server what this page wants to see; repeated after each new connection. */
   want(view, brightness, contrast) {
     this.look = JSON.stringify({ type: "look", view, brightness, contrast });
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(this.look);
   }
 
-  /** Ask for something to be done; the promise gives the server's words, or throws them. */
+  /** Send a command; the promise resolves to the server's answer, or rejects with its reason. */
   ask(type, body = {}) {
     return new Promise((resolve, reject) => {
       if (this.socket.readyState !== WebSocket.OPEN) {

@@ -196,7 +196,7 @@ export class Plane {
       if (moved) return;
       if (button === 2 && this.clicking) this.act.remove(this.name);
       if (button !== 0) return;
-      // Points may lie close beside each other, as on a loop seen from its edge; not on each other.
+      // Points may lie close together, as on a loop seen edge-on, but not on top of each other.
       if (point !== null && this.pointAt(at, CLICK_PX) !== null) return;
       const [x, y] = this.toImage(at);
       if (!this.clicking || x < -0.5 || y < -0.5 || x > this.bitmap.width - 0.5 || y > this.bitmap.height - 0.5) return;

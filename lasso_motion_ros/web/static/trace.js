@@ -1,4 +1,4 @@
-// The motion of the last 30 s, three axes. Gaps are times without a pose.
+// The motion of the last 30 s along three axes. Gaps are times without a pose.
 
 const SPAN_S = 30;
 const HEIGHT_PX = 176;
@@ -18,7 +18,7 @@ export class Trace {
         padding: [8, 16, 0, 0],
         scales: {
           x: { time: false, range: () => [-SPAN_S, 0] },
-          // At least ±5 mm, so that noise is not blown up to look like breathing.
+          // At least ±5 mm, so that noise does not look like breathing.
           y: { range: (_, low, high) => [Math.min(-5, Math.floor((low ?? 0) - 1)), Math.max(5, Math.ceil((high ?? 0) + 1))] },
         },
         axes: [
@@ -37,10 +37,10 @@ export class Trace {
   add(rows) {
     const newest = rows[rows.length - 1][0];
     const lag = performance.now() / 1000 - newest;
-    // The smallest lag is the one that waited least; another server has another clock.
+    // The smallest lag is that of the message that waited least; another server has another clock.
     if (this.offset === null || lag < this.offset || Math.abs(lag - this.offset) > SPAN_S) this.offset = lag;
     for (const row of rows) {
-      // An answer given anew takes the place of the former one and of what followed it.
+      // A new answer to an old pair replaces the former one and all that followed it.
       while (this.rows.length && this.rows[this.rows.length - 1][0] >= row[0]) this.rows.pop();
       const last = this.rows[this.rows.length - 1];
       if (last && row[0] - last[0] > GAP_S) this.rows.push([row[0] - 1e-3, null, null, null]);
