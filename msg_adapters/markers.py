@@ -12,7 +12,7 @@ from lasso_motion_ros.geometry.transforms import apply
 from msg_adapters.poses import decode_pose, encode_pose
 
 Array = npt.NDArray[np.float64]
-Colour = tuple[float, float, float, float]
+Rgba = tuple[float, float, float, float]
 
 LINE_STRIP, POINTS, TRIANGLE_LIST = 4, 8, 11
 ADD, DELETE = 0, 2
@@ -29,7 +29,7 @@ def _marker(
     points: npt.ArrayLike,
     *,
     size: Mapping[str, float],
-    colour: Colour,
+    colour: Rgba,
     header: Mapping[str, Any],
 ) -> dict[str, Any]:
     red, green, blue, alpha = colour
@@ -50,7 +50,7 @@ def encode_line_strip(
     points: npt.ArrayLike,
     header: Mapping[str, Any],
     namespace: str,
-    colour: Colour = (1.0, 0.8, 0.1, 1.0),
+    colour: Rgba = (1.0, 0.8, 0.1, 1.0),
     width_m: float = 1e-3,
 ) -> dict[str, Any]:
     """The fields of a LINE_STRIP through points (N, 3), metres; a closed curve repeats its first point."""
@@ -61,7 +61,7 @@ def encode_points(
     points: npt.ArrayLike,
     header: Mapping[str, Any],
     namespace: str,
-    colour: Colour = (0.2, 0.7, 1.0, 1.0),
+    colour: Rgba = (0.2, 0.7, 1.0, 1.0),
     size_m: float = 2e-3,
 ) -> dict[str, Any]:
     """The fields of a POINTS marker at points (N, 3), metres."""
@@ -73,7 +73,7 @@ def encode_triangles(
     triangles: npt.NDArray[np.integer[Any]],
     header: Mapping[str, Any],
     namespace: str,
-    colour: Colour = (0.9, 0.3, 0.3, 0.5),
+    colour: Rgba = (0.9, 0.3, 0.3, 0.5),
 ) -> dict[str, Any]:
     """The fields of a TRIANGLE_LIST of vertices (V, 3), metres, joined by triangles (T, 3)."""
     corners = np.asarray(vertices)[np.asarray(triangles).reshape(-1)]

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,14 @@ import numpy.typing as npt
 from lasso_motion_ros.config.parameters import Value, parameter_table
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.evaluation.axes import axis_errors, displacements_mm, residuals_mm
+from lasso_motion_ros.evaluation.axes import displacements_mm, residuals_mm
 from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
-from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, Summary, Values, mean_row, summarise
+from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, mean_row, summarise
 from lasso_motion_ros.reports.comparison_figures import comparison_figure, timing_figure
 from lasso_motion_ros.reports.figure_panels import save_figure, share_scale
 from lasso_motion_ros.reports.picture_files import EmbeddedPicture, embedded_jpeg, embedded_png, write_png
+from lasso_motion_ros.reports.report_tables import PAPER_ROW, Row, axis_rows, key_figures, table_row
 from lasso_motion_ros.reports.sequence_figures import (
     PairFlags,
     axis_figure,
@@ -46,40 +47,6 @@ TEMPLATE = "evaluation_report.html.j2"
 MOST_KEY_FIGURES = 3
 """With more results than these, the key figures of each would push the tables off the screen."""
 _PAPER_COLUMNS = {"pairs", "2-D A", "2-D B", "model A", "model B"}
-_BAD_UNLESS_ZERO = {"missing", "silent", "false"}
-
-
-@dataclass(frozen=True)
-class Fact:
-    """A key figure at the top of the page."""
-
-    name: str
-    value: str
-    is_bad: bool = False
-
-
-@dataclass(frozen=True)
-class Cell:
-    """A cell of a table of measures."""
-
-    text: str
-    is_bad: bool = False
-
-
-@dataclass(frozen=True)
-class Row:
-    """A row of a table of measures; `kind` is its style: empty, `mean` or `paper`."""
-
-    name: str
-    cells: Sequence[Cell]
-    kind: str = ""
-
-
-PAPER_ROW = Row(
-    "Brost et al. 2009, clinical",
-    [Cell(text) for text in ("231 frames", "1.0 ± 0.5", "1.0 ± 0.5", "0.6", "0.6")],
-    "paper",
-)
 
 
 def write_report(
@@ -158,7 +125,8 @@ class _Contents:
         if len(self._results) > MOST_KEY_FIGURES:
             return []
         return [
-            {"name": name, "facts": _facts(summary)} for name, summary in zip(self._names, self._summaries, strict=True)
+            {"name": name, "facts": key_figures(summary)}
+            for name, summary in zip(self._names, self._summaries, strict=True)
         ]
 
     def _paper_table(self) -> dict[str, Any]:
@@ -175,9 +143,9 @@ class _Contents:
 
     def _table(self, heading: str, columns: Columns, *last: Row) -> dict[str, Any]:
         by_name = dict(zip(self._names, self._summaries, strict=True))
-        rows = [_row(name, asdict(summary), columns) for name, summary in by_name.items()]
+        rows = [table_row(name, asdict(summary), columns) for name, summary in by_name.items()]
         for name, members in mean_groups(self._results).items():
-            rows.append(_row(name, mean_row([by_name[member] for member in members]), columns, "mean"))
+            rows.append(table_row(name, mean_row([by_name[member] for member in members]), columns, "mean"))
         titles = ["sequence", *(title for title, _ in columns)]
         return {"heading": heading, "titles": titles, "rows": [*rows, *last]}
 
@@ -206,7 +174,7 @@ class _Contents:
             "name": one.result,
             "span": f"{len(one.scores)} pairs in {one.times_s[-1]:.1f} s, from {began:%Y-%m-%d %H:%M:%S} UTC.",
             "figures": [self._picture(f"{slug}_{name}", *drawn) for name, drawn in figures.items()],
-            "axes": _axis_rows(one.scores) if "axes" in figures else [],
+            "axes": axis_rows(one.scores) if "axes" in figures else [],
             "worst": list(self._worst_frames(number, slug)),
         }
 
@@ -271,41 +239,6 @@ def _figures(one: Evaluated) -> Figures:
     return figures
 
 
-def _facts(summary: Summary) -> list[Fact]:
-    removed = "–" if summary.removed_share is None else f"{100 * summary.removed_share:.0f} %"
-    errors_2d = f"{_millimetres(summary.error_2d_a_mm)}, {_millimetres(summary.error_2d_b_mm)}"
-    return [
-        Fact("2-D error A, B (mm)", errors_2d),
-        Fact("target error (mm)", _millimetres(summary.target_error_mm)),
-        Fact("static overlay (mm)", _millimetres(summary.static_error_mm)),
-        Fact("removed", removed),
-        Fact("lost in silence", _count(summary.lost_in_silence), bool(summary.lost_in_silence)),
-        Fact("missing", _count(summary.missing), bool(summary.missing)),
-    ]
-
-
-def _row(name: str, values: Values, columns: Columns, kind: str = "") -> Row:
-    texts = [(title, cell(values)) for title, cell in columns]
-    cells = [Cell(text, title in _BAD_UNLESS_ZERO and text not in {"0", "–"}) for title, text in texts]
-    return Row(name, cells, kind)
-
-
-def _axis_rows(scores: Sequence[PairScore]) -> list[tuple[str, ...]]:
-    axes = axis_errors(scores)
-    if axes is None:
-        return []
-    return [
-        (
-            name,
-            f"{axes.static_mm[i]:.2f}",
-            f"{axes.residual_mm[i]:.2f}",
-            f"{axes.constant_mm[i]:+.2f}",
-            f"{axes.jitter_mm[i]:.2f}",
-        )
-        for i, name in enumerate("xyz")
-    ]
-
-
 def _worst_caption(score: PairScore) -> str:
     words = [f"Pair {score.index}", score.state or "state unknown"]
     error = error_mm(score)
@@ -315,14 +248,6 @@ def _worst_caption(score: PairScore) -> str:
     if score.false_pose:
         words.append("false: the lasso was " + ("hidden" if score.hidden else "in another place"))
     return ", ".join(words) + "."
-
-
-def _millimetres(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
-
-
-def _count(value: int | None) -> str:
-    return "–" if value is None else str(value)
 
 
 def _value(value: Value) -> str:

@@ -25,7 +25,7 @@ _EMPTY = np.zeros((0, 2))
 
 
 @dataclass(eq=False)
-class _Clicks:
+class _ClickedPair:
     """What was clicked in one pair, (N, 2) pixels a plane, and whether the curves through it are closed."""
 
     points: dict[Plane, Array] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class Annotation:
     def __init__(self, recording: AnnotatedRecording) -> None:
         self._recording = recording
         self._lock = threading.RLock()
-        self._clicks = [_Clicks() for _ in recording.pairs]
+        self._clicks = [_ClickedPair() for _ in recording.pairs]
         self._index, self._number, self._version = 0, 1, 0
         self.unsaved = False
         self._images = recording.images(recording.pairs[0])

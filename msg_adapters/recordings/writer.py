@@ -23,7 +23,7 @@ _INFINITE = {"sec": 9223372036, "nsec": 854775807}
 _METADATA_VERSION = 8
 
 
-class _Channel:
+class _WrittenTopic:
     """One topic of the file being written."""
 
     def __init__(self, channel_id: int, topic: str, type_name: str, qos: str) -> None:
@@ -72,7 +72,7 @@ class RecordingWriter:
         self._writer.start(profile="ros2", library=LIBRARY)
         self._messages = RecordedMessages()
         self._schemas: dict[str, int] = {}
-        self._channels: dict[str, _Channel] = {}
+        self._channels: dict[str, _WrittenTopic] = {}
         self._first_ns: int | None = None
         self._last_ns = 0
         self._closed = False
@@ -208,7 +208,7 @@ class RecordingWriter:
 
     def _add_channel(
         self, topic: str, type_name: str, latched: bool, reliable: bool, definition: str | None
-    ) -> _Channel:
+    ) -> _WrittenTopic:
         schema = self._schemas.get(type_name)
         if schema is None:
             text = definition if definition is not None else _definition(type_name)
@@ -216,7 +216,7 @@ class RecordingWriter:
             self._schemas[type_name] = schema
         qos = _qos(latched, reliable)
         metadata = {"offered_qos_profiles": qos, "topic_type_hash": _type_hash(type_name)}
-        channel = _Channel(self._writer.register_channel(topic, "cdr", schema, metadata), topic, type_name, qos)
+        channel = _WrittenTopic(self._writer.register_channel(topic, "cdr", schema, metadata), topic, type_name, qos)
         self._channels[topic] = channel
         return channel
 
