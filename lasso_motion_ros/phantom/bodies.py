@@ -11,6 +11,7 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply
 
 Array = npt.NDArray[np.float64]
+Indices = npt.NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,20 +127,35 @@ def union_length(container: Body, contents: list[Body], rays: Rays) -> tuple[Arr
         return total, covered
     inside = Rays(rays.source, np.ascontiguousarray(rays.directions[:, hit]), (1, hit.size))
     enter, leave = enter[hit], leave[hit]
-    starts, ends = np.empty((len(contents), hit.size)), np.empty((len(contents), hit.size))
-    for index, body in enumerate(contents):
-        start, end = body.interval(inside)
-        np.clip(start, enter, leave, out=starts[index])
-        np.clip(end, enter, leave, out=ends[index])
-    order = np.argsort(starts, axis=0)
+    # Most rays meet few of the bodies: intervals are collected ray by ray, in the order of their starts.
+    found: list[tuple[Indices, Array, Array]] = []
+    for body in contents:
+        near = rays_near(body, inside)
+        start, end = body.interval(Rays(inside.source, inside.directions[:, near], (1, near.size)))
+        start, end = np.maximum(start, enter[near]), np.minimum(end, leave[near])
+        meets = end > start
+        found.append((near[meets], start[meets], end[meets]))
+    ray, start, end = (np.concatenate(part) for part in zip(*found, strict=True))
+    order = np.lexsort((start, ray))
+    ray, start, end = ray[order], start[order], end[order]
+    first = np.flatnonzero(np.diff(ray, prepend=-1))
+    count = np.diff(first, append=ray.size)
     reached, length = enter.copy(), np.zeros(hit.size)
-    columns = np.arange(hit.size)
-    for row in order:
-        start, end = starts[row, columns], ends[row, columns]
-        length += np.maximum(end - np.maximum(start, reached), 0.0)
-        np.maximum(reached, end, out=reached)
+    for rank in range(int(count.max(initial=0))):
+        at = first[count > rank] + rank
+        of = ray[at]
+        length[of] += np.maximum(end[at] - np.maximum(start[at], reached[of]), 0.0)
+        reached[of] = np.maximum(reached[of], end[at])
     covered[hit] = length
     return total, covered
+
+
+def rays_near(body: Body, rays: Rays) -> Indices:
+    """Numbers of the rays in the cone round a body's bounding sphere; no other one can meet it."""
+    towards = body.centre - rays.source
+    distance = float(np.linalg.norm(towards))
+    sine = min(1.0, body.bounding_radius / distance)
+    return np.flatnonzero(towards @ rays.directions >= distance * np.sqrt(1.0 - sine * sine)).astype(np.int64)
 
 
 def _disc_chord(origin: Array, direction: Array) -> tuple[Array, Array]:

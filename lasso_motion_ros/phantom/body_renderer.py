@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.phantom.anatomy import TISSUE, Additive, Thorax
-from lasso_motion_ros.phantom.bodies import Body, Rays, covering_grid, pixel_rays, union_length
+from lasso_motion_ros.phantom.bodies import Body, Rays, covering_grid, pixel_rays, rays_near, union_length
 from lasso_motion_ros.phantom.tubes import Segments, optical_depth
 
 Array = npt.NDArray[np.float64]
@@ -129,11 +129,7 @@ def _added(parts: list[Additive], rays: Rays) -> Array:
     """Optical depth (N,) of bodies that add to their surroundings."""
     depth = np.zeros(rays.directions.shape[1])
     for part in parts:
-        # Only the rays in the cone round the body's bounding sphere can meet it.
-        towards = part.body.centre - rays.source
-        distance = float(np.linalg.norm(towards))
-        sine = min(1.0, part.body.bounding_radius / distance)
-        near = np.flatnonzero(towards @ rays.directions >= distance * np.sqrt(1.0 - sine * sine))
+        near = rays_near(part.body, rays)
         if near.size:
             chosen = Rays(rays.source, rays.directions[:, near], (1, near.size))
             depth[near] += part.attenuation * part.body.chord(chosen)

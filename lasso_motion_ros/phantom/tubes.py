@@ -16,7 +16,7 @@ from lasso_motion_ros.geometry.projection import Projection
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
-BATCH_RAYS = 1_500_000
+BATCH_PIXELS = 24_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,64 +86,81 @@ def optical_depth(projection: Projection, segments: Segments, supersampling: int
     for size_class in np.unique(group[visible]):
         members: Indices = np.flatnonzero(visible & (group == size_class)).astype(np.int64)
         patch = int(side[members].max())
-        step = max(1, BATCH_RAYS // (patch * supersampling) ** 2)
+        step = max(1, BATCH_PIXELS // patch**2)
         for first in range(0, len(members), step):
             batch = members[first : first + step]
-            depth = _patches(
-                projection.source, inverse, segments, batch, corner=low[batch], patch=patch, supersampling=supersampling
-            )
-            columns = low[batch, 0, None, None] + np.arange(patch)[None, None, :]
-            rows = low[batch, 1, None, None] + np.arange(patch)[None, :, None]
-            inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height) & (depth != 0.0)
-            image += np.bincount((rows * width + columns)[inside], weights=depth[inside], minlength=height * width)
+            owner, columns, rows = _reached(ends[:, batch], reach[batch], low[batch], patch)
+            inside = (columns >= 0) & (columns < width) & (rows >= 0) & (rows < height)
+            owner, columns, rows = owner[inside], columns[inside], rows[inside]
+            depth = _chords(projection.source, inverse, segments, batch[owner], columns, rows, supersampling)
+            image += np.bincount(rows * width + columns, weights=depth, minlength=height * width)
     return image.reshape(height, width)
 
 
-def _patches(
+def _reached(ends: Array, reach: Array, low: Indices, patch: int) -> tuple[Indices, Indices, Indices]:
+    """Pixels that rays through these segments can lie in: number of the segment, column and row, (K,) each.
+
+    Args:
+        ends: (2, B, 2) the segments' projected ends, pixels.
+        reach: (B,) how far from the line between them a segment is seen, pixels.
+        low: (B, 2) first column and row of each segment's patch.
+        patch: side of the patches, pixels.
+    """
+    along = ends[1] - ends[0]
+    squared = np.maximum(np.einsum("si,si->s", along, along), 1e-12)
+    side = np.arange(patch)
+    x = (low[:, 0, None] + side - ends[0, :, 0, None])[:, None, :]
+    y = (low[:, 1, None] + side - ends[0, :, 1, None])[:, :, None]
+    share = np.clip((x * along[:, 0, None, None] + y * along[:, 1, None, None]) / squared[:, None, None], 0.0, 1.0)
+    x = x - share * along[:, 0, None, None]
+    y = y - share * along[:, 1, None, None]
+    # `reach` has a pixel to spare: sub-pixel rays lie up to √½ px from their pixel's centre.
+    limit = reach**2
+    owner, row, column = np.nonzero(x * x + y * y <= limit[:, None, None])
+    return owner, low[owner, 0] + column, low[owner, 1] + row
+
+
+def _chords(
     source: Array,
     inverse: Array,
     segments: Segments,
-    batch: Indices,
-    *,
-    corner: Indices,
-    patch: int,
+    owner: Indices,
+    columns: Indices,
+    rows: Indices,
     supersampling: int,
 ) -> Array:
-    """Optical depths (B, patch, patch) of the chosen segments, each on the patch whose first pixel is `corner`."""
-    axis = segments.end[batch] - segments.start[batch]
+    """(K,) optical depth of one segment in one pixel each: segment `owner`, pixel (column, row)."""
+    axis = segments.end - segments.start
     length = np.linalg.norm(axis, axis=1)
     axis = axis / np.maximum(length, 1e-12)[:, None]
-    to_source = source - 0.5 * (segments.start[batch] + segments.end[batch])
+    to_source = source - 0.5 * (segments.start + segments.end)
     along_source = np.einsum("si,si->s", to_source, axis)
-    offset = (np.arange(patch * supersampling) + 0.5) / supersampling - 0.5
-    u = corner[:, 0, None, None] + offset[None, None, :]
-    v = corner[:, 1, None, None] + offset[None, :, None]
+    perpendicular = np.einsum("si,si->s", to_source, to_source) - along_source**2
+    offset = (np.arange(supersampling) + 0.5) / supersampling - 0.5
+    u = columns + offset[None, :, None]
+    v = rows + offset[:, None, None]
     # A pixel's ray is inverse·(u, v, 1): its products with fixed vectors are linear in u and v.
     norm_form = inverse.T @ inverse
     norm = np.sqrt(
         norm_form[0, 0] * u * u + norm_form[1, 1] * v * v + norm_form[2, 2]
         + 2.0 * (norm_form[0, 1] * u * v + norm_form[0, 2] * u + norm_form[1, 2] * v)
     )  # fmt: skip
-    with_axis, with_source = axis @ inverse, to_source @ inverse
-    along = _linear(with_axis, u, v) / norm
-    towards = _linear(with_source, u, v) / norm
+    along = _linear((axis @ inverse)[owner], u, v) / norm
+    towards = _linear((to_source @ inverse)[owner], u, v) / norm
     across = np.maximum(1.0 - along * along, 1e-12)
-    product = towards - along_source[:, None, None] * along
-    perpendicular = np.einsum("si,si->s", to_source, to_source) - along_source**2
-    squared_distance = perpendicular[:, None, None] - product * product / across
-    radius = segments.radius[batch, None, None]
+    along_source = along_source[owner]
+    product = towards - along_source * along
+    squared_distance = perpendicular[owner] - product * product / across
+    radius = segments.radius[owner]
     half = np.sqrt(np.maximum(radius * radius - squared_distance, 0.0) / across)
     middle = -product / across
     safe = np.where(np.abs(along) > 1e-12, along, 1e-12)
-    slab_middle = -along_source[:, None, None] / safe
-    slab_half = 0.5 * length[:, None, None] / np.abs(safe)
+    slab_middle = -along_source / safe
+    slab_half = 0.5 * length[owner] / np.abs(safe)
     chord = np.minimum(middle + half, slab_middle + slab_half) - np.maximum(middle - half, slab_middle - slab_half)
     chord = np.where(half > 0.0, np.maximum(chord, 0.0), 0.0)
-    shape = (len(batch), patch, supersampling, patch, supersampling)
-    return np.asarray(chord.reshape(shape).mean(axis=(2, 4)) * segments.attenuation[batch, None, None])
+    return np.asarray(chord.mean(axis=(0, 1)) * segments.attenuation[owner])
 
 
 def _linear(coefficients: Array, u: Array, v: Array) -> Array:
-    return np.asarray(
-        coefficients[:, 0, None, None] * u + coefficients[:, 1, None, None] * v + coefficients[:, 2, None, None]
-    )
+    return np.asarray(coefficients[:, 0] * u + coefficients[:, 1] * v + coefficients[:, 2])
