@@ -88,10 +88,12 @@ def build_loop(settings: LassoSettings, shaft_from: Array) -> Loop:
     radius = 0.5e-3 * settings.diameter_mm
     # An overlapping loop winds inside itself by a catheter's width.
     shrink = 1.0 - 0.06 * max(settings.turns - 1.0, 0.0) * (1.0 - part) * 4.0
+    shrink = shrink * (1.0 + settings.bulge * np.cos(3.0 * angle))
     curve = (
         radius * (shrink * np.cos(angle))[:, None] * first
         + radius * settings.aspect * (shrink * np.sin(angle))[:, None] * second
         + 1e-3 * settings.helix_mm * (part - 0.5)[:, None] * normal
+        + 1e-3 * settings.saddle_mm * np.cos(2.0 * angle)[:, None] * normal
     )
     points = resample(curve, LOOP_POINTS)
     return Loop(points + (centre - points.mean(axis=0)), centre, normal, first)
@@ -107,6 +109,17 @@ def deformed_loop(loop: Loop, tilt_rad: float, stretch: float) -> Array:
     # Rodrigues' formula about the in-plane axis.
     turned = offset * cosine + np.cross(axis, offset) * sine + np.outer(offset @ axis, axis) * (1.0 - cosine)
     return np.asarray(loop.centre + turned)
+
+
+def curve_length(curve: Array) -> float:
+    """Length of a polyline (N, 3), metres."""
+    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+
+
+def along_curve(curve: Array, at: Array) -> Array:
+    """(K, 3) points at distances (K,) along a polyline (N, 3) from its first point."""
+    length = arc_length(curve)
+    return np.column_stack([np.interp(at, length, column) for column in curve.T])
 
 
 def spline(knots: Array, spacing_m: float = 1.1e-3) -> Array:
@@ -127,17 +140,25 @@ def electrode(curve: Array, at_m: float, length_m: float, radius_m: float, atten
     return chain(np.stack(ends), radius_m, attenuation)
 
 
-def loop_segments(points: Array, electrodes: int, contrast: float = 1.0) -> Segments:
-    """The loop's shaft (0.7 mm) with evenly spaced ring electrodes, from its centreline (90, 3)."""
-    fine = resample(points, 2 * len(points))
+def electrode_places(length_m: float, settings: LassoSettings) -> Array:
+    """(E,) the electrodes' middles along the loop from its tip, metres; the last one lies at the shaft."""
+    index = np.arange(settings.electrodes)
+    # In pairs: within one by `pair_spacing`, from one to the next by 1.
+    units = index // 2 + settings.pair_spacing * (index % 2)
+    last = units[-1] if len(units) > 1 else 1.0
+    return np.asarray(0.8e-3 + (length_m - 2.4e-3) * units / last)
+
+
+def loop_segments(points: Array, settings: LassoSettings, contrast: float = 1.0) -> Segments:
+    """The loop's shaft (0.7 mm) with its ring electrodes, from its centreline (N, 3)."""
+    fine = resample(points, 2 * LOOP_POINTS)
     parts = [
         chain(fine, MATERIAL.loop_radius_m, contrast * MATERIAL.loop_shaft),
         chain(fine, MATERIAL.loop_core_radius_m, contrast * MATERIAL.loop_core),
     ]
-    length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
-    for index in range(electrodes):
-        at = 0.8e-3 + (length - 2.4e-3) * index / max(electrodes - 1, 1)
-        parts.append(electrode(fine, at, 1.0e-3, 0.62e-3, contrast * MATERIAL.ring))
+    size, radius = 1e-3 * settings.electrode_length_mm, 0.5e-3 * settings.electrode_diameter_mm
+    for at in electrode_places(curve_length(points), settings):
+        parts.append(electrode(fine, at, size, radius, contrast * MATERIAL.ring))
     return joined(parts)
 
 
@@ -196,14 +217,18 @@ def coronary_sinus(motion: Array, contraction: float) -> Segments:
     return joined(parts)
 
 
-def ablation(tip: Array, heading: Array, motion: Array) -> Segments:
-    """An 8F ablation catheter over the septum, its tip at `tip` (3,) m pointing along `heading` (3,)."""
+def ablation(
+    tip: Array, heading: Array, motion: Array, tip_length_m: float = 4.0e-3, tip_radius_m: float = 1.33e-3
+) -> Segments:
+    """An ablation catheter over the septum, its tip at `tip` (3,) m pointing along `heading` (3,)."""
     back = tip - 7.0e-3 * heading
     knots = [tip, 0.5 * (tip + back), back, back - 9.0e-3 * heading + 0.25 * (apply(motion, SEPTUM) - back)]
     knots.append(apply(motion, SEPTUM + np.array([2.0, 5.0, -5.0]) * 1e-3))
     knots += [followed(np.asarray(place) * 1e-3 + 4e-3, share, motion) for place, share in _CAVA]
     curve = spline(np.asarray(knots))
-    parts = [body_segments(curve, 1.25e-3), electrode(curve, 2.0e-3, 4.0e-3, 1.33e-3, MATERIAL.tip)]
+    body_radius = tip_radius_m - 0.08e-3
+    parts = [body_segments(curve, body_radius)]
+    parts.append(electrode(curve, 0.5 * tip_length_m, tip_length_m, tip_radius_m, MATERIAL.tip))
     for at in (6.0e-3, 9.5e-3, 12.8e-3):
-        parts.append(electrode(curve, at, 1.3e-3, 1.28e-3, MATERIAL.large_ring))
+        parts.append(electrode(curve, at, 1.3e-3, tip_radius_m - 0.05e-3, MATERIAL.large_ring))
     return joined(parts)

@@ -88,4 +88,4 @@ def _second_ring(motion: Array) -> Segments:
     ring = build_loop(settings, SEPTUM)
     points = apply(motion, ring.points)
     shaft = body_segments(lasso_shaft(points, ring.normal, motion), 0.7e-3)
-    return joined([loop_segments(points, settings.electrodes), shaft])
+    return joined([loop_segments(points, settings), shaft])

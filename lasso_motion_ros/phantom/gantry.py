@@ -68,8 +68,10 @@ def true_projection(scenario: Scenario, plane: Plane, pair: int, *, as_published
 
 def published_projection(scenario: Scenario, plane: Plane, pair: int) -> Projection:
     """The projection that is published with a pair: off by the calibration error, constant over the sequence."""
-    projection = true_projection(scenario, plane, pair, as_published=True)
     error = scenario.calibration_error
+    if error.swapped:
+        plane = "b" if plane == "a" else "a"
+    projection = true_projection(scenario, plane, pair, as_published=True)
     if not (error.angle_deg or error.shift_mm or error.shift_px):
         return projection
     random = np.random.default_rng([scenario.seed, 70, 0 if plane == "a" else 1])

@@ -43,6 +43,21 @@ class ChainConstants:
 CHAIN = ChainConstants()
 
 
+@dataclass(frozen=True)
+class Exposure:
+    """How one picture is taken and shown.
+
+    Attributes:
+        dose: quanta by those of the scenario; the display evens it out.
+        window: factor of the grey level.
+        covered: part of the field that the shutters cover at left, top, right, bottom.
+    """
+
+    dose: float = 1.0
+    window: float = 1.0
+    covered: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+
+
 class ImagingChain:
     """One plane's tube, detector and display. It remembers: gain and window from its first picture, lag from the last.
 
@@ -61,11 +76,16 @@ class ImagingChain:
         self._white = 0.0
         self._last: Image | None = None
 
-    def fluence(self, optical_depth: npt.NDArray[np.floating]) -> Image:
-        """Primary and scattered fluence behind the patient, (H, W), 1 for the open beam."""
+    def fluence(self, optical_depth: npt.NDArray[np.floating], covered: tuple[float, ...] | None = None) -> Image:
+        """Primary and scattered fluence behind the patient, (H, W), 1 for the open beam.
+
+        Args:
+            optical_depth: (H, W) line integrals of the attenuation.
+            covered: part of the field that the collimator covers; the settings' if not given.
+        """
         settings = self._settings
         primary = blurred(np.exp(-np.asarray(optical_depth, dtype=np.float32)), self._focal_sigma)
-        opening = collimator_mask(primary.shape, settings.collimator)
+        opening = collimator_mask(primary.shape, settings.collimator if covered is None else covered)
         primary *= opening
         # Scatter is as broad as the patient is thick; it also reaches what the collimator covers.
         small = cv2.resize(primary, None, fx=0.125, fy=0.125, interpolation=cv2.INTER_AREA)
@@ -78,29 +98,39 @@ class ImagingChain:
         reached = behind + (1.0 - behind) * opening
         return np.asarray(primary + np.float32(settings.scatter) * scatter * reached, dtype=np.float32)
 
-    def expose(self, optical_depth: npt.NDArray[np.floating], dose: float, random: np.random.Generator) -> Pixels:
+    def expose(
+        self,
+        optical_depth: npt.NDArray[np.floating],
+        dose: float,
+        random: np.random.Generator,
+        exposure: Exposure | None = None,
+    ) -> Pixels:
         """One picture.
 
         Args:
             optical_depth: (H, W) line integrals of the attenuation.
-            dose: tube output relative to the first picture's.
+            dose: tube output relative to the first picture's; the display shows it.
             random: draws the quanta.
+            exposure: how it is taken and shown, if otherwise than the settings say.
 
         Returns:
             (H, W) uint8, or uint16 up to 4095.
         """
-        fluence = self.fluence(optical_depth)
+        exposure = exposure or Exposure(covered=self._settings.collimator)
+        fluence = self.fluence(optical_depth, exposure.covered)
         if self._last is None:
             # The exposure control looks at the middle of the field.
-            opening = collimator_mask(fluence.shape, self._settings.collimator)
+            opening = collimator_mask(fluence.shape, exposure.covered)
             high, wide = fluence.shape[0] // 4, fluence.shape[1] // 4
             self._gain = self._settings.quanta / float(fluence[high:-high, wide:-wide].mean())
             brightest = float(np.percentile(fluence[opening > 0.5], CHAIN.white_percentile))
             self._white = brightest * self._gain * CHAIN.white_headroom
-        signal = self.detect(fluence * np.float32(self._gain * dose), random)
+        mode = np.float32(exposure.dose)
+        # Between fluoroscopy and cine the exposure control evens the grey level out: only the noise changes.
+        signal = self.detect(fluence * np.float32(self._gain * dose) * mode, random) / mode
         lag = np.float32(self._settings.lag)
         self._last = signal if self._last is None else signal * (1 - lag) + self._last * lag
-        return self.display(self._last)
+        return self.display(self._last, exposure.window)
 
     def detect(self, expected: Image, random: np.random.Generator) -> Image:
         """Quanta counted, blurred with the detector, and read out: (H, W) in quanta."""
@@ -112,13 +142,14 @@ class ImagingChain:
             signal += noise * np.float32(settings.electronic_noise)
         return signal
 
-    def display(self, signal: Image) -> Pixels:
-        """Display curve, edge enhancement, polarity and quantisation of a detector signal in quanta."""
+    def display(self, signal: Image, window: float = 1.0) -> Pixels:
+        """Display curve, edge enhancement, window, polarity and quantisation of a detector signal in quanta."""
         settings = self._settings
         grey = np.power(np.maximum(signal, 0.0) / np.float32(self._white), np.float32(settings.gamma))
         if settings.edge_enhancement > 0.0:
             width = max(1.0, CHAIN.edge_sigma_px * grey.shape[1] / 1024.0)
             grey += np.float32(settings.edge_enhancement) * (grey - blurred(grey, width))
+        grey = grey * np.float32(window)
         if settings.polarity == "bright":
             grey = np.float32(1.0) - grey
         top = 255 if settings.bits == 8 else 4095

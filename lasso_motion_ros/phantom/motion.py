@@ -86,10 +86,12 @@ class Heartbeat:
         while peaks[-1] <= duration_s:
             peaks.append(peaks[-1] + length * float(np.clip(random.normal(1.0, settings.variability), 0.5, 2.0)))
         self._peaks = np.asarray(peaks)
+        # No two beats of a fibrillating heart pull alike.
+        self._strengths = np.clip(random.normal(1.0, settings.strength_spread, len(peaks)), 0.2, 2.0)
 
     def phase(self, time_s: float) -> float:
         """Part of the beat that has passed since its R peak, 0 to 1."""
-        index = int(np.clip(np.searchsorted(self._peaks, time_s, side="right") - 1, 0, len(self._peaks) - 2))
+        index = self._beat(time_s)
         return float((time_s - self._peaks[index]) / (self._peaks[index + 1] - self._peaks[index]))
 
     def contraction(self, time_s: float) -> float:
@@ -101,7 +103,7 @@ class Heartbeat:
 
     def displacement(self, time_s: float) -> Array:
         """(3,) translation of the atrium, metres."""
-        return np.asarray(self._displacement * self.contraction(time_s))
+        return np.asarray(self._displacement * self.contraction(time_s) * self._strengths[self._beat(time_s)])
 
     def swing(self, time_s: float) -> tuple[float, float]:
         """Two periodic signals in −1…1 for the ring's own tilt and stretch."""
@@ -111,6 +113,9 @@ class Heartbeat:
     def r_peaks(self, end_s: float) -> list[float]:
         """Times of the R peaks from 0 up to `end_s`, seconds."""
         return [float(peak) for peak in self._peaks if 0.0 <= peak <= end_s]
+
+    def _beat(self, time_s: float) -> int:
+        return int(np.clip(np.searchsorted(self._peaks, time_s, side="right") - 1, 0, len(self._peaks) - 2))
 
 
 @dataclass(frozen=True)

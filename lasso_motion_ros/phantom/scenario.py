@@ -14,9 +14,16 @@ from lasso_motion_ros.core.errors import ConfigurationError, ScenarioError
 from lasso_motion_ros.core.plain_yaml import read_plain_yaml
 from lasso_motion_ros.core.share import share_directory
 from lasso_motion_ros.core.suggestions import did_you_mean
+from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.settings import Event, Scenario
 
 Group = TypeVar("Group")
+
+# Lists in a scenario: what they hold, and the keys that every entry must name.
+LISTED: dict[str, tuple[type[Event] | type[Incident], tuple[str, ...]]] = {
+    "events": (Event, ("kind", "first")),
+    "incidents": (Incident, ("kind", "start_s")),
+}
 
 
 def scenario_directory() -> Path:
@@ -83,6 +90,11 @@ def scenario_from_values(values: Any) -> Scenario:
             raise ScenarioError(
                 f"events[{index}].first: expected less than pairs ({scenario.pairs}), found {event.first}"
             )
+    if scenario.ablation_work.farthest_mm < scenario.ablation_work.nearest_mm:
+        raise ScenarioError("ablation_work.farthest_mm: expected at least ablation_work.nearest_mm")
+    for index, incident in enumerate(scenario.incidents):
+        if incident.kind == "shift" and not any(incident.direction):
+            raise ScenarioError(f"incidents[{index}].direction: expected a vector that is not zero")
     return scenario
 
 
@@ -102,22 +114,24 @@ def _group(kind: type[Group], values: Any, prefix: str, base: Group | None = Non
         name = f"{prefix}{key}"
         if dataclasses.is_dataclass(default):
             arguments[key] = _group(hints[key], value, f"{name}.", default)
-        elif key == "events":
+        elif key in LISTED:
             if not isinstance(value, list):
-                raise ScenarioError(f"{name}: expected a list of events, found {value!r}")
-            arguments[key] = tuple(_event(entry, f"{name}[{index}].") for index, entry in enumerate(value))
+                raise ScenarioError(f"{name}: expected a list of {key}, found {value!r}")
+            arguments[key] = tuple(_listed(key, entry, f"{name}[{index}].") for index, entry in enumerate(value))
         else:
             arguments[key] = _checked(name, value, default, entries[key].metadata)
     replaced: Group = dataclasses.replace(defaults, **arguments)
     return replaced
 
 
-def _event(values: Any, prefix: str) -> Event:
-    event = _group(Event, values, prefix)
-    for required in ("kind", "first"):
-        if required not in values:
-            raise ScenarioError(f"{prefix}{required}: expected in every event, found none")
-    return event
+def _listed(key: str, values: Any, prefix: str) -> Event | Incident:
+    """One entry of a list, with the keys that every one must have."""
+    kind, required = LISTED[key]
+    entry = _group(kind, values, prefix)
+    for name in required:
+        if name not in values:
+            raise ScenarioError(f"{prefix}{name}: expected in every one of {key}, found none")
+    return entry
 
 
 def _checked(name: str, value: Any, default: Any, metadata: Any) -> Any:

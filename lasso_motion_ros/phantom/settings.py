@@ -8,23 +8,9 @@ Vectors are in the patient's axes (x left, y posterior, z cranial). `scenario.py
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
-Vector = tuple[float, ...]
-
-
-def setting(
-    default: Any,
-    description: str,
-    *,
-    unit: str = "",
-    minimum: float | None = None,
-    maximum: float | None = None,
-    choices: tuple[Any, ...] = (),
-) -> Any:
-    """A dataclass field of a scenario; the metadata is what validation and documentation use."""
-    metadata = {"description": description, "unit": unit, "minimum": minimum, "maximum": maximum, "choices": choices}
-    return field(default=default, metadata=metadata)
+from lasso_motion_ros.phantom.lab_settings import BystanderSettings, Incident, WorkSettings
+from lasso_motion_ros.phantom.setting_fields import Vector, setting
 
 
 @dataclass(frozen=True)
@@ -62,7 +48,21 @@ class LassoSettings:
     aspect: float = setting(1.0, "shorter by longer axis", minimum=0.6, maximum=1.0)
     turns: float = setting(0.95, "length of the loop; below 1 it is open, above it overlaps", minimum=0.6, maximum=1.5)
     helix_mm: float = setting(1.4, "rise along the axis from tip to shaft", unit="mm", minimum=0, maximum=8)
-    electrodes: int = setting(10, "ring electrodes on the loop", choices=(0, 10, 20))
+    electrodes: int = setting(10, "ring electrodes on the loop", minimum=0, maximum=24)
+    pair_spacing: float = setting(
+        0.5,
+        "from the first to the second electrode of a pair, by the distance of two pairs: 0.5 even, 0.25 for 2-6-2 mm",
+        minimum=0.1,
+        maximum=0.5,
+    )
+    electrode_length_mm: float = setting(1.0, "length of an electrode", unit="mm", minimum=0.5, maximum=4)
+    electrode_diameter_mm: float = setting(1.24, "its outer diameter", unit="mm", minimum=0.7, maximum=3)
+    bulge: float = setting(
+        0.0, "the loop's radius swells and shrinks by this share, thrice a turn", minimum=0, maximum=0.2
+    )
+    saddle_mm: float = setting(
+        0.0, "it bends out of its plane by this much, twice a turn", unit="mm", minimum=0, maximum=5
+    )
     tilt_deg: float = setting(
         0.0, "own tilt with the heartbeat, which the atrium has not", unit="deg", minimum=0, maximum=10
     )
@@ -75,7 +75,9 @@ class BreathingSettings:
 
     amplitude_mm: float = setting(12.0, "excursion from end-expiration", unit="mm", minimum=0, maximum=40)
     direction: Vector = setting((0.08, -0.25, -1.0), "direction of inspiration; any length", minimum=-10, maximum=10)
-    period_s: float = setting(4.5, "length of a breath", unit="s", minimum=1.5, maximum=12)
+    period_s: float = setting(
+        4.5, "length of a breath; of a jet ventilator's stroke", unit="s", minimum=0.2, maximum=12
+    )
     start: float = setting(0.0, "part of the first breath that has passed at the first pair", minimum=0, maximum=1)
     hysteresis_mm: float = setting(
         0.0, "half width of the loop between the ways in and out", unit="mm", minimum=0, maximum=10
@@ -93,6 +95,9 @@ class HeartSettings:
     rate_bpm: float = setting(66.0, "beats a minute", unit="1/min", minimum=30, maximum=200)
     variability: float = setting(0.03, "relative spread of the beats' lengths", minimum=0, maximum=0.4)
     amplitude_mm: float = setting(0.8, "translation of the atrium in systole", unit="mm", minimum=0, maximum=10)
+    strength_spread: float = setting(
+        0.0, "relative spread of the beats' strengths, as in fibrillation", minimum=0, maximum=1
+    )
     direction: Vector = setting((-0.5, 0.4, -0.75), "its direction; any length", minimum=-10, maximum=10)
 
 
@@ -127,6 +132,7 @@ class CalibrationSettings:
     angle_deg: float = setting(0.0, "rotation about the iso-centre", unit="deg", minimum=0, maximum=3)
     shift_mm: float = setting(0.0, "translation of the gantry", unit="mm", minimum=0, maximum=10)
     shift_px: float = setting(0.0, "translation of the picture", unit="px", minimum=0, maximum=20)
+    swapped: bool = setting(False, "each plane is published with the other one's matrix")
 
 
 @dataclass(frozen=True)
@@ -197,4 +203,7 @@ class Scenario:
     calibration_error: CalibrationSettings = field(default_factory=CalibrationSettings)
     distractors: DistractorSettings = field(default_factory=DistractorSettings)
     clicks: ClickSettings = field(default_factory=ClickSettings)
+    ablation_work: WorkSettings = field(default_factory=WorkSettings)
+    bystanders: BystanderSettings = field(default_factory=BystanderSettings)
     events: tuple[Event, ...] = ()
+    incidents: tuple[Incident, ...] = ()

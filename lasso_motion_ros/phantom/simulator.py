@@ -18,17 +18,17 @@ from lasso_motion_ros.phantom.catheters import (
     SEPTUM,
     Loop,
     ablation,
-    body_segments,
     build_loop,
     coronary_sinus,
     deformed_loop,
-    lasso_shaft,
     loop_segments,
 )
 from lasso_motion_ros.phantom.distractors import distractor_segments
 from lasso_motion_ros.phantom.gantry import concerns, progress, published_projection, true_projection
 from lasso_motion_ros.phantom.imaging import ImagingChain, Pixels
-from lasso_motion_ros.phantom.motion import Breathing, Heartbeat, Motion
+from lasso_motion_ros.phantom.lab import Lab
+from lasso_motion_ros.phantom.motion import Heartbeat, Motion
+from lasso_motion_ros.phantom.motion_incidents import DisturbedBreathing
 from lasso_motion_ros.phantom.seeds import clicks_along_loop
 from lasso_motion_ros.phantom.settings import Event, Scenario
 from lasso_motion_ros.phantom.tubes import Segments, joined, optical_depth
@@ -37,10 +37,9 @@ Array = npt.NDArray[np.float64]
 
 EPOCH_NS = 1_760_000_000 * 1_000_000_000
 TARGETS = 200
-SHAFT_RADIUS = 0.75e-3
 
 # Purposes of the random streams; a pair's noise does not depend on how many pairs are rendered.
-_ANATOMY, _BREATHING, _HEART, _TARGETS, _SEEDS, _DOSE, _QUANTA = range(7)
+_ANATOMY, _BREATHING, _HEART, _TARGETS, _SEEDS, _DOSE, _QUANTA, _LAB = range(8)
 
 
 class BodySource(Protocol):
@@ -58,10 +57,14 @@ class SimulatedPair:
         index: number of the pair.
         images: what the tracker gets, with the published projections; a dropped plane is missing.
         rendered: plane → the projection with which the image was rendered.
-        motion: (4, 4) of the atrium since pair 0 at A's exposure, breathing and heartbeat.
+        motion: (4, 4) of the atrium since pair 0 at A's exposure: breathing, heartbeat, and where the patient lies.
         respiratory: (4, 4) of breathing alone.
         centrelines: plane → (90, 2) the loop's centreline in pixels at A's exposure; missing where it is not in view.
         loop: (90, 3) the loop at A's exposure, world metres; None while it is hidden or removed.
+        poles: plane → (E, 2) the electrodes in pixels at the plane's own exposure; none while the loop is hidden.
+        from_place_m: how far the loop's middle is from where the atrium's motion has carried its place.
+        withdrawn: how much of the loop is in its sheath, 0 to 1.
+        shifted_m: how far the patient has moved on the table since pair 0.
     """
 
     index: int
@@ -71,6 +74,10 @@ class SimulatedPair:
     respiratory: Array
     centrelines: dict[Plane, Array]
     loop: Array | None
+    poles: dict[Plane, Array]
+    from_place_m: float
+    withdrawn: float
+    shifted_m: float
 
 
 class Simulator:
@@ -85,7 +92,7 @@ class Simulator:
         self.scenario = scenario
         duration = (scenario.pairs + 1) / scenario.rate_hz
         self.motion = Motion(
-            Breathing(scenario.breathing, self._random(_BREATHING), duration),
+            DisturbedBreathing(scenario.breathing, self._random(_BREATHING), duration, scenario.incidents),
             Heartbeat(scenario.heart, self._random(_HEART), duration),
         )
         self.thorax: Thorax = build_thorax(self._random(_ANATOMY))
@@ -93,6 +100,7 @@ class Simulator:
         self.loop: Loop = build_loop(scenario.lasso, SEPTUM)
         # The loop is placed at the first pair's phase.
         self._start = self.motion.body_state(0.0).heart
+        self.lab = Lab(scenario, self.loop, self._start, self.thorax.trunk, lambda purpose: self._random(_LAB, purpose))
         geometry = scenario.geometry
         magnified = scenario.imaging.focal_spot_mm * (geometry.source_detector_mm / geometry.source_object_mm - 1.0)
         spot_px = magnified * geometry.size_px / geometry.field_mm
@@ -141,73 +149,99 @@ class Simulator:
         frames: dict[Plane, Frame] = {}
         rendered: dict[Plane, Projection] = {}
         centrelines: dict[Plane, Array] = {}
+        poles: dict[Plane, Array] = {}
         at_a = self.time_s(index, "a")
-        loop = None if self._absent(index) else self._loop_at(at_a, index)
+        absent = self._absent(index) or self.lab.withdrawn(at_a) >= 1.0
+        loop = None if absent else self.lab.seen_loop(self._loop_at(at_a, index), at_a)
         for plane in PLANES:
             projection = true_projection(self.scenario, plane, index)
-            pixels = self._expose(plane, index, projection)
-            if not self._dropped(plane, index):
-                published = published_projection(self.scenario, plane, index)
-                frames[plane] = Frame(self.stamp_ns(index, plane), pixels, published)
-                rendered[plane] = projection
+            time_s = self.time_s(index, plane)
+            if not self.lab.off(plane, time_s):
+                pixels = self._expose(plane, index, projection)
+                if not self._dropped(plane, index):
+                    published = published_projection(self.scenario, plane, index)
+                    frames[plane] = Frame(self.stamp_ns(index, plane), pixels, published)
+                    rendered[plane] = projection
             if loop is not None:
                 line = projection.project(loop)
                 inside = np.all((line >= 0.0) & (line <= self.scenario.geometry.size_px - 1.0), axis=1)
                 if inside.mean() > 0.5:
                     centrelines[plane] = line
+                poles[plane] = projection.project(self.lab.poles(self._loop_at(time_s, index), time_s))
+        pose = self.lab.patient_pose(at_a)
         return SimulatedPair(
             index=index,
             images=FramePair(self.stamp_ns(index, "a"), frames.get("a"), frames.get("b")),
             rendered=rendered,
-            motion=self.motion.atrium(at_a),
+            motion=pose @ self.motion.atrium(at_a),
             respiratory=self.motion.respiratory(at_a),
             centrelines=centrelines,
             loop=loop,
+            poles=poles,
+            from_place_m=float(np.linalg.norm(self._displacement(at_a, index))),
+            withdrawn=self.lab.withdrawn(at_a),
+            shifted_m=float(np.linalg.norm(pose[:3, 3])),
         )
 
     def _expose(self, plane: Plane, index: int, projection: Projection) -> Pixels:
         time_s = self.time_s(index, plane)
-        depth = self._bodies[plane].optical_depth(projection, self.motion.body_state(time_s))
-        depth = depth + optical_depth(projection, self.catheters(time_s, index)).astype(np.float32)
-        dose = self._dose(plane, index)
-        return self._chains[plane].expose(depth, dose, self._random(_QUANTA, PLANES.index(plane), index))
+        state = self.motion.body_state(time_s)
+        seen = self.lab.seen_by(projection, time_s)
+        depth = self._bodies[plane].optical_depth(seen, state)
+        depth = depth + optical_depth(seen, self.catheters(time_s, index)).astype(np.float32)
+        depth = depth + self.lab.contrast(seen, time_s, state)
+        dose, random = self._dose(plane, index), self._random(_QUANTA, PLANES.index(plane), index)
+        return self._chains[plane].expose(depth, dose, random, self.lab.exposure(plane, time_s))
 
     def catheters(self, time_s: float, index: int) -> Segments:
         """All that is not the body at one instant, as cylinders."""
         scenario = self.scenario
-        motion = self.motion.body_state(time_s).heart
-        contraction = self.motion.heartbeat.contraction(time_s)
+        state = self.motion.body_state(time_s)
+        motion, contraction = state.heart, state.contraction
         parts: list[Segments] = []
         if not self._removed(index):
-            loop = self._loop_at(time_s, index)
+            loop = self._loop_in_patient(time_s, index)
             if self._hidden(index):
                 # Withdrawn into its sheath and down the cava, out of the field.
-                loop = loop + np.array([0.0, 0.0, -0.22])
+                parts.append(loop_segments(loop + np.array([0.0, 0.0, -0.22]), scenario.lasso))
             else:
-                normal = self.loop.normal
-                parts.append(body_segments(lasso_shaft(loop, normal, motion), SHAFT_RADIUS))
-            parts.append(loop_segments(loop, scenario.lasso.electrodes))
+                parts.append(self.lab.lasso(loop, motion, time_s))
         if scenario.distractors.coronary_sinus:
             parts.append(coronary_sinus(motion, contraction))
-        if scenario.distractors.ablation:
+        if scenario.distractors.ablation and not scenario.ablation_work.works:
             tip = self.loop.centre + 1e-3 * np.asarray(scenario.distractors.ablation_offset_mm)
             heading = tip - SEPTUM
             heading = heading / np.linalg.norm(heading)
             parts.append(ablation(apply(motion @ inverse(self._start), tip), heading, motion))
-        parts.append(distractor_segments(scenario.distractors, motion, self.motion.body_state(time_s).breath))
+        parts.append(distractor_segments(scenario.distractors, motion, state.breath))
+        parts.append(self.lab.segments(time_s, state))
         return joined(parts)
 
     def _loop_at(self, time_s: float, index: int) -> Array:
-        """(90, 3) the loop in the world: its own deformation, then where events put it, then the atrium's motion."""
-        lasso = self.scenario.lasso
-        swing_tilt, swing_stretch = self.motion.heartbeat.swing(time_s)
-        points = deformed_loop(self.loop, np.radians(lasso.tilt_deg) * swing_tilt, lasso.stretch * swing_stretch)
+        """(90, 3) the loop in the world."""
+        return apply(self.lab.patient_pose(time_s), self._loop_in_patient(time_s, index))
+
+    def _loop_in_patient(self, time_s: float, index: int) -> Array:
+        """(90, 3) the loop in the patient: its own deformation, then where events put it, then the atrium's motion."""
+        points = self._deformed(time_s)
         for event in self._events("move"):
             done = progress(event, index)
             if done > 0.0:
                 turn = np.radians(event.turn_deg) * done
                 points = apply(rigid(turn, done * 1e-3 * np.asarray(event.shift_mm), points.mean(axis=0)), points)
-        return apply(self.motion.atrium(time_s), points)
+        return apply(self.motion.atrium(time_s), points + self.lab.slide(time_s))
+
+    def _deformed(self, time_s: float) -> Array:
+        """(90, 3) the loop in its place, as the heartbeat tilts and stretches it."""
+        lasso = self.scenario.lasso
+        swing_tilt, swing_stretch = self.motion.heartbeat.swing(time_s)
+        tilt_rad = np.radians(lasso.tilt_deg) * swing_tilt
+        return deformed_loop(self.lab.shape(time_s), tilt_rad, lasso.stretch * swing_stretch)
+
+    def _displacement(self, time_s: float, index: int) -> Array:
+        """(3,) of the loop's middle from where the atrium's motion has carried its place, metres."""
+        place = apply(self.motion.atrium(time_s), self._deformed(time_s))
+        return np.asarray(self._loop_in_patient(time_s, index).mean(axis=0) - place.mean(axis=0))
 
     def _dose(self, plane: Plane, index: int) -> float:
         """The exposure control hunts slowly: two incommensurate oscillations with phases of their own."""

@@ -64,7 +64,7 @@ def test_own_tilt_and_stretch_leave_the_centre() -> None:
 @pytest.mark.parametrize("count", [0, 10, 20])
 def test_electrodes_are_short_flat_cylinders_on_the_loop(count: int) -> None:
     loop = build_loop(LASSO, SEPTUM)
-    segments = loop_segments(loop.points, count)
+    segments = loop_segments(loop.points, LassoSettings(electrodes=count))
     rings = segments.radius > 0.5e-3
     assert rings.sum() == count
     length = np.linalg.norm(segments.end - segments.start, axis=1)[rings]

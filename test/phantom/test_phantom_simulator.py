@@ -12,7 +12,7 @@ from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.phantom import SimulatedPair, Simulator
 from lasso_motion_ros.phantom.catheters import loop_segments
 from lasso_motion_ros.phantom.scenario import scenario_from_values
-from lasso_motion_ros.phantom.settings import Event, Scenario
+from lasso_motion_ros.phantom.settings import Event, LassoSettings, Scenario
 from lasso_motion_ros.phantom.tubes import optical_depth
 
 SMALL = scenario_from_values(
@@ -70,7 +70,7 @@ def test_centrelines_are_at_plane_as_exposure_in_both_planes() -> None:
         for plane in PLANES:
             projection = pair.rendered[plane]
             assert pair.centrelines[plane] == pytest.approx(projection.project(pair.loop))
-            depth = optical_depth(projection, loop_segments(pair.loop, 0), supersampling=3)
+            depth = optical_depth(projection, loop_segments(pair.loop, LassoSettings(electrodes=0)), supersampling=3)
             profile = across_the_line(depth, pair.centrelines[plane][4:-4])
             centroid = (profile[3:10] * np.arange(-3, 4)).sum() / profile[3:10].sum()
             assert abs(centroid) < 0.1
