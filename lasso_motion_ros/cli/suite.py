@@ -10,6 +10,9 @@ from pathlib import Path
 from lasso_motion_ros.bench.model_experiment import DEFAULT_TRIALS, format_experiment, run_model_experiment
 from lasso_motion_ros.bench.suite.ablation import ablation_record, format_ablation
 from lasso_motion_ros.bench.suite.cache import SequenceCache
+from lasso_motion_ros.bench.suite.clinic_runs import run_clinic
+from lasso_motion_ros.bench.suite.clinic_scenarios import CLINIC_SEQUENCES, clinic_scenarios
+from lasso_motion_ros.bench.suite.clinic_tables import class_measures, clinic_record, format_clinic
 from lasso_motion_ros.bench.suite.ideas import IDEAS
 from lasso_motion_ros.bench.suite.random_scenarios import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
 from lasso_motion_ros.bench.suite.suite_report import write_suite_report, write_sweeps_report
@@ -47,6 +50,14 @@ mm; silent: poses more than 2 mm off or without a lasso in its place; missing: n
 TRACKING where doubt is due; false poses: among the pairs with the lasso hidden, gone or displaced; centre: of the
 ring in 3-D, mean and maximum; TRE: target registration error; in 95: centre errors inside that ellipsoid of the
 covariance; then pairs by state."""
+
+
+CLINIC_NOTE = """
+mm; a pair of two classes counts in both, one before its class has begun for the core; plain: due pairs in which both
+planes plainly show the true electrodes; wrong: poses more than 2 mm off, or with the ring hidden, gone or displaced;
+missing: plain pairs without a pose; in 68/95: centre errors inside that ellipsoid of the covariance; NEES: mean of
+the centre's normalised error squared, 3 if the covariance is true; centre: of the ring in 3-D; TRE: target
+registration error."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -87,6 +98,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"sequences made for one difficulty each instead, all or these: {', '.join(TRAPS)}",
     )
     parser.add_argument(
+        "--clinic",
+        action="store_true",
+        help=f"sequences as wide as a lab instead (default {CLINIC_SEQUENCES}), told per event class; all processors",
+    )
+    parser.add_argument(
         "--model-experiment",
         type=int,
         nargs="?",
@@ -113,6 +129,8 @@ def run(args: argparse.Namespace) -> int:
     _prepare_outputs(args)
     if args.model_experiment is not None:
         _model_experiment(args)
+    elif args.clinic:
+        _clinic(args, configs)
     elif args.sweep:
         _sweeps(args, configs)
     elif args.ablation is not None:
@@ -135,6 +153,21 @@ def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files
         write_json(args.json, {files[name]: suite_record(of_config) for name, of_config in results.items()})
     if args.report is not None:
         write_suite_report(args.report, results)
+
+
+def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
+    drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
+    drawn = tuple(drawn[number] for number in args.only) if args.only else drawn
+    results = run_clinic(drawn, configs, args.cache, quiet=args.quiet)
+    found = {name: class_measures(of_config) for name, of_config in results.items()}
+    text = f"clinic, seed {args.seed}\n{format_clinic(found)}"
+    print(text)
+    if not args.quiet:
+        print(CLINIC_NOTE)
+    if args.json is not None:
+        write_json(args.json, {name: clinic_record(of_config) for name, of_config in results.items()})
+    if args.report is not None:
+        write_text(args.report / "clinic.txt", f"{text}\n{CLINIC_NOTE}\n")
 
 
 def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
@@ -190,13 +223,16 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     """Options that cannot both be meant, and values that are not allowed."""
     if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
+    elsewhere = (args.sweep, args.ablation, args.traps, args.model_experiment)
+    if args.clinic and any(option is not None for option in elsewhere):
+        raise LassoMotionError("--clinic: not together with --sweep, --ablation, --traps or --model-experiment")
     if args.sweep and (args.ablation is not None or args.traps is not None):
         raise LassoMotionError("--sweep: not together with --ablation or --traps")
     if args.only and (args.sweep or (args.traps is not None and args.ablation is None)):
         raise LassoMotionError("--only: numbers of random sequences, of which sweeps and traps have none")
-    beyond = [number for number in args.only or () if not 0 <= number < (args.sequences or DEFAULT_SEQUENCES)]
+    last = (args.sequences or (CLINIC_SEQUENCES if args.clinic else DEFAULT_SEQUENCES)) - 1
+    beyond = [number for number in args.only or () if not 0 <= number <= last]
     if beyond:
-        last = (args.sequences or DEFAULT_SEQUENCES) - 1
         raise LassoMotionError(f"--only: expected 0 to {last}, found {beyond[0]}")
     for option, given, known in (("--traps", args.traps, TRAPS), ("--ablation", args.ablation, IDEAS)):
         unknown = [name for name in given or () if name not in known]

@@ -39,6 +39,10 @@ class PairTruth:
         respiratory: (4, 4) the breathing alone, or None.
         centrelines: per plane (N, 2) pixels, the loop at A's exposure; a plane is absent while it shows no lasso.
         projections: per plane the published geometry of this pair; absent where none was published.
+        displaced: whether the lasso has left its place; None: the images decide (`is_displaced`).
+        due: False where no pose is due though the images show the lasso in its place: it has slid a little, the
+            patient has moved on the table, the C-arm unsaid. None: nothing of the kind is known.
+        evidence: per plane how plainly its image shows the lasso's true electrodes, about −1 to 2; empty if unknown.
     """
 
     stamp_ns: int
@@ -46,6 +50,9 @@ class PairTruth:
     respiratory: Array | None = None
     centrelines: Mapping[Plane, Array] = field(default_factory=dict)
     projections: Mapping[Plane, Projection] = field(default_factory=dict)
+    displaced: bool | None = None
+    due: bool | None = None
+    evidence: Mapping[Plane, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +223,9 @@ def score_pairs(
         reference_ns = first_reference if estimate.reference_ns is None else estimate.reference_ns
         is_reference = abs(pair.stamp_ns - reference_ns) <= SAME_PAIR_NS
         hidden = not pair.centrelines and not centreless
-        displaced = truth.loop is not None and is_displaced(pair, truth.loop)
+        displaced = pair.displaced
+        if displaced is None:
+            displaced = truth.loop is not None and is_displaced(pair, truth.loop)
         shown_fully = centreless or len(pair.centrelines) == len(PLANES)
         after = pair.stamp_ns > first_reference + SAME_PAIR_NS
         has_pose = estimate.motion_raw is not None
@@ -225,7 +234,7 @@ def score_pairs(
             index,
             pair.stamp_ns,
             is_reference,
-            expected=after and not is_reference and in_place and shown_fully,
+            expected=after and not is_reference and in_place and shown_fully and pair.due is not False,
             hidden=hidden,
             displaced=displaced,
             has_pose=has_pose,

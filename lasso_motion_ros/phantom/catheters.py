@@ -149,9 +149,9 @@ def electrode_places(length_m: float, settings: LassoSettings) -> Array:
     return np.asarray(0.8e-3 + (length_m - 2.4e-3) * units / last)
 
 
-def loop_segments(points: Array, settings: LassoSettings, contrast: float = 1.0) -> Segments:
+def loop_segments(points: Array, settings: LassoSettings) -> Segments:
     """The loop's shaft (0.7 mm) with its ring electrodes, from its centreline (N, 3)."""
-    fine = resample(points, 2 * LOOP_POINTS)
+    fine, contrast = resample(points, 2 * LOOP_POINTS), settings.contrast
     parts = [
         chain(fine, MATERIAL.loop_radius_m, contrast * MATERIAL.loop_shaft),
         chain(fine, MATERIAL.loop_core_radius_m, contrast * MATERIAL.loop_core),

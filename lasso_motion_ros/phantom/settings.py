@@ -57,6 +57,7 @@ class LassoSettings:
     )
     electrode_length_mm: float = setting(1.0, "length of an electrode", unit="mm", minimum=0.5, maximum=4)
     electrode_diameter_mm: float = setting(1.24, "its outer diameter", unit="mm", minimum=0.7, maximum=3)
+    contrast: float = setting(1.0, "attenuation of wire and electrodes, by the usual one", minimum=0.1, maximum=3)
     bulge: float = setting(
         0.0, "the loop's radius swells and shrinks by this share, thrice a turn", minimum=0, maximum=0.2
     )
@@ -207,3 +208,6 @@ class Scenario:
     bystanders: BystanderSettings = field(default_factory=BystanderSettings)
     events: tuple[Event, ...] = ()
     incidents: tuple[Incident, ...] = ()
+    exact_place: bool = setting(
+        False, "the ring's own displacement, not the published geometry, says whether it is in its place"
+    )

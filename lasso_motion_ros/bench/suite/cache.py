@@ -87,6 +87,11 @@ def _arrays(sequence: RenderedSequence) -> dict[str, Any]:
                 arrays[f"stamp_{name}"] = np.int64(frame.stamp_ns)
             if plane in true.centrelines:
                 arrays[f"line_{name}"] = true.centrelines[plane]
+            if plane in true.evidence:
+                arrays[f"evidence_{name}"] = np.float64(true.evidence[plane])
+        for flag in ("displaced", "due"):
+            if (known := getattr(true, flag)) is not None:
+                arrays[f"{flag}_{index}"] = np.bool_(known)
     return arrays
 
 
@@ -103,6 +108,10 @@ def _sequence(scenario: Scenario, stored: Mapping[str, Any]) -> RenderedSequence
         pairs.append(FramePair(stamp_ns, frames.get("a"), frames.get("b")))
         lines = {plane: stored[name] for plane in PLANES if (name := f"line_{plane}{index}") in stored}
         published = {plane: frame.projection for plane, frame in pairs[-1].frames.items()}
-        truths.append(PairTruth(stamp_ns, motions[index], breaths[index], lines, published))
+        evidence = {plane: float(stored[name]) for plane in PLANES if (name := f"evidence_{plane}{index}") in stored}
+        displaced, due = (
+            bool(stored[name]) if (name := f"{flag}_{index}") in stored else None for flag in ("displaced", "due")
+        )
+        truths.append(PairTruth(stamp_ns, motions[index], breaths[index], lines, published, displaced, due, evidence))
     truth = Truth(tuple(truths), stored["loop"], stored["targets"])
     return RenderedSequence(scenario, tuple(pairs), Seed(stored["clicks_a"], stored["clicks_b"]), truth)

@@ -122,7 +122,8 @@ def _imaging(random: np.random.Generator) -> ImagingSettings:
 def _calibration_error(random: np.random.Generator) -> CalibrationSettings:
     if random.uniform() < 0.4:
         return CalibrationSettings()
-    return CalibrationSettings(*(float(random.uniform(0.0, most)) for most in (0.25, 0.7, 1.5)))
+    angle_deg, shift_mm, shift_px = (float(random.uniform(0.0, most)) for most in (0.25, 0.7, 1.5))
+    return CalibrationSettings(angle_deg, shift_mm, shift_px)
 
 
 def _distractors(random: np.random.Generator) -> DistractorSettings:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from lasso_motion_ros.bench.suite.place_truth import with_place
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, PairTruth, Truth, score_pairs
 from lasso_motion_ros.geometry.frames import FramePair, Seed
@@ -55,7 +56,8 @@ def render_sequence(scenario: Scenario) -> RenderedSequence:
     for pair in simulator.pairs():
         pairs.append(pair.images)
         published = {plane: frame.projection for plane, frame in pair.images.frames.items()}
-        truths.append(PairTruth(pair.images.stamp_ns, pair.motion, pair.respiratory, pair.centrelines, published))
+        true = PairTruth(pair.images.stamp_ns, pair.motion, pair.respiratory, pair.centrelines, published)
+        truths.append(with_place(true, simulator, pair) if scenario.exact_place else true)
     truth = Truth(tuple(truths), simulator.reference_loop, simulator.targets)
     return RenderedSequence(scenario, tuple(pairs), Seed(clicks["a"], clicks["b"]), truth)
 

@@ -1,0 +1,90 @@
+"""Runs of the clinic suite: each sequence is rendered once and tracked with each configuration, by all processors."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from pathlib import Path
+
+from lasso_motion_ros.bench.one_thread import one_thread
+from lasso_motion_ros.bench.suite.cache import SequenceCache
+from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario
+from lasso_motion_ros.bench.suite.sequence import SequenceResult, run_sequence
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.evaluation.measures import PairTruth
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.phantom.shown_poles import PLAIN
+
+
+@dataclass(frozen=True, eq=False)
+class ClinicResult:
+    """What a tracker made of one sequence.
+
+    Attributes:
+        drawn: the sequence with its event classes.
+        result: its scores.
+        plain: per pair, whether both planes plainly show the ring, by the simulator's truth.
+    """
+
+    drawn: ClinicScenario
+    result: SequenceResult
+    plain: tuple[bool, ...]
+
+
+def run_clinic(
+    drawn: Sequence[ClinicScenario],
+    configs: Mapping[str, StreamConfig],
+    cache: Path | None = None,
+    workers: int | None = None,
+    quiet: bool = True,
+) -> dict[str, list[ClinicResult]]:
+    """Render, track and score sequences.
+
+    Args:
+        drawn: the sequences.
+        configs: the trackers' parameters, by name.
+        cache: directory that keeps what was rendered; None keeps nothing.
+        workers: processes at a time; None: one a processor; 1: this one.
+        quiet: no progress bar.
+
+    Returns:
+        By configuration, sequence by sequence.
+    """
+    results: dict[str, list[ClinicResult]] = {name: [] for name in configs}
+    done = _in_turn(drawn, configs, cache, workers or os.cpu_count() or 1)
+    for of_sequence in progress(done, len(drawn), "clinic", quiet):
+        for name, one in of_sequence.items():
+            results[name].append(one)
+    return results
+
+
+def _in_turn(
+    drawn: Sequence[ClinicScenario], configs: Mapping[str, StreamConfig], cache: Path | None, workers: int
+) -> Iterator[dict[str, ClinicResult]]:
+    """The results in the order of the sequences."""
+    if workers == 1:
+        yield from (run_drawn(one, configs, cache) for one in drawn)
+        return
+    # A fork would copy OpenCV's threads in whatever state they are.
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        waiting = [pool.submit(run_drawn, one, configs, cache) for one in drawn]
+        yield from (future.result() for future in waiting)
+
+
+def run_drawn(
+    drawn: ClinicScenario, configs: Mapping[str, StreamConfig], cache: Path | None = None
+) -> dict[str, ClinicResult]:
+    """Render one sequence, or read it from the cache, and track it with every configuration."""
+    with one_thread():
+        sequence = SequenceCache(cache).sequence(drawn.scenario)
+        plain = tuple(is_plain(true) for true in sequence.truth.pairs)
+        return {name: ClinicResult(drawn, run_sequence(sequence, config), plain) for name, config in configs.items()}
+
+
+def is_plain(true: PairTruth) -> bool:
+    """Whether both planes plainly show the ring at its true electrodes."""
+    return all(true.evidence.get(plane, 0.0) >= PLAIN for plane in PLANES)

@@ -1,0 +1,63 @@
+"""Whether a simulated ring is in its place and a pose is due, and how plainly the images show it, from the truth.
+
+A ring that has slid by more than 2 mm, or that a patient's shift has taken with it, asks for no pose: silence is right.
+What is published all the same is judged. A displaced ring (3 mm and more, moved or half withdrawn) has no right pose
+at all. After a patient's shift the atrium lies elsewhere on the table, and `motion` says where: a pose that has
+followed it is right for the overlay, since the volume is registered to the table; one that has not is wrong.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.evaluation.measures import DISPLACED_MM, SILENT_LOSS_MM, PairTruth
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator
+from lasso_motion_ros.phantom.gantry import published_projection, true_projection
+from lasso_motion_ros.phantom.shown_poles import pole_evidence
+
+Array = npt.NDArray[np.float64]
+
+WITHDRAWING, WITHDRAWN = 0.05, 0.35  # of the loop in its sheath: no pose is due, it is no ring any more
+REFUSED_GAP_MM = 8.0  # planes that disagree by more at the seed are to be refused
+MOVES_UNSAID = ("table_pan", "gantry_turn", "zoom")
+
+
+def with_place(true: PairTruth, simulator: Simulator, pair: SimulatedPair) -> PairTruth:
+    """A pair's truth with whether the ring is displaced, whether a pose is due, and each plane's evidence."""
+    from_place_mm = 1e3 * pair.from_place_m
+    scenario = simulator.scenario
+    unsaid = any(
+        event.kind in MOVES_UNSAID and not event.calibrated and pair.index >= event.first for event in scenario.events
+    )
+    due = (
+        from_place_mm <= SILENT_LOSS_MM
+        and pair.withdrawn <= WITHDRAWING
+        and 1e3 * pair.shifted_m <= SILENT_LOSS_MM
+        and not unsaid
+        and not scenario.calibration_error.swapped
+        and seed_gap_mm(scenario) < REFUSED_GAP_MM
+    )
+    evidence = {}
+    for plane, frame in pair.images.frames.items():
+        if pair.loop is not None:
+            pixel_mm = pair.rendered[plane].millimetres_per_pixel(pair.loop.mean(axis=0))
+            dark = scenario.imaging.polarity == "dark"
+            evidence[plane] = pole_evidence(frame.pixels, pair.poles[plane], pixel_mm, dark=dark)
+    displaced = from_place_mm > DISPLACED_MM or pair.withdrawn > WITHDRAWN
+    return dataclasses.replace(true, displaced=displaced, due=due, evidence=evidence)
+
+
+def seed_gap_mm(scenario: Scenario) -> float:
+    """How far the published rays to the ring's true centre pass each other by in the first pair, millimetres."""
+    centre = 1e-3 * np.asarray(scenario.lasso.centre_mm)
+    published = [published_projection(scenario, plane, 0) for plane in PLANES]
+    rays = [
+        projection.rays(true_projection(scenario, plane, 0).project(centre)[None])[0]
+        for plane, projection in zip(PLANES, published, strict=True)
+    ]
+    across = np.cross(*rays)
+    return 1e3 * abs(float((published[1].source - published[0].source) @ across)) / float(np.linalg.norm(across))
