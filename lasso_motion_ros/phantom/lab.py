@@ -86,12 +86,16 @@ class Lab:
 
     def shape(self, time_s: float) -> Loop:
         """The loop's own shape, without any motion: a variable loop winds up or opens, its length the same."""
-        growth = ring_growth(self.incidents, time_s)
+        growth = self.growth(time_s)
         if growth == 1.0:
             return self._loop
         lasso = self._scenario.lasso
         resized = dataclasses.replace(lasso, diameter_mm=lasso.diameter_mm * growth, turns=lasso.turns / growth)
         return build_loop(resized, SEPTUM)
+
+    def growth(self, time_s: float) -> float:
+        """Diameter of the loop by that in the first pair."""
+        return ring_growth(self.incidents, time_s)
 
     def slide(self, time_s: float) -> Array:
         """(3,) how far the ring has slid from its place, metres."""

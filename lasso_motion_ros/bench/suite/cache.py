@@ -11,6 +11,7 @@ from zipfile import BadZipFile
 
 import numpy as np
 
+from lasso_motion_ros.bench.suite import place_truth
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence, render_sequence
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import make_directory
@@ -62,9 +63,9 @@ class SequenceCache:
 
 @cache
 def _simulator_code() -> bytes:
-    """A digest of all modules that decide what a rendered sequence looks like."""
+    """A digest of all modules that decide what a rendered sequence looks like, and what its truth says."""
     package = Path(__file__).parents[2]
-    digest = hashlib.sha256()
+    digest = hashlib.sha256(Path(place_truth.__file__).read_bytes())
     for room in ("geometry", "phantom"):
         for module in sorted((package / room).glob("*.py")):
             digest.update(module.read_bytes())

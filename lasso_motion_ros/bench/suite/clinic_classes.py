@@ -6,18 +6,18 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from lasso_motion_ros.bench.suite.moderate import altered
+from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.settings import Event, Scenario
 
-Array = npt.NDArray[np.float64]
 Random = np.random.Generator
 
 SHUTTER_MARGIN = 0.05  # of the field, between the loop's whole path and the shutters
+SHUTTER_MOST = 0.38
 MOST_PAIRS = 60
 START = 0.0  # a class that holds from the first pair on
 
@@ -39,17 +39,6 @@ class EventClass:
     group: str = ""
 
 
-def direction(random: Random) -> Array:
-    """A random unit vector (3,)."""
-    vector = random.normal(size=3)
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-def as_vector(values: npt.ArrayLike) -> tuple[float, ...]:
-    """Numbers as a scenario holds them."""
-    return tuple(float(value) for value in np.asarray(values))
-
-
 def lasting(scenario: Scenario, seconds: float) -> Scenario:
     """The scenario made long enough to go on for a time; slower rather than of very many pairs."""
     rate_hz = min(scenario.rate_hz, MOST_PAIRS / seconds)
@@ -64,18 +53,23 @@ def edge_on_normal(scenario: Scenario, plane: int, off_deg: float) -> tuple[floa
     return as_vector(normal / np.linalg.norm(normal) + np.sin(np.radians(off_deg)) * viewing)
 
 
-def path_shutters(scenario: Scenario) -> tuple[float, ...]:
-    """What shutters may cover at left, top, right and bottom without covering the loop at any phase of a breath."""
+def path_shutters(scenario: Scenario, margin: float = SHUTTER_MARGIN, most: float = SHUTTER_MOST) -> tuple[float, ...]:
+    """What shutters may cover at left, top, right and bottom without covering the loop at any phase of a breath.
+
+    Args:
+        scenario: where the loop lies and how it breathes.
+        margin: left open about it, of the field.
+        most: covered on one side, of the field.
+    """
     centre = 1e-3 * np.asarray(scenario.lasso.centre_mm)
     radius = 0.5e-3 * scenario.lasso.diameter_mm
-    way = np.asarray(scenario.breathing.direction) / np.linalg.norm(scenario.breathing.direction)
-    breath = 1e-3 * scenario.breathing.amplitude_mm * way
+    breath = 1e-3 * scenario.breathing.amplitude_mm * unit(scenario.breathing.direction)
     sides = (*np.eye(3), *-np.eye(3))
     points = np.array([centre + part * breath + radius * side for part in (-1, 0, 1) for side in sides])
     size = scenario.geometry.size_px
     shares = np.vstack([true_projection(scenario, plane, 0).project(points) / size for plane in PLANES])
-    covered = np.concatenate([shares.min(axis=0), 1.0 - shares.max(axis=0)]) - SHUTTER_MARGIN
-    return as_vector(np.clip(covered, 0.0, 0.38))
+    covered = np.concatenate([shares.min(axis=0), 1.0 - shares.max(axis=0)]) - margin
+    return as_vector(np.clip(covered, 0.0, most))
 
 
 def with_incidents(scenario: Scenario, *incidents: Incident) -> Scenario:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lasso_motion_ros.bench.suite.clinic_classes import CLASSES, as_vector, direction
+from lasso_motion_ros.bench.suite.clinic_classes import CLASSES
 from lasso_motion_ros.bench.suite.moderate import altered
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg
+from lasso_motion_ros.bench.suite.vectors import as_vector, direction
 from lasso_motion_ros.phantom.settings import (
     BreathingSettings,
     CalibrationSettings,

@@ -1,7 +1,7 @@
 """Whether a simulated ring is in its place and a pose is due, and how plainly the images show it, from the truth.
 
-A ring that has slid by more than 2 mm, or that a patient's shift has taken with it, asks for no pose: silence is right.
-What is published all the same is judged. A displaced ring (3 mm and more, moved or half withdrawn) has no right pose
+A ring that has slid by more than 2 mm, that a patient's shift has taken with it, or that has been wound up asks for no
+pose: silence is right. What is published all the same is judged. A displaced ring (3 mm and more, moved or half withdrawn) has no right pose
 at all. After a patient's shift the atrium lies elsewhere on the table, and `motion` says where: a pose that has
 followed it is right for the overlay, since the volume is registered to the table; one that has not is wrong.
 """
@@ -22,6 +22,7 @@ from lasso_motion_ros.phantom.shown_poles import pole_evidence
 Array = npt.NDArray[np.float64]
 
 WITHDRAWING, WITHDRAWN = 0.05, 0.35  # of the loop in its sheath: no pose is due, it is no ring any more
+OTHER_RING = 0.05  # of its diameter: a variable loop wound up or opened by more is another ring than the seed's
 REFUSED_GAP_MM = 8.0  # planes that disagree by more at the seed are to be refused
 MOVES_UNSAID = ("table_pan", "gantry_turn", "zoom")
 
@@ -36,6 +37,7 @@ def with_place(true: PairTruth, simulator: Simulator, pair: SimulatedPair) -> Pa
     due = (
         from_place_mm <= SILENT_LOSS_MM
         and pair.withdrawn <= WITHDRAWING
+        and abs(simulator.lab.growth(simulator.time_s(pair.index, "a")) - 1.0) <= OTHER_RING
         and 1e3 * pair.shifted_m <= SILENT_LOSS_MM
         and not unsaid
         and not scenario.calibration_error.swapped

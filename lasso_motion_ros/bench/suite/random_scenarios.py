@@ -10,8 +10,8 @@ import dataclasses
 from collections.abc import Iterable
 
 import numpy as np
-import numpy.typing as npt
 
+from lasso_motion_ros.bench.suite.vectors import as_vector, direction
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.settings import (
@@ -27,8 +27,6 @@ from lasso_motion_ros.phantom.settings import (
     PlaneSettings,
     Scenario,
 )
-
-Array = npt.NDArray[np.float64]
 
 DEFAULT_SEED = 2009
 DEFAULT_SEQUENCES = 60
@@ -97,7 +95,7 @@ def _breathing(random: np.random.Generator) -> BreathingSettings:
     direction = np.array([0.08, -0.25, -1.0]) + random.normal(0.0, [0.1, 0.15, 0.0])
     return BreathingSettings(
         amplitude_mm=float(random.uniform(5.0, 32.0)),
-        direction=_vector(direction),
+        direction=as_vector(direction),
         period_s=float(random.uniform(3.0, 6.0)),
         start=float(random.uniform()),
         hysteresis_mm=float(random.uniform(0.0, 2.0)),
@@ -128,7 +126,7 @@ def _calibration_error(random: np.random.Generator) -> CalibrationSettings:
 
 def _distractors(random: np.random.Generator) -> DistractorSettings:
     # The ablation catheter lies beside the ring, seldom within it.
-    offset = random.uniform(16.0, 30.0) * _direction(random)
+    offset = random.uniform(16.0, 30.0) * direction(random)
     return DistractorSettings(
         sternal_wires=int(random.choice([0, 5])),
         ecg_leads=int(random.integers(0, 4)),
@@ -136,20 +134,20 @@ def _distractors(random: np.random.Generator) -> DistractorSettings:
         second_ring=bool(random.integers(2)),
         coronary_sinus=bool(random.uniform() < 0.8),
         ablation=bool(random.uniform() < 0.8),
-        ablation_offset_mm=_vector(offset),
+        ablation_offset_mm=as_vector(offset),
     )
 
 
 def _lasso(random: np.random.Generator, scenario: Scenario) -> LassoSettings:
     """Any orientation; in a quarter of the sequences within a few degrees of edge-on in one plane."""
-    normal = _direction(random)
+    normal = direction(random)
     if random.uniform() < 0.25:
         viewing = true_projection(scenario, PLANES[int(random.integers(2))], 0).viewing_direction
         normal = normal - (normal @ viewing) * viewing
         normal = normal / np.linalg.norm(normal) + np.sin(np.radians(random.uniform(-6.0, 6.0))) * viewing
     return LassoSettings(
-        centre_mm=_vector(random.uniform([-8.0, -12.0, -8.0], [18.0, 12.0, 18.0])),
-        normal=_vector(normal),
+        centre_mm=as_vector(random.uniform([-8.0, -12.0, -8.0], [18.0, 12.0, 18.0])),
+        normal=as_vector(normal),
         spin_deg=float(random.uniform(0.0, 360.0)),
         diameter_mm=float(random.uniform(17.0, 25.0)),
         aspect=float(random.uniform(0.9, 1.0)),
@@ -169,13 +167,13 @@ def _events(random: np.random.Generator, scenario: Scenario) -> tuple[Event, ...
     dropped = int(random.integers(1, 1 + min(4, max(1, int(LONGEST_DROP_S * scenario.rate_hz)))))
     moved_over = int(random.integers(1, 5))
     # Put into another vein the ring lies differently, but is still seen as a ring.
-    shift, turn = MOVE_MM * _direction(random), random.uniform(0.0, LARGEST_MOVE_TURN_DEG) * _direction(random)
+    shift, turn = MOVE_MM * direction(random), random.uniform(0.0, LARGEST_MOVE_TURN_DEG) * direction(random)
     if kind == "hide":
         return (Event(kind, first, min(first + 4, scenario.pairs - 2)),)
     if kind == "remove":
         return (Event(kind, first),)
     if kind == "move":
-        return (Event(kind, first, first + moved_over - 1, shift_mm=_vector(shift), turn_deg=_vector(turn)),)
+        return (Event(kind, first, first + moved_over - 1, shift_mm=as_vector(shift), turn_deg=as_vector(turn)),)
     if kind == "drop":
         return (Event(kind, first, first + dropped - 1, plane=plane),)
     return ()
@@ -206,12 +204,3 @@ def edge_on_deg(scenario: Scenario, plane: int) -> float:
     normal = np.asarray(scenario.lasso.normal)
     sine = abs(float(ray @ normal)) / float(np.linalg.norm(ray) * np.linalg.norm(normal))
     return float(np.degrees(np.arcsin(min(1.0, sine))))
-
-
-def _direction(random: np.random.Generator) -> Array:
-    vector = random.normal(size=3)
-    return np.asarray(vector / np.linalg.norm(vector))
-
-
-def _vector(values: npt.ArrayLike) -> tuple[float, ...]:
-    return tuple(float(value) for value in np.asarray(values))

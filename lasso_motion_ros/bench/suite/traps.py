@@ -9,8 +9,11 @@ from itertools import count, islice
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.bench.suite import lab_traps
+from lasso_motion_ros.bench.suite.clinic_classes import path_shutters
 from lasso_motion_ros.bench.suite.moderate import altered, moderate_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import MOVE_MM
+from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.gantry import true_projection
@@ -49,7 +52,7 @@ class Trap:
 
 
 def _ghost(scenario: Scenario, number: int) -> Scenario:
-    shift = _vector(MOVE_MM * _direction(scenario))
+    shift = as_vector(MOVE_MM * _direction(scenario))
     events = (Event("remove", EVENT), Event("hide", EVENT, EVENT + 3), Event("move", EVENT, shift_mm=shift))
     # In noise a ghost is no lasso anyway: the pictures are clear.
     imaging = {"lag": (0.35, 0.3, 0.35)[number % 3], "quanta": 80.0}
@@ -94,24 +97,24 @@ def _zoom(scenario: Scenario, number: int) -> Scenario:
 
 def _slow_move(scenario: Scenario, number: int) -> Scenario:
     """After two breaths and more the ring is moved over 4 to 8 pairs, in steps that a breath might take, or nearly."""
-    shift = _vector(MOVE_MM * _direction(scenario))
+    shift = as_vector(MOVE_MM * _direction(scenario))
     move = Event("move", 24, 24 + (3, 5, 7)[number % 3], shift_mm=shift)
     return altered(scenario, pairs=34, rate_hz=3.75, breathing={"period_s": 3.0}, events=(move,))
 
 
 def _jump(scenario: Scenario, number: int) -> Scenario:
     """Moved at once before a breath is known: in the first pairs; then, a little later, as a fast breath would."""
-    along = _unit(scenario.breathing.direction)
+    along = unit(scenario.breathing.direction)
     shift = 18.0 * along if number % 3 == 2 else MOVE_MM * _direction(scenario)
-    return altered(scenario, rate_hz=3.75, events=(Event("move", (1, 2, 4)[number % 3], shift_mm=_vector(shift)),))
+    return altered(scenario, rate_hz=3.75, events=(Event("move", (1, 2, 4)[number % 3], shift_mm=as_vector(shift)),))
 
 
 def _moved_unseen(scenario: Scenario, number: int) -> Scenario:
     """Hidden while it is put elsewhere: back along the breath's way, where only how it lies tells; then far away."""
-    along = _unit(scenario.breathing.direction)
+    along = unit(scenario.breathing.direction)
     shift = (6.0 * along, -6.0 * along, OTHER_SIDE_MM * _direction(scenario))[number % 3]
     turn = (8.0, 12.0, 0.0)[number % 3] * _direction(scenario)
-    moved = Event("move", 7, shift_mm=_vector(shift), turn_deg=_vector(turn))
+    moved = Event("move", 7, shift_mm=as_vector(shift), turn_deg=as_vector(turn))
     return altered(scenario, events=(Event("hide", 6, 8), moved))
 
 
@@ -165,7 +168,7 @@ def _edge_on(scenario: Scenario, number: int) -> Scenario:
     """Edge-on in both planes: the loop's axis is across both lines of sight, within three degrees."""
     along_a, along_b = (true_projection(scenario, plane, 0).viewing_direction for plane in PLANES)
     off = np.tan(np.radians((0.0, 1.5, 3.0)[number % 3])) * _direction(scenario)
-    return altered(scenario, lasso={"normal": _vector(_unit(np.cross(along_a, along_b)) + off)})
+    return altered(scenario, lasso={"normal": as_vector(unit(np.cross(along_a, along_b)) + off)})
 
 
 def _overlap(scenario: Scenario, number: int) -> Scenario:
@@ -184,20 +187,11 @@ def _low_dose(scenario: Scenario, number: int) -> Scenario:
 
 def _strong_edges(scenario: Scenario, number: int) -> Scenario:
     """Wires, leads, and the collimator as near as the loop's path allows."""
-    centre = 1e-3 * np.array(scenario.lasso.centre_mm)
-    radius = 0.5e-3 * scenario.lasso.diameter_mm
-    breath = 1e-3 * scenario.breathing.amplitude_mm * _unit(scenario.breathing.direction)
-    points = np.array(
-        [centre + way * breath + radius * side for way in (-1, 0, 1) for side in (*np.eye(3), *-np.eye(3))]
-    )
-    size = scenario.geometry.size_px
-    shares = np.vstack([true_projection(scenario, plane, 0).project(points) / size for plane in PLANES])
-    covered = np.concatenate([shares.min(axis=0), 1.0 - shares.max(axis=0)]) - COLLIMATOR_MARGIN
     return altered(
         scenario,
         imaging={
             "quanta": 80.0,
-            "collimator": _vector(np.clip(covered, 0.0, 0.4)),
+            "collimator": path_shutters(scenario, COLLIMATOR_MARGIN, 0.4),
             "edge_enhancement": (1.0, 2.0, 3.0)[number % 3],
         },
         distractors={"sternal_wires": 5, "ecg_leads": 3, "oesophageal_probe": True},
@@ -215,7 +209,7 @@ def _alike(scenario: Scenario, number: int) -> Scenario:
     normal = np.array(scenario.lasso.normal)
     return altered(
         scenario,
-        lasso={"normal": _vector(normal - (normal @ along) * along)},
+        lasso={"normal": as_vector(normal - (normal @ along) * along)},
         breathing={"amplitude_mm": 25.0},
         imaging={"quanta": LOW_DOSE},
         distractors={"second_ring": True, "sternal_wires": 5, "ecg_leads": 3, "oesophageal_probe": True},
@@ -224,9 +218,9 @@ def _alike(scenario: Scenario, number: int) -> Scenario:
 
 def _slip(scenario: Scenario, number: int) -> Scenario:
     """After two breaths and more the ring slips by less than a breath, across its way."""
-    along, direction = _unit(scenario.breathing.direction), _direction(scenario)
-    across = _unit(direction - (direction @ along) * along)
-    move = Event("move", 24, shift_mm=_vector((8.0, 7.0, 6.0, 5.0)[number % 4] * across))
+    along, direction = unit(scenario.breathing.direction), _direction(scenario)
+    across = unit(direction - (direction @ along) * along)
+    move = Event("move", 24, shift_mm=as_vector((8.0, 7.0, 6.0, 5.0)[number % 4] * across))
     return altered(scenario, pairs=34, rate_hz=3.75, breathing={"period_s": 3.0}, events=(move,))
 
 
@@ -254,6 +248,22 @@ TRAPS: Mapping[str, Trap] = {
         Trap("alike", "edge-on in one plane among lines, 14 quanta", _alike, 2),
         Trap("moved_unseen", "moved while hidden, along the breath's way or far", _moved_unseen),
         Trap("slip", "slipped by 8 to 5 mm across the breath's way after several breaths", _slip, 4),
+        Trap("tip_at_ring", "an ablation tip at the ring, from the seed pair on", lab_traps.tip_at_ring),
+        Trap("tip_on_line", "edge-on in one plane, an ablation tip continues the line", lab_traps.tip_on_line),
+        Trap("narrow", "a narrow, faint ellipse beside an ablation tip", lab_traps.narrow),
+        Trap("cough_apnoea_sigh", "a cough, 10 s without breath, a sigh of 29 mm", lab_traps.cough_apnoea_sigh, 2),
+        Trap("slide", "slides out of the vein by 0.3 to 1 mm/s", lab_traps.slide),
+        Trap("withdraw", "drawn into its sheath", lab_traps.withdraw),
+        Trap("far_jump", "put 24 mm away after a breath", lab_traps.far_jump),
+        Trap("patient_shift", "the patient moves by 6 to 14 mm", lab_traps.patient_shift),
+        Trap("fibrillation", "an irregular heart of 3 to 5 mm, B half a frame late", lab_traps.fibrillation),
+        Trap("plane_off", "one plane is off for 4 to 20 s", lab_traps.plane_off),
+        Trap("drops", "pictures of either plane are lost now and then, a heart of 2 mm", lab_traps.drops),
+        Trap("filtered", "a filter keeps up to half of the last picture, 25 mm", lab_traps.filtered),
+        Trap("calibration", "gross errors, or A and B swapped", lab_traps.gross_calibration, 4, doubt_due=True),
+        Trap("twin", "a lasso of the same kind a deep breath away", lab_traps.twin),
+        Trap("contrast", "contrast in the vein behind the ring", lab_traps.contrast, 2),
+        Trap("regrey", "dose and grey level change", lab_traps.regrey, 2),
     )
 }
 
@@ -275,13 +285,4 @@ def trap_scenarios(trap: Trap, seed: int, sequences: int | None = None) -> tuple
 
 
 def _direction(scenario: Scenario) -> Array:
-    return _unit(np.random.default_rng(scenario.seed).normal(size=3))
-
-
-def _unit(vector: npt.ArrayLike) -> Array:
-    values = np.asarray(vector, dtype=np.float64)
-    return np.asarray(values / np.linalg.norm(values))
-
-
-def _vector(values: npt.ArrayLike) -> tuple[float, ...]:
-    return tuple(float(value) for value in np.asarray(values))
+    return direction(np.random.default_rng(scenario.seed))
