@@ -18,6 +18,7 @@ from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.evaluation.measures import PairTruth
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom.shown_poles import PLAIN
+from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +83,10 @@ def run_drawn(
     with one_thread():
         sequence = SequenceCache(cache).sequence(drawn.scenario)
         plain = tuple(is_plain(true) for true in sequence.truth.pairs)
-        return {name: ClinicResult(drawn, run_sequence(sequence, config), plain) for name, config in configs.items()}
+        return {
+            name: ClinicResult(drawn, run_sequence(sequence, create_tracker(config)), plain)
+            for name, config in configs.items()
+        }
 
 
 def is_plain(true: PairTruth) -> bool:

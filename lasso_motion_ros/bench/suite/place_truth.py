@@ -1,9 +1,10 @@
 """Whether a simulated ring is in its place and a pose is due, and how plainly the images show it, from the truth.
 
 A ring that has slid by more than 2 mm, that a patient's shift has taken with it, or that has been wound up asks for no
-pose: silence is right. What is published all the same is judged. A displaced ring (3 mm and more, moved or half withdrawn) has no right pose
-at all. After a patient's shift the atrium lies elsewhere on the table, and `motion` says where: a pose that has
-followed it is right for the overlay, since the volume is registered to the table; one that has not is wrong.
+pose: silence is right. What is published all the same is judged. A displaced ring (3 mm and more, moved, or a third of
+it withdrawn) has no right pose at all. After a patient's shift the atrium lies elsewhere on the table, and `motion`
+says where: a pose that has followed it is right for the overlay, since the volume is registered to the table; one that
+has not is wrong.
 """
 
 from __future__ import annotations
