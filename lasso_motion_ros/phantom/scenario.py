@@ -130,7 +130,7 @@ def _listed(key: str, values: Any, prefix: str) -> Event | Incident:
     entry = _group(kind, values, prefix)
     for name in required:
         if name not in values:
-            raise ScenarioError(f"{prefix}{name}: expected in every one of {key}, found none")
+            raise ScenarioError(f"{prefix}{name}: expected in every {key.removesuffix('s')}, found none")
     return entry
 
 
