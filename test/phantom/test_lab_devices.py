@@ -39,6 +39,7 @@ def test_an_echo_probe_is_wide_and_its_tip_dense(diameter: float) -> None:
     assert depth[row].max() > 1.5
     body = depth[int(projection.project(np.array([0.004, 0.033, 0.05]))[1])]
     assert 0.1 < body.max() < 0.6 * depth[row].max()
+    assert np.count_nonzero(body > 0.02) * pixel_mm == pytest.approx(0.8 * diameter, rel=0.12)
 
 
 def test_an_echo_probe_takes_half_of_the_hearts_motion() -> None:
