@@ -17,10 +17,27 @@ from lasso_motion_ros.phantom.tubes import Segments, optical_depth
 
 Array = npt.NDArray[np.float64]
 
-FRONT_M_S = 0.12  # the contrast's front in the vessel
-RISE_S, WASHOUT_S = 0.4, 1.2
-SPACING_M = 2.0e-3
-BLUR_PX = 1.2
+
+@dataclass(frozen=True)
+class Flow:
+    """How contrast agent flows and is rendered.
+
+    Attributes:
+        front_m_s: speed of its front in a vessel.
+        rise_s: time constant with which it fills a place.
+        washout_s: time constant with which it leaves after the injection.
+        spacing_m: length of a vessel's pieces.
+        blur_px: hides the joints of the pieces (sigma), in pixels twice as large as the image's.
+    """
+
+    front_m_s: float = 0.12
+    rise_s: float = 0.4
+    washout_s: float = 1.2
+    spacing_m: float = 2.0e-3
+    blur_px: float = 1.2
+
+
+FLOW = Flow()
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +63,8 @@ class Tree:
 
 def concentration(incident: Incident, seconds: Array) -> Array:
     """Contrast, 0 to 1, at times (K,) since the injection began: it rises, stays while injected, and is washed out."""
-    rising = 1.0 - np.exp(-np.maximum(seconds, 0.0) / RISE_S)
-    washed = np.exp(-np.maximum(seconds - incident.duration_s, 0.0) / WASHOUT_S)
+    rising = 1.0 - np.exp(-np.maximum(seconds, 0.0) / FLOW.rise_s)
+    washed = np.exp(-np.maximum(seconds - incident.duration_s, 0.0) / FLOW.washout_s)
     return np.asarray(rising * washed)
 
 
@@ -70,7 +87,7 @@ def contrast_depth(
         if incident.kind != "contrast" or time_s < incident.start_s:
             continue
         tree = trees[incident.vessel]
-        filled = incident.amount * concentration(incident, time_s - incident.start_s - tree.distance / FRONT_M_S)
+        filled = incident.amount * concentration(incident, time_s - incident.start_s - tree.distance / FLOW.front_m_s)
         kept = filled > 0.5
         if kept.any():
             beat = contraction * tree.beat[kept, None] * np.array([-3.0e-3, 2.0e-3, 3.5e-3])
@@ -79,7 +96,7 @@ def contrast_depth(
                 for points in (tree.start, tree.end)
             )
             depth += optical_depth(half, Segments(start, end, tree.radius[kept], filled[kept]), 1)
-    smooth = cv2.GaussianBlur(depth, (0, 0), BLUR_PX)
+    smooth = cv2.GaussianBlur(depth, (0, 0), FLOW.blur_px)
     return np.asarray(cv2.resize(smooth, (projection.width, projection.height), interpolation=cv2.INTER_LINEAR))
 
 
@@ -131,12 +148,12 @@ def coronary_tree(motion: Array) -> Tree:
 def _tree(pieces: list[tuple[Array, float, float]], share: Callable[[Array], Array], beat: float) -> Tree:
     starts, ends, radii, distances = [], [], [], []
     for knots, radius, before in pieces:
-        curve = spline(knots, SPACING_M)
+        curve = spline(knots, FLOW.spacing_m)
         count = len(curve) - 1
         starts.append(curve[:-1])
         ends.append(curve[1:])
         radii.append(radius * np.linspace(1.0, 0.82, count))
-        distances.append(before + SPACING_M * np.arange(count))
+        distances.append(before + FLOW.spacing_m * np.arange(count))
     distance = np.concatenate(distances)
     return Tree(
         np.concatenate(starts),

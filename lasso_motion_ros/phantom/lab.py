@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.curves import resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, inverse
@@ -24,7 +25,6 @@ from lasso_motion_ros.phantom.catheters import (
     electrode_places,
     lasso_shaft,
     loop_segments,
-    resampled,
 )
 from lasso_motion_ros.phantom.contrast import Tree, contrast_depth, coronary_tree, vein_tree
 from lasso_motion_ros.phantom.gantry import true_projection
@@ -129,7 +129,7 @@ class Lab:
             length = curve_length(loop)
             whole = np.concatenate([loop, shaft[1:]])
             # Drawn along itself: the tip goes the way that the loop lies.
-            wire = resampled(along_curve(whole, np.linspace(share * length, (1.0 + share) * length, 181)), LOOP_POINTS)
+            wire = resample(along_curve(whole, np.linspace(share * length, (1.0 + share) * length, 181)), LOOP_POINTS)
         parts.append(loop_segments(wire, self._scenario.lasso))
         return joined(parts)
 

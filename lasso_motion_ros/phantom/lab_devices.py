@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -11,8 +12,7 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, rotation_from_vector
 from lasso_motion_ros.phantom.bodies import Body, Rays
 from lasso_motion_ros.phantom.catheters import (
-    LARGE_RING,
-    RING,
+    MATERIAL,
     SEPTUM,
     body_segments,
     build_loop,
@@ -30,9 +30,32 @@ Array = npt.NDArray[np.float64]
 
 SPLINES, SPLINE_ELECTRODES = 5, 4
 SPLINE_LENGTH_M = 17e-3
-# Attenuation in excess of the surroundings', 1/m: an endoscope's steel braid, its hollow, a transducer's housing.
-BRAID, HOLLOW, TRANSDUCER, HOUSING = 95.0, -62.0, 210.0, 45.0
-SNAP, GEL, LEAD = 420.0, 24.0, 260.0
+
+
+@dataclass(frozen=True)
+class DeviceMaterials:
+    """Attenuation in excess of the surroundings', 1/m.
+
+    Attributes:
+        braid: an endoscope's steel braid, as if it filled the tube.
+        hollow: what is taken off again inside it.
+        transducer: the echo probe's array and its board.
+        housing: the tip's plastic and wiring.
+        snap: a skin electrode's metal button.
+        gel: the pad round it.
+        lead: its copper wire.
+    """
+
+    braid: float = 95.0
+    hollow: float = -62.0
+    transducer: float = 210.0
+    housing: float = 45.0
+    snap: float = 420.0
+    gel: float = 24.0
+    lead: float = 260.0
+
+
+DEVICE = DeviceMaterials()
 
 
 def echo_probe(diameter_m: float, motion: Array, hand_m: Array) -> Segments:
@@ -51,13 +74,13 @@ def echo_probe(diameter_m: float, motion: Array, hand_m: Array) -> Segments:
     tip, neck, body = curve[-18:], curve[-21:-17], curve[:-17]
     return joined(
         [
-            chain(body, 0.8 * radius, BRAID),
-            chain(body, 0.66 * radius, HOLLOW),
-            chain(neck, 0.9 * radius, BRAID),
-            chain(tip, radius, HOUSING),
+            chain(body, 0.8 * radius, DEVICE.braid),
+            chain(body, 0.66 * radius, DEVICE.hollow),
+            chain(neck, 0.9 * radius, DEVICE.braid),
+            chain(tip, radius, DEVICE.housing),
             # The array and its board fill the middle of the housing.
-            chain(tip[3:15], 0.62 * radius, TRANSDUCER),
-            chain(tip[6:10], 0.8 * radius, TRANSDUCER),
+            chain(tip[3:15], 0.62 * radius, DEVICE.transducer),
+            chain(tip[6:10], 0.8 * radius, DEVICE.transducer),
         ]
     )
 
@@ -86,7 +109,7 @@ def star_catheter(hub: Array, towards: Array, motion: Array) -> Segments:
         for number in range(SPLINE_ELECTRODES):
             # 2-6-2 mm from the tip on.
             at = 1.0e-3 + 1e-3 * (0.0, 2.0, 8.0, 10.0)[number]
-            parts.append(electrode(curve[::-1], at, 1.0e-3, 0.55e-3, RING))
+            parts.append(electrode(curve[::-1], at, 1.0e-3, 0.55e-3, MATERIAL.ring))
     knots = [hub, hub - 8.0e-3 * towards, apply(motion, SEPTUM + np.array([-1.0, 3.0, 4.0]) * 1e-3)]
     knots += [followed(np.array(place) * 1e-3, share, motion) for place, share in _CAVA]
     parts.append(body_segments(spline(np.asarray(knots)), 1.15e-3))
@@ -130,8 +153,8 @@ def pacing_catheter(motion: Array, contraction: float) -> Segments:
         for knot, share, pull in zip(knots, shares, pulls, strict=True)
     ]
     curve = spline(np.stack(moved))[::-1]
-    parts = [body_segments(curve, 0.83e-3), electrode(curve, 1.0e-3, 2.0e-3, 0.9e-3, LARGE_RING)]
-    parts += [electrode(curve, at, 1.0e-3, 0.88e-3, LARGE_RING) for at in (7.0e-3, 12.0e-3, 17.0e-3)]
+    parts = [body_segments(curve, 0.83e-3), electrode(curve, 1.0e-3, 2.0e-3, 0.9e-3, MATERIAL.large_ring)]
+    parts += [electrode(curve, at, 1.0e-3, 0.88e-3, MATERIAL.large_ring) for at in (7.0e-3, 12.0e-3, 17.0e-3)]
     return joined(parts)
 
 
@@ -159,9 +182,9 @@ def skin_discs(
         outward /= np.linalg.norm(outward)
         gel = np.stack([at, at + 1.5e-3 * outward])
         snap = np.stack([at + 1.5e-3 * outward, at + 4.5e-3 * outward])
-        parts += [chain(gel, 14.0e-3, GEL), chain(snap, 4.6e-3, SNAP)]
+        parts += [chain(gel, 14.0e-3, DEVICE.gel), chain(snap, 4.6e-3, DEVICE.snap)]
         aside = np.cross(outward, (0.0, 0.0, 1.0))
         way = np.array([[0.0, 0.0], [0.004, 0.02], [random.uniform(-0.02, 0.04), 0.07], [0.05, 0.16]])
         lead = snap[1] + way[:, :1] * aside + way[:, 1:] * np.array([0.0, 0.0, 1.0])
-        parts.append(chain(spline(lead, 2.0e-3), 0.55e-3, LEAD))
+        parts.append(chain(spline(lead, 2.0e-3), 0.55e-3, DEVICE.lead))
     return joined(parts)

@@ -6,16 +6,39 @@ round about; the mean over the true electrodes says whether a person, or a track
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-ELECTRODE_MM, SURROUND_MM, LOCAL_MM = 0.45, 1.35, 8.0  # Gaussian widths (sigma) at the ring's depth
-LEAST, MOST = -1.0, 2.0  # one very dark thing on an electrode does not make up for nine that are not seen
-PLAIN = 1.2  # from this mean on a plane shows the ring plainly
-MARGIN_MM = 20.0
+
+@dataclass(frozen=True)
+class EvidenceConstants:
+    """What the evidence of electrodes is made with; lengths at the ring's depth.
+
+    Attributes:
+        electrode_mm: width (sigma) of the Gaussian that keeps an electrode.
+        surround_mm: of the one whose result is taken off it.
+        local_mm: of the one over which the band's mean square is taken.
+        least: contrast is clipped here,
+        most: and here: one very dark thing on an electrode does not make up for nine that are not seen.
+        margin_mm: of the image round the electrodes that is looked at.
+        plain: mean from which on a plane shows the ring plainly.
+    """
+
+    electrode_mm: float = 0.45
+    surround_mm: float = 1.35
+    local_mm: float = 8.0
+    least: float = -1.0
+    most: float = 2.0
+    margin_mm: float = 20.0
+    plain: float = 1.2
+
+
+EVIDENCE = EvidenceConstants()
 
 
 def pole_evidence(
@@ -35,20 +58,20 @@ def pole_evidence(
     height, width = pixels.shape
     inside = np.all((poles >= 0.0) & (poles <= (width - 1, height - 1)), axis=1)
     if not inside.any():
-        return LEAST
-    margin = MARGIN_MM / pixel_mm
+        return EVIDENCE.least
+    margin = EVIDENCE.margin_mm / pixel_mm
     low = np.maximum(np.floor(poles[inside].min(axis=0) - margin).astype(int), 0)
     high = np.minimum(np.ceil(poles[inside].max(axis=0) + margin).astype(int) + 1, (width, height))
     part = pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     if not dark:
         part = np.float32(np.iinfo(pixels.dtype).max if pixels.dtype == np.uint8 else 4095) - part
     logarithm = np.log(part + np.float32(1.0))
-    band = _smooth(logarithm, SURROUND_MM / pixel_mm) - _smooth(logarithm, ELECTRODE_MM / pixel_mm)
-    local = np.sqrt(_smooth(band * band, LOCAL_MM / pixel_mm)) + np.float32(1e-6)
-    contrast = np.clip(band / local, LEAST, MOST)
+    band = _smooth(logarithm, EVIDENCE.surround_mm / pixel_mm) - _smooth(logarithm, EVIDENCE.electrode_mm / pixel_mm)
+    local = np.sqrt(_smooth(band * band, EVIDENCE.local_mm / pixel_mm)) + np.float32(1e-6)
+    contrast = np.clip(band / local, EVIDENCE.least, EVIDENCE.most)
     at = (poles[inside] - low).astype(np.float32)
     seen = cv2.remap(contrast, at[:, :1], at[:, 1:], cv2.INTER_LINEAR).ravel()
-    return float((seen.sum() + LEAST * np.count_nonzero(~inside)) / len(poles))
+    return float((seen.sum() + EVIDENCE.least * np.count_nonzero(~inside)) / len(poles))
 
 
 def _smooth(image: npt.NDArray[np.float32], sigma_px: float) -> npt.NDArray[np.float32]:

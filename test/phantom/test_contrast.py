@@ -6,9 +6,7 @@ import pytest
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.catheters import SEPTUM, build_loop
 from lasso_motion_ros.phantom.contrast import (
-    FRONT_M_S,
-    RISE_S,
-    WASHOUT_S,
+    FLOW,
     concentration,
     contrast_depth,
     coronary_tree,
@@ -33,8 +31,8 @@ def depth(
 
 def test_it_rises_stays_and_is_washed_out() -> None:
     injection = Incident("contrast", 2.0, 3.0, amount=60.0)
-    seconds = np.array([-1.0, 0.0, RISE_S, 3.0, 3.0 + WASHOUT_S])
-    risen = 1.0 - np.exp(-np.array([3.0, 3.0 + WASHOUT_S]) / RISE_S)
+    seconds = np.array([-1.0, 0.0, FLOW.rise_s, 3.0, 3.0 + FLOW.washout_s])
+    risen = 1.0 - np.exp(-np.array([3.0, 3.0 + FLOW.washout_s]) / FLOW.rise_s)
     expected = [0.0, 0.0, 1.0 - np.exp(-1.0), risen[0], risen[1] * np.exp(-1.0)]
     assert concentration(injection, seconds) == pytest.approx(expected)
 
@@ -50,7 +48,7 @@ def test_its_front_takes_time() -> None:
     assert tree.distance.max() > 0.06
     filled = [np.count_nonzero(depth(2.0 + seconds) > 0.05) for seconds in (0.15, 0.4, 1.2)]
     assert filled[0] < filled[1] < filled[2]
-    assert tree.distance.max() > 0.4 * FRONT_M_S
+    assert tree.distance.max() > 0.4 * FLOW.front_m_s
 
 
 def test_the_vein_goes_on_from_the_ring_away_from_the_septum() -> None:

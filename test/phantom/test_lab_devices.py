@@ -5,11 +5,10 @@ import pytest
 
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.anatomy import build_thorax
-from lasso_motion_ros.phantom.catheters import LARGE_RING, RING
+from lasso_motion_ros.phantom.catheters import MATERIAL
 from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.lab_devices import (
-    LEAD,
-    SNAP,
+    DEVICE,
     TwinLasso,
     echo_probe,
     pacing_catheter,
@@ -50,7 +49,7 @@ def test_an_echo_probe_takes_half_of_the_hearts_motion() -> None:
 def test_a_star_has_twenty_electrodes_in_pairs() -> None:
     towards = np.array([0.0, 0.6, 0.8])
     star = star_catheter(np.array([0.01, 0.0, 0.01]), towards, STILL)
-    poles = middles(star, RING)
+    poles = middles(star, MATERIAL.ring)
     assert poles.shape == (20, 3)
     gaps = 1e3 * np.linalg.norm(np.diff(poles.reshape(5, 4, 3), axis=1), axis=2)
     assert gaps == pytest.approx(np.tile([2.0, 6.0, 2.0], (5, 1)), abs=0.2)
@@ -65,14 +64,14 @@ def test_a_twin_is_of_the_same_kind_elsewhere() -> None:
     assert twin.loop.centre == pytest.approx(1e-3 * np.add(lasso.centre_mm, [0.0, 10.0, -20.0]))
     axis = np.array(lasso.normal) / np.linalg.norm(lasso.normal)
     assert np.degrees(np.arccos(abs(axis @ twin.loop.normal))) <= 30.001
-    assert len(middles(twin.segments(STILL, STILL), RING)) == 14
-    moved = middles(twin.segments(LIFTED, LIFTED), RING) - middles(twin.segments(STILL, STILL), RING)
+    assert len(middles(twin.segments(STILL, STILL), MATERIAL.ring)) == 14
+    moved = middles(twin.segments(LIFTED, LIFTED), MATERIAL.ring) - middles(twin.segments(STILL, STILL), MATERIAL.ring)
     assert moved == pytest.approx(np.tile([0.0, 0.0, -0.02], (14, 1)))
 
 
 def test_a_pacing_catheter_has_four_electrodes_that_the_ventricle_pulls() -> None:
-    poles = middles(pacing_catheter(STILL, 0.0), LARGE_RING)
-    pulled = middles(pacing_catheter(STILL, 1.0), LARGE_RING)
+    poles = middles(pacing_catheter(STILL, 0.0), MATERIAL.large_ring)
+    pulled = middles(pacing_catheter(STILL, 1.0), MATERIAL.large_ring)
     assert poles.shape == (4, 3)
     assert 1e-3 < np.linalg.norm(pulled[0] - poles[0]) < 6e-3
 
@@ -82,7 +81,7 @@ def test_skin_electrodes_are_seen_near_the_ring_and_lie_on_the_skin() -> None:
     projections = [true_projection(scenario, "a", 0), true_projection(scenario, "b", 0)]
     trunk, centre = build_thorax(np.random.default_rng(1)).trunk, np.array([0.012, 0.002, 0.008])
     discs = skin_discs(projections, trunk, centre, 6, np.random.default_rng(5))
-    places = middles(discs, SNAP)
+    places = middles(discs, DEVICE.snap)
     assert places.shape == (6, 3)
     for place in places:
         seen_mm = [
@@ -91,4 +90,4 @@ def test_skin_electrodes_are_seen_near_the_ring_and_lie_on_the_skin() -> None:
         assert min(seen_mm) < 80.0
         local = np.linalg.inv(trunk.axes) @ (place - trunk.centre)
         assert np.hypot(local[0], local[1]) == pytest.approx(1.0, abs=0.06)
-    assert np.any(np.isclose(discs.attenuation, LEAD))
+    assert np.any(np.isclose(discs.attenuation, DEVICE.lead))

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from lasso_motion_ros.phantom.shown_poles import PLAIN, pole_evidence
+from lasso_motion_ros.phantom.shown_poles import EVIDENCE, pole_evidence
 
 PIXEL_MM = 0.25
 ANGLE = np.linspace(0.0, 5.6, 10)
@@ -27,7 +27,7 @@ def test_plain_electrodes_are_plain_and_absent_ones_are_not() -> None:
     assert abs(pole_evidence(picture(0.0), POLES, PIXEL_MM)) < 0.5
     assert pole_evidence(picture(60.0), np.add(POLES, [9.0, 7.0]), PIXEL_MM) < 0.6
     faint = pole_evidence(picture(3.0, noise=12.0), POLES, PIXEL_MM)
-    assert 0.4 < faint < PLAIN
+    assert 0.4 < faint < EVIDENCE.plain
 
 
 def test_one_very_dark_thing_does_not_make_up_for_the_others() -> None:

@@ -17,7 +17,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.evaluation.measures import PairTruth
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.phantom.shown_poles import PLAIN
+from lasso_motion_ros.phantom.shown_poles import EVIDENCE
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 
@@ -91,4 +91,4 @@ def run_drawn(
 
 def is_plain(true: PairTruth) -> bool:
     """Whether both planes plainly show the ring at its true electrodes."""
-    return all(true.evidence.get(plane, 0.0) >= PLAIN for plane in PLANES)
+    return all(true.evidence.get(plane, 0.0) >= EVIDENCE.plain for plane in PLANES)

@@ -10,6 +10,7 @@ has not is wrong.
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -22,9 +23,25 @@ from lasso_motion_ros.phantom.shown_poles import pole_evidence
 
 Array = npt.NDArray[np.float64]
 
-WITHDRAWING, WITHDRAWN = 0.05, 0.35  # of the loop in its sheath: no pose is due, it is no ring any more
-OTHER_RING = 0.05  # of its diameter: a variable loop wound up or opened by more is another ring than the seed's
-REFUSED_GAP_MM = 8.0  # planes that disagree by more at the seed are to be refused
+
+@dataclass(frozen=True)
+class PlaceLimits:
+    """Limits of a ring in its place; those of a slide are the evaluation's own.
+
+    Attributes:
+        withdrawing: share of the loop in its sheath from which on no pose is due.
+        withdrawn: from which on it is no ring any more.
+        resized: change of its diameter, as a share, from which on it is another ring than the seed's.
+        refused_gap_mm: planes that disagree by this at the seed are to be refused.
+    """
+
+    withdrawing: float = 0.05
+    withdrawn: float = 0.35
+    resized: float = 0.05
+    refused_gap_mm: float = 8.0
+
+
+LIMITS = PlaceLimits()
 MOVES_UNSAID = ("table_pan", "gantry_turn", "zoom")
 
 
@@ -37,12 +54,12 @@ def with_place(true: PairTruth, simulator: Simulator, pair: SimulatedPair) -> Pa
     )
     due = (
         from_place_mm <= SILENT_LOSS_MM
-        and pair.withdrawn <= WITHDRAWING
-        and abs(simulator.lab.growth(simulator.time_s(pair.index, "a")) - 1.0) <= OTHER_RING
+        and pair.withdrawn <= LIMITS.withdrawing
+        and abs(simulator.lab.growth(simulator.time_s(pair.index, "a")) - 1.0) <= LIMITS.resized
         and 1e3 * pair.shifted_m <= SILENT_LOSS_MM
         and not unsaid
         and not scenario.calibration_error.swapped
-        and seed_gap_mm(scenario) < REFUSED_GAP_MM
+        and seed_gap_mm(scenario) < LIMITS.refused_gap_mm
     )
     evidence = {}
     for plane, frame in pair.images.frames.items():
@@ -50,7 +67,7 @@ def with_place(true: PairTruth, simulator: Simulator, pair: SimulatedPair) -> Pa
             pixel_mm = pair.rendered[plane].millimetres_per_pixel(pair.loop.mean(axis=0))
             dark = scenario.imaging.polarity == "dark"
             evidence[plane] = pole_evidence(frame.pixels, pair.poles[plane], pixel_mm, dark=dark)
-    displaced = from_place_mm > DISPLACED_MM or pair.withdrawn > WITHDRAWN
+    displaced = from_place_mm > DISPLACED_MM or pair.withdrawn > LIMITS.withdrawn
     return dataclasses.replace(true, displaced=displaced, due=due, evidence=evidence)
 
 
