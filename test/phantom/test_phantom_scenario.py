@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from lasso_motion_ros.core.errors import ScenarioError
+from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.scenario import (
+    LISTED,
     available_scenarios,
     load_scenario,
     scenario_directory,
