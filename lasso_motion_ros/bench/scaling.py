@@ -10,7 +10,8 @@ from functools import partial
 from lasso_motion_ros.bench.stage_times import TrackerFactory, measure, stages_ms
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from msg_adapters.recordings.reader import RawMessage
 
@@ -64,7 +65,7 @@ def measure_scaling(config: StreamConfig, messages: Sequence[RawMessage], pairs:
         )
     for points in MODEL_POINTS:
         # No user has a reason to change it: it is no parameter.
-        make_tracker = partial(AppearanceTracker, points=points)
+        make_tracker = partial(RingTracker, options=RingOptions(points=points))
         costs.append(_cost("points of the model", points, config, messages, pairs, make_tracker))
     return costs
 

@@ -1,4 +1,4 @@
-"""The motion of the loop's centre in time: a Gaussian process, filtered exposure by exposure.
+"""The motion of the ring's centre in time: a Gaussian process, filtered exposure by exposure.
 
 Every exposure of a plane measures the centre across its ray, at its own time. A Kalman filter over a
 stationary process joins them: it brackets plane A's exposure between two of plane B's, carries the depth over
@@ -6,6 +6,10 @@ a missing plane, predicts the next pair and gives the covariance of all that. Th
 state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to temporal Gaussian
 process regression models", MLSP 2010), its directional covariance learned from the motion so far, at first that of
 `breathing_prior`: breathing nearly follows a line, so depth follows from height.
+
+How far the heartbeat moves the atrium differs tenfold between patients. It is learned: filters that differ only in that
+run side by side, each weighted by the probability that it gives to the measurements so far (a static bank of models:
+Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 11.6.2).
 """
 
 from __future__ import annotations
@@ -40,8 +44,14 @@ SIDEWAYS_SHARE = 0.25  # of the motion's size, expected across its direction: br
 REBUILD_AT = frozenset({*range(1, 9), 12, 16, 24})
 LONGEST_HISTORY = 24  # sure displacements after which the past is no longer kept
 TIME_SCALE_S = 1.0  # of breathing, which is smoother than a Matérn process: longer than its period over 2π
-HEARTBEAT_SPREAD_M = 0.00015
+HEARTBEATS_M = np.array([0.00015, 0.0004, 0.0009, 0.0018])  # of the heartbeat's motion, standard deviations
+HEARTBEAT_ODDS = np.array([0.25, 0.35, 0.25, 0.15])  # before any measurement
 HEARTBEAT_TIME_SCALE_S = 0.12
+HEARTBEAT_MEMORY_S = 60.0  # measurements older than this fade from the weights: rhythms change
+FREEDOM = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
+SURGE_M, SURGE_M_S = 0.002, 0.02  # what a breath that sets in unforeseen adds, standard deviations
+UNUSUAL_SHARE = 0.1  # a heartbeat may be of any size once in a while, whatever was learned
+FILTERS = len(HEARTBEATS_M)
 _IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
 TIMES_AHEAD = 8  # predictions kept; while the loop stays lost they are for ever new times
 
@@ -72,6 +82,22 @@ class Observation:
     across: Array
     value: Array
     covariance: Array
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """How well measurements were foretold; natural logarithms of probability densities, per metre and component.
+
+    Attributes:
+        density: at what was measured.
+        peak: at what was foretold, the largest that it could have been.
+    """
+
+    density: float
+    peak: float
+
+    def __add__(self, other: Likelihood) -> Likelihood:
+        return Likelihood(self.density + other.density, self.peak + other.peak)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,12 +146,13 @@ class RespiratoryMotion:
     def _begin(self) -> None:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
-        self._state = np.zeros(SIZE)
-        self._covariance = np.zeros((SIZE, SIZE))
+        self._log_weights = np.log(HEARTBEAT_ODDS)
+        self._state = np.zeros((FILTERS, SIZE))
+        self._covariance = np.zeros((FILTERS, SIZE, SIZE))
         spread = self.spread
-        self._covariance[:9, :9] = _in_each_direction(matern.stationary(TIME_SCALE_S), spread)
-        self._covariance[HEARTBEAT, HEARTBEAT] = HEARTBEAT_SPREAD_M**2 * _IDENTITY_3
-        self._covariance[MEAN, MEAN] = spread
+        self._covariance[:, :9, :9] = _in_each_direction(matern.stationary(TIME_SCALE_S), spread)
+        self._covariance[:, HEARTBEAT, HEARTBEAT] = np.square(HEARTBEATS_M)[:, None, None] * _IDENTITY_3
+        self._covariance[:, MEAN, MEAN] = spread
         self._ahead: dict[float, tuple[Array, Array]] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
@@ -134,6 +161,7 @@ class RespiratoryMotion:
         if self._between is not None:
             self._update(self._between.across @ DISPLACEMENT, self._between.value, self._between.covariance)
         self._clone(ORIGIN_B)
+        self._log_weights = np.log(HEARTBEAT_ODDS)  # what holds by definition tells nothing of the heart
 
     def copy(self) -> RespiratoryMotion:
         """An independent filter in the same state; arrays are never changed in place, so they are shared."""
@@ -158,25 +186,48 @@ class RespiratoryMotion:
 
     def predict(self, time_s: float) -> Estimate:
         """The displacement expected at a later time, nothing being changed."""
-        state, covariance = self._propagated(time_s)
-        return Estimate(DISPLACEMENT @ state, DISPLACEMENT @ covariance @ DISPLACEMENT.T)
+        return self._mixed(DISPLACEMENT, *self._propagated(time_s))
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
-        state, covariance = self._propagated(time_s)
-        return Estimate(SINCE_B @ state, SINCE_B @ covariance @ SINCE_B.T)
+        return self._mixed(SINCE_B, *self._propagated(time_s))
 
-    def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> None:
+    @property
+    def weights(self) -> Array:
+        """(FILTERS,) probability of each size of the heartbeat."""
+        weights = np.exp(self._log_weights - self._log_weights.max())
+        return np.asarray(weights / weights.sum())
+
+    @property
+    def heartbeat_m(self) -> float:
+        """Standard deviation of the heartbeat's motion, as learned so far, metres."""
+        return float(np.sqrt(self.weights @ np.square(HEARTBEATS_M)))
+
+    def _mixed(self, h: Array, state: Array, covariance: Array) -> Estimate:
+        """Mean and covariance of a linear function h (3, SIZE) of the state over all filters."""
+        weights = self.weights
+        each = state @ h.T
+        mean = weights @ each
+        off = each - mean
+        within = np.tensordot(weights, h @ covariance @ h.T, 1)
+        return Estimate(mean, within + (weights[:, None] * off).T @ off)
+
+    def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> Likelihood:
         """Take in one exposure's measurements; times must not decrease.
 
         Plane B's, though later, still sharpens `at_a`, which is of the last `mark_a`.
+
+        Returns:
+            How likely the measurements were, given all before.
         """
         self._remember(_Exposure(time_s, a, b, is_mark=False))
         self._advance(time_s)
+        likelihood = Likelihood(0.0, 0.0)
         if a is not None:
-            self._update(a.across @ DISPLACEMENT, a.value, a.covariance)
+            likelihood += self._update(a.across @ DISPLACEMENT, a.value, a.covariance)
         if b is not None:
-            self._update(b.across @ SINCE_B, b.value, b.covariance)
+            likelihood += self._update(b.across @ SINCE_B, b.value, b.covariance)
+        return likelihood
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
@@ -187,12 +238,12 @@ class RespiratoryMotion:
     @property
     def origin_b(self) -> Estimate:
         """The displacement at plane B's first exposure, as known by now."""
-        return Estimate(self._state[ORIGIN_B].copy(), self._covariance[ORIGIN_B, ORIGIN_B].copy())
+        return self._mixed(_IDENTITY[ORIGIN_B], self._state, self._covariance)
 
     @property
     def at_a(self) -> Estimate:
         """The displacement at plane A's last exposure, with all that came since."""
-        return Estimate(self._state[AT_A].copy(), self._covariance[AT_A, AT_A].copy())
+        return self._mixed(_IDENTITY[AT_A], self._state, self._covariance)
 
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
@@ -210,12 +261,29 @@ class RespiratoryMotion:
 
     def move(self, displacement: Array) -> None:
         """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
-        shift = displacement - DISPLACEMENT @ self._state
+        shift = displacement - self._state @ DISPLACEMENT.T
         state = self._state.copy()
-        state[MEAN] += shift
+        state[:, MEAN] += shift
         self._become(state, self._covariance)
-        self._scatter_mean = self._scatter_mean + shift
+        self._scatter_mean = self._scatter_mean + self.weights @ shift
         self._history, self._keeps_history = (), False  # it tells of another place
+
+    def surged(self) -> RespiratoryMotion:
+        """The same motion, if a breath has just set in (or a cough) as nothing before foretold."""
+        surged = self.copy()
+        covariance = self._covariance.copy()
+        covariance[:, VELOCITY, VELOCITY] += SURGE_M_S**2 * _IDENTITY_3
+        covariance[:, POSITION, POSITION] += SURGE_M**2 * _IDENTITY_3
+        surged._become(self._state, covariance)
+        return surged
+
+    def moved_by_hand(self, reach_m: float) -> RespiratoryMotion:
+        """The same motion of a ring that somebody may just have put elsewhere, within a reach (standard deviation)."""
+        moved = self.copy()
+        covariance = self._covariance.copy()
+        covariance[:, MEAN, MEAN] += reach_m**2 * _IDENTITY_3
+        moved._become(self._state, covariance)
+        return moved
 
     def doubt(self, displacement: Array) -> float:
         """By what factor the covariance (3, 3) understates a depth that rests on the direction learned so far.
@@ -253,11 +321,11 @@ class RespiratoryMotion:
 
     def _moved_on(self, interval_s: float) -> tuple[Array, Array]:
         scales_s = TIME_SCALE_S, HEARTBEAT_TIME_SCALE_S
-        transition, breathing, heartbeat = _passage(round(interval_s * 1e9), scales_s, HEARTBEAT_SPREAD_M)
+        transition, breathing, renewed = _passage(round(interval_s * 1e9), scales_s)
         covariance = transition @ self._covariance @ transition.T
-        covariance[:9, :9] += _in_each_direction(breathing, self._spread)
-        covariance[HEARTBEAT, HEARTBEAT] += heartbeat
-        return transition @ self._state, 0.5 * (covariance + covariance.T)
+        covariance[:, :9, :9] += _in_each_direction(breathing, self._spread)
+        covariance[:, HEARTBEAT, HEARTBEAT] += (renewed * np.square(HEARTBEATS_M))[:, None, None] * _IDENTITY_3
+        return self._state @ transition.T, 0.5 * (covariance + covariance.swapaxes(-1, -2))
 
     def _become(self, state: Array, covariance: Array) -> None:
         # A new dictionary: a copy of this filter goes on with the old one.
@@ -266,32 +334,48 @@ class RespiratoryMotion:
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
             self._become(*self._propagated(time_s))
+            fading = math.exp(-(time_s - self._time_s) / HEARTBEAT_MEMORY_S)
+            self._log_weights = np.log(HEARTBEAT_ODDS) + fading * (self._log_weights - np.log(HEARTBEAT_ODDS))
             self._time_s = time_s
 
     def _clone(self, block: slice) -> None:
         """Make a block of the state the displacement now."""
         state, covariance = self._state.copy(), self._covariance.copy()
-        state[block] = DISPLACEMENT @ self._state
+        state[:, block] = self._state @ DISPLACEMENT.T
         rows = DISPLACEMENT @ self._covariance
-        covariance[block], covariance[:, block] = rows, rows.T
-        covariance[block, block] = rows @ DISPLACEMENT.T
+        covariance[:, block], covariance[:, :, block] = rows, rows.swapaxes(-1, -2)
+        covariance[:, block, block] = rows @ DISPLACEMENT.T
         self._become(state, covariance)
 
-    def _update(self, h: Array, value: Array, noise: Array) -> None:
+    def _update(self, h: Array, value: Array, noise: Array) -> Likelihood:
+        """Take in a measurement; returns how likely it was."""
         cross = self._covariance @ h.T
-        gain = np.linalg.solve(h @ cross + noise, cross.T).T
+        expected = h @ cross + noise
+        innovation = value - self._state @ h.T
+        gain = np.linalg.solve(expected, cross.swapaxes(-1, -2)).swapaxes(-1, -2)
         keep = _IDENTITY - gain @ h
         # Joseph's form stays positive where nearly noise-free measurements would not.
-        covariance = keep @ self._covariance @ keep.T + gain @ noise @ gain.T
-        self._become(self._state + gain @ (value - h @ self._state), covariance)
+        covariance = keep @ self._covariance @ keep.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
+        self._become(self._state + (gain @ innovation[..., None])[..., 0], covariance)
+        distance = (innovation * np.linalg.solve(expected, innovation[..., None])[..., 0]).sum(axis=-1)
+        peaks = -0.5 * (np.linalg.slogdet(expected)[1] + len(value) * math.log(2.0 * math.pi))
+        # Of Student's distribution: a beat or a breath unlike those before is rare, not impossible.
+        densities = peaks - 0.5 * (FREEDOM + len(value)) * np.log1p(distance / FREEDOM)
+        weights = (1.0 - UNUSUAL_SHARE) * self.weights + UNUSUAL_SHARE * HEARTBEAT_ODDS
+        self._log_weights = self._log_weights + densities
+        highest = float(peaks.max())
+        density, peak = (
+            highest + math.log(float(weights @ np.exp(logs - highest)) + 1e-300) for logs in (densities, peaks)
+        )
+        return Likelihood(density, peak)
 
 
 @lru_cache(maxsize=64)
-def _passage(interval_ns: int, scales_s: tuple[float, float], heartbeat_m: float) -> tuple[Array, Array, Array]:
+def _passage(interval_ns: int, scales_s: tuple[float, float]) -> tuple[Array, Array, float]:
     """What an interval does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
 
-    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (3, 3) m² of the
-    heartbeat.
+    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and of the heartbeat, in
+    units of its variance.
     Exposures come at few intervals, and the past is gone through again at the same ones.
     """
     interval_s, (scale_s, heartbeat_scale_s) = interval_ns * 1e-9, scales_s
@@ -300,14 +384,10 @@ def _passage(interval_ns: int, scales_s: tuple[float, float], heartbeat_m: float
     transition = np.eye(SIZE)
     transition[:9, :9] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
     transition[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
-    passage = (
-        transition,
-        stationary - breathing @ stationary @ breathing.T,
-        heartbeat_m**2 * (1.0 - decay**2) * _IDENTITY_3,
-    )
-    for array in passage:
+    noise = stationary - breathing @ stationary @ breathing.T
+    for array in (transition, noise):
         array.setflags(write=False)
-    return passage
+    return transition, noise, 1.0 - decay**2
 
 
 def _in_each_direction(blocks: Array, directions: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Sub-pixel alignment of the loop's appearance in all planes at once (Gauss–Newton, after Lucas and Kanade).
+"""Sub-pixel alignment of the ring's template with all planes at once (Gauss–Newton, after Lucas and Kanade).
 
 Each plane has its own two-dimensional shift of the loop's centre, because the planes need not be exposed at
 the same time nor calibrated to each other; what the planes share is the ring's own tilt, spin and size, held
@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance
 from lasso_motion_ros.ring.loop_views import LoopViews, PlaneFit
+from lasso_motion_ros.ring.strip import HALF_WIDTH
+from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import PIXEL_MM, SOFT_REACH_MM, WorkingImage
 
 Array = npt.NDArray[np.float64]
@@ -55,7 +56,7 @@ class Alignment:
     """The loop in one pair.
 
     Attributes:
-        likeness: per plane that took part, as its fit tells it.
+        likeness: per plane that took part, its correlation relative to what is usual.
         turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
         stretch: natural logarithm of the ring's size relative to the reference.
         correlations: mean of the planes' correlations, look by look on the way.
@@ -85,7 +86,7 @@ class Alignment:
 
 def align(
     images: dict[Plane, WorkingImage],
-    appearances: dict[Plane, Appearance],
+    template: RingTemplate,
     arms: Array,
     starts: dict[Plane, Array],
     prior: RingPrior,
@@ -97,7 +98,7 @@ def align(
 
     Args:
         images: the planes that take part, one or two.
-        appearances: what the loop looks like in them.
+        template: what the ring looks like in them.
         arms: (L, 3) the loop's curve about its centre at the reference, metres.
         starts: per plane, (3,) the centre to start from, within about half a millimetre in that plane's image.
         prior: of the ring's own motion.
@@ -106,11 +107,7 @@ def align(
         ahead: `correlations` of an alignment that is good already, so that a worse one need not be finished.
     """
     planes = tuple(images)
-    views = LoopViews(
-        [images[plane] for plane in planes],
-        [appearances[plane] for plane in planes],
-        np.stack([starts[plane] for plane in planes]),
-    )
+    views = LoopViews(images, template, np.stack([starts[plane] for plane in planes]))
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
     ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
     precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
@@ -138,7 +135,7 @@ def align(
             size[:shared] *= np.repeat(views.is_hopeful, 2)
         if size[:shared].max() < CONVERGED_MM * 1e-3 and (size < limits).all():
             break
-    covariance: Array = np.linalg.inv(normal)
+    covariance = np.linalg.inv(normal) if is_given_up else views.covariance(normal)
     return Alignment(
         likeness=dict(zip(planes, views.likeness.tolist(), strict=True)),
         turn=ring[:3],
@@ -152,7 +149,7 @@ def align(
 
 def align_from_afar(
     images: dict[Plane, WorkingImage],
-    appearances: dict[Plane, Appearance],
+    template: RingTemplate,
     arms: Array,
     starts: dict[Plane, Array],
     prior: RingPrior,
@@ -170,12 +167,12 @@ def align_from_afar(
     farthest_mm = LARGEST_STEP_MM + LARGEST_TURN_RAD * 1e3 * float(np.linalg.norm(ring, axis=1).max())
     reach_mm = HALF_WIDTH * PIXEL_MM + ITERATIONS * farthest_mm + SOFT_REACH_MM
     soft = {plane: image.about(starts[plane] + ring, reach_mm).softened() for plane, image in images.items()}
-    first = align(soft, {p: appearances[p].softened() for p in soft}, arms, starts, loose, turn, stretch)
+    first = align(soft, template.softened(), arms, starts, loose, turn, stretch)
     if first.is_given_up:
         return None
     return align(
         images,
-        appearances,
+        template,
         arms,
         {plane: fit.centre for plane, fit in first.planes.items()},
         prior,

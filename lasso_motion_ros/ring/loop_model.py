@@ -20,7 +20,7 @@ from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, res
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.respiration import Observation
-from lasso_motion_ros.ring.appearance import HALF_WIDTH, strip_along
+from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.line_filter import sato
 from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse

@@ -1,13 +1,16 @@
-"""What the planes show along a loop: sampled there, compared with its appearance, and how that changes as it moves."""
+"""What the planes show along a ring: sampled there, compared with its template, and how that changes as it moves."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance, sample_at, strip_about, upper_median
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.ring.strip import HALF_WIDTH, sample_at, strip_about, upper_median
+from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
@@ -18,6 +21,9 @@ OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
 SEGMENTS = 12
 SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
 LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
+# The segments' own scatter tells what the noise of single pixels does not: other devices that overlap the ring, a curve
+# that is not quite the ring's. It counts as much as so many segments that the noise alone would tell of.
+NOMINAL_SEGMENTS = 12
 # A plane's own likeness, below which there is no loop, unless it has just risen by so much (docs/constants.md).
 NOTHING_LIKENESS, HOPEFUL_RISE = 0.4, 0.1
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
@@ -29,33 +35,37 @@ class PlaneFit:
 
     Attributes:
         centre: (3,) a world point on the ray on which the loop's centre was seen.
+        ray: (3,) that ray's unit direction.
         across: (2, 3) two unit vectors perpendicular to that ray: the directions in which the plane measures.
-        covariance: (2, 2) of the centre along them, m², image noise only.
-        contrast: of the loop, as a share of the grey behind it, whatever the noise.
-        correlation: normalised correlation of strip and appearance.
-        likeness: the same, relative to what it usually is where the loop is seen.
+        covariance: (2, 2) of the centre along them, m².
+        contrast: of the ring, as a share of the grey behind it, whatever the noise.
+        correlation: normalised correlation of strip and template, outliers left out.
+        evidence: mean of the evidence image along the curve, weighted by the template's profile; -1 to 2.
+        coverage: share of that profile that lies inside the image.
         visible: share of the loop's segments that look as expected.
         residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
-        strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the appearance from.
+        strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the template from.
     """
 
     centre: Array
+    ray: Array
     across: Array
     covariance: Array
     contrast: float
     correlation: float
-    likeness: float
+    evidence: float
+    coverage: float
     visible: float
     residual_mm: float
     strip: Image
 
 
 class LoopViews:
-    """The planes while a loop is being aligned with them, P of them at once: the first axis of the arrays.
+    """The planes while a ring is being aligned with them, P of them at once: the first axis of the arrays.
 
     Args:
         images: the planes.
-        appearances: what is to be found in each.
+        template: what is to be found in each.
         centres: (P, 3) where to start from.
 
     Attributes:
@@ -63,20 +73,21 @@ class LoopViews:
         correlation: (P,) the same, from the last look.
     """
 
-    def __init__(self, images: list[WorkingImage], appearances: list[Appearance], centres: Array) -> None:
-        self._images = images
+    def __init__(self, planes: dict[Plane, WorkingImage], template: RingTemplate, centres: Array) -> None:
+        self._images = images = list(planes.values())
         projections = [image.projection for image in images]
         self._left = np.array([p.matrix[:, :3] for p in projections])
         self._column = np.array([p.matrix[:, 3] for p in projections])
         self._focal_px = np.array([p.focal_length_px for p in projections])
         # (P, L, columns) each, columns being 2·HALF_WIDTH + 1.
-        self._patterns = np.array([appearance.values for appearance in appearances])
-        self._distinctive = np.array([appearance.distinctive for appearance in appearances])
-        self._along = np.array([appearance.slopes[0] for appearance in appearances])
-        self._sideways = np.array([appearance.slopes[1] for appearance in appearances])
-        self.usual = np.array([appearance.usual for appearance in appearances])
+        self._patterns = np.broadcast_to(template.values, (len(images), *template.values.shape))
+        self._along = np.broadcast_to(template.slopes[0], self._patterns.shape)
+        self._sideways = np.broadcast_to(template.slopes[1], self._patterns.shape)
+        self._profile = template.weights
+        self.usual = np.array([template.usual[plane] for plane in planes])
         self._centres = centres
         rays = centres - np.array([p.source for p in projections])
+        self._rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
         self.correlation = np.zeros(len(images))
 
@@ -120,8 +131,8 @@ class LoopViews:
         share *= share
         share *= density
         self._weights = share
-        weighted = share * self._distinctive
-        cross, energy = _dot(weighted, samples), _dot(weighted, self._distinctive)
+        weighted = share * self._patterns
+        cross, energy = _dot(weighted, samples), _dot(weighted, self._patterns)
         self._gains = cross / np.maximum(energy, 1e-9)
         self.correlation = cross / np.sqrt(np.maximum(_dot(share * samples, samples) * energy, 1e-12))
 
@@ -147,9 +158,27 @@ class LoopViews:
         residual_along = (right * _over_columns(weighted_along * residual)).reshape(-1)
         residual_sideways = (right * _over_columns(weighted_sideways * residual)).reshape(-1)
         along, sideways = self._moves
+        self._scores = along * residual_along + sideways * residual_sideways
         normal = (along * along_along + sideways * along_sideways) @ along.T
         normal += (along * along_sideways + sideways * sideways_sideways) @ sideways.T
-        return normal, along @ residual_along + sideways @ residual_sideways
+        return normal, self._scores.sum(axis=1)
+
+    def covariance(self, normal: Array) -> Array:
+        """(N, N) of the parameters: by the noise, and by how far the ring's segments pull in different directions.
+
+        The latter is the cluster-robust sandwich (Liang and Zeger, Biometrika 73, 1986), shrunk towards the former.
+
+        Args:
+            normal: (N, N) the last normal matrix, priors included.
+        """
+        nominal = np.linalg.inv(normal)
+        size, (count, length) = len(normal), self._depth.shape
+        starts = np.arange(SEGMENTS) * length // SEGMENTS
+        scores = np.add.reduceat(self._scores.reshape(size, count, length), starts, axis=-1).reshape(size, -1)
+        scores = scores - scores.mean(axis=1, keepdims=True)
+        clusters = scores.shape[1]
+        sandwich = nominal @ (scores @ scores.T) @ nominal * (clusters / (clusters - size))
+        return np.asarray((NOMINAL_SEGMENTS * nominal + clusters * sandwich) / (NOMINAL_SEGMENTS + clusters))
 
     def fits(self, covariance: Array) -> list[PlaneFit]:
         """The results, with the share of the loop that looks as expected where it was last sampled.
@@ -157,14 +186,14 @@ class LoopViews:
         Args:
             covariance: (N, N) of the parameters.
         """
-        weighted, steepness = self._weights * self._distinctive, self._weights * self._sideways
+        weighted, steepness = self._weights * self._patterns, self._weights * self._sideways
         gain = np.maximum(self._gains, SEGMENT_GAIN)[:, None]
         residual = self._samples - gain[..., None] * self._patterns
         cross, energy, beside, steep = _by_segment(
             np.stack(
                 [
                     weighted * self._samples,
-                    weighted * self._distinctive,
+                    weighted * self._patterns,
                     steepness * residual,
                     steepness * self._sideways,
                 ]
@@ -176,20 +205,35 @@ class LoopViews:
         step = beside / (gain * np.maximum(steep, 1e-9))
         distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
         residual_px = distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+        evidence, coverage = self._evidence()
         return [
             PlaneFit(
                 self._centres[i],
+                self._rays[i],
                 self._across[i],
                 covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
                 float(self._gains[i]) * self._images[i].contrast_unit(self._centres[i]),
                 float(self.correlation[i]),
-                float(self.likeness[i]),
+                evidence[i],
+                coverage[i],
                 float(visible[i]),
                 PIXEL_MM * float(residual_px[i]),
                 self._samples[i],
             )
             for i in range(len(self._images))
         ]
+
+    def _evidence(self) -> tuple[list[float], list[float]]:
+        """Evidence and coverage of each plane, where it was last sampled."""
+        evidence, coverage = [], []
+        for pixels, image in zip(self._strip.pixels, self._images, strict=True):
+            at = pixels.astype(np.float32)
+            values = cv2.remap(image.evidence, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
+            share = float(self._profile @ inside)
+            evidence.append(float(self._profile @ values.reshape(-1)) / max(share, 1e-6) if share > 0.0 else 0.0)
+            coverage.append(share)
+        return evidence, coverage
 
     def _derivative(self) -> Array:
         """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.ring.appearance import render, strip_along
+from lasso_motion_ros.ring.strip import render, strip_along
 from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in_cells
 
 Array = npt.NDArray[np.float64]
@@ -30,7 +30,7 @@ class Peaks:
     """Places where the loop may be in one plane, best first.
 
     Attributes:
-        scores: (K,) correlation with the loop's appearance, in units of the map's root mean square.
+        scores: (K,) correlation with the ring's template, in units of the map's root mean square.
         pixels: (K, 2) where the loop's centre would be, working pixels, to a fraction of one.
         image: the working image.
     """
@@ -57,16 +57,16 @@ class SearchCandidate:
         return all(float(np.abs(c - other.centres[plane]).max()) < SAME_M for plane, c in self.centres.items())
 
 
-def find_peaks(image: WorkingImage, appearance: Image, centre: Array, arms: Array) -> Peaks:
-    """Correlate a plane's working image with the loop's appearance and take the highest local maxima.
+def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array) -> Peaks:
+    """Correlate a plane's working image with the ring's template and take the highest local maxima.
 
     Args:
         image: the plane.
-        appearance: (L, 2·HALF_WIDTH + 1) strip values.
+        template: (L, 2·HALF_WIDTH + 1) strip values.
         centre: (3,) about where the loop's centre is expected, world metres.
         arms: (L, 3) the loop about its centre, metres.
     """
-    kernel, first_cell = render(appearance, strip_along(centre + arms, image.projection), CELL_PX)
+    kernel, first_cell = render(template, strip_along(centre + arms, image.projection), CELL_PX)
     cells = in_cells(image.values)
     # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
     pad_y, pad_x = kernel.shape

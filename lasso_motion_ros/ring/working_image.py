@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -23,6 +24,9 @@ COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.88, (9, 9)
 NOISE_WINDOW_CELLS = (31, 31)
 NOISE_WINDOW_PX = CELL_PX * NOISE_WINDOW_CELLS[0]
 CLIP = 4.0
+EVIDENCE_FINE_MM, EVIDENCE_COARSE_MM = 0.45, 1.35
+EVIDENCE_WINDOW_MM = 8.0
+EVIDENCE_RANGE = (-1.0, 2.0)
 SOFT_BOX_PX = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
 SOFT_REACH_MM = 2 * (SOFT_BOX_PX[0] // 2) * PIXEL_MM
 
@@ -38,12 +42,29 @@ class WorkingImage:
         projection: world metres to *these* pixels.
         noise: (h, w) float32, the local root mean square by which was divided, grey values.
         grey: (h, w) the reduced image.
+        bright: whether the catheter is brighter than its background.
     """
 
     values: Image
     projection: Projection
     noise: Image
     grey: npt.NDArray[np.uint8 | np.uint16]
+    bright: bool = False
+
+    @cached_property
+    def evidence(self) -> Image:
+        """(h, w) float32: attenuation as wide as a pole, relative to its local root mean square, from -1 to 2.
+
+        In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device
+        to what a pole may count: a bigger or denser one is no better a pole.
+        """
+        grey = np.log(np.maximum(self.grey, 1).astype(np.float32))
+        fine = cv2.GaussianBlur(grey, (0, 0), EVIDENCE_FINE_MM / PIXEL_MM)
+        band = cv2.GaussianBlur(grey, (0, 0), EVIDENCE_COARSE_MM / PIXEL_MM) - fine
+        window = 2 * round(0.5 * EVIDENCE_WINDOW_MM / PIXEL_MM) + 1
+        power = cv2.blur(np.square(band), (window, window), borderType=cv2.BORDER_REFLECT)
+        band *= np.float32(-1.0 if self.bright else 1.0) / np.sqrt(np.maximum(power, np.float32(1e-8)))
+        return np.asarray(np.clip(band, *EVIDENCE_RANGE, out=band))
 
     def about(self, points: Array, reach_mm: float) -> WorkingImage:
         """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
@@ -54,7 +75,7 @@ class WorkingImage:
         right, bottom = np.clip(np.ceil(pixels.max(axis=0) + reach_px), 0, size - 1).astype(int) + 1
         part = slice(top, bottom), slice(left, right)
         projection = self.projection.cropped(left, top, right - left, bottom - top)
-        return WorkingImage(self.values[part], projection, self.noise[part], self.grey[part])
+        return WorkingImage(self.values[part], projection, self.noise[part], self.grey[part], self.bright)
 
     def softened(self) -> WorkingImage:
         """The same, blurred: an alignment finds its way in it from further off."""
@@ -111,7 +132,7 @@ def working_image(
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
     values, noise = _band_pass(reduced, bright)
     seen = projection.read_out(left, top, width * factor, height * factor, factor, factor)
-    return WorkingImage(values, seen, noise, reduced)
+    return WorkingImage(values, seen, noise, reduced, bright)
 
 
 def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from lasso_motion_ros.brost2009.tracker import Brost2009Tracker
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import Tracker
 
@@ -18,4 +18,4 @@ def create_tracker(config: TrackerConfig, stages: Stages = no_stages) -> Tracker
     """
     if config.method == "brost2009":
         return Brost2009Tracker(config, stages)
-    return AppearanceTracker(config, stages)
+    return RingTracker(config, stages)

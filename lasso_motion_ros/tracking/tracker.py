@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Protocol
 
@@ -86,6 +86,10 @@ class TrackResult:
     reference_stamp_ns: int
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
+
+    def with_loop(self, loop: Array) -> TrackResult:
+        """The same with the catheter's curve (N, 3), world metres."""
+        return replace(self, loop=loop)
 
 
 class Tracker(Protocol):

@@ -235,10 +235,10 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
         (constant,) = set_parameters(graph, seed_buffer_pairs=8)
         assert not constant.successful
         assert "read-only" in constant.reason
-        (bad,) = set_parameters(graph, **{"judgement.displaced_mm": 0.1})
+        (bad,) = set_parameters(graph, **{"judgement.lost_gap_mm": 0.01})
         assert not bad.successful
-        assert "judgement.displaced_mm" in bad.reason
-        both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.smallest_visible": 7.0})
+        assert "judgement.lost_gap_mm" in bad.reason
+        both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.degraded_gap_mm": 0.0})
         assert not both[0].successful
         assert set_parameters(graph, **{"search.near_mm": 10.0})[0].successful
         stream.expect(stream.pairs(2))

@@ -16,14 +16,14 @@ from support.breathing_lasso import (
     pair,
     warm_up,
 )
-from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_pair, lasso_seed
+from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, curve_pair, lasso_pair, lasso_seed, turned
 
 from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.core.errors import LassoMotionError, ReconstructionError, SeedError, TrackingError
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Seed
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.tracker import RingTracker
 
 
 def test_the_first_pair_is_the_identity_and_the_reference():
@@ -43,7 +43,8 @@ def test_breathing_is_followed_to_a_tenth_of_a_millimetre():
         assert result.reason == ""
         assert result.stamp_ns == index * PERIOD_NS
         assert result.reference_stamp_ns == 0
-        np.testing.assert_allclose(result.motion[:3, :3], np.eye(3), atol=2e-4)
+        # Half a milliradian is 0.01 mm at the ring, and what a fit to a twentieth of a pixel leaves of its tilt.
+        np.testing.assert_allclose(result.motion[:3, :3], np.eye(3), atol=1e-3)
         np.testing.assert_array_equal(result.motion[3], [0.0, 0.0, 0.0, 1.0])
         errors.append(centre_error_mm(result, moved(index)))
         assert 1e3 * distance_to_curve(CURVE + moved(index), result.loop).mean() < 0.25
@@ -57,7 +58,7 @@ def test_the_covariance_is_of_the_pose_at_the_world_origin():
         assert np.linalg.eigvalsh(result.covariance).min() > -1e-15
         # The rotation is held near zero: nearly its prior, a degree in 14 mm, does not move the ring's own centre.
         rotation = np.radians(70.0) ** 2 * np.sum(result.motion[:3, 3] ** 2) + np.radians(0.25) ** 2
-        np.testing.assert_allclose(result.covariance[3:, 3:], rotation * np.eye(3), rtol=0.2, atol=1e-7)
+        np.testing.assert_allclose(result.covariance[3:, 3:], rotation * np.eye(3), rtol=0.2, atol=1e-6)
         centre = LOOP.centre + result.motion[:3, 3]
         at_ring = centre_covariance(result.covariance, centre)
         at_origin = result.covariance[:3, :3]
@@ -92,7 +93,7 @@ def test_set_reference_counts_from_the_present_phase(tracker):
 
 def test_set_reference_is_refused_where_there_is_no_phase_to_refer_to(tracker):
     with pytest.raises(TrackingError, match="seed the tracker first"):
-        AppearanceTracker(CONFIG).set_reference()
+        RingTracker(CONFIG).set_reference()
     tracker.track(lasso_pair(WARM, None))
     with pytest.raises(TrackingError, match="not being tracked"):
         tracker.set_reference()
@@ -137,7 +138,7 @@ def test_the_same_pairs_give_the_same_answers(tracker):
         np.testing.assert_array_equal(here.motion, there.motion)
         np.testing.assert_array_equal(here.covariance, there.covariance)
         np.testing.assert_array_equal(here.loop, there.loop)
-    fresh = AppearanceTracker(CONFIG)
+    fresh = RingTracker(CONFIG)
     fresh.initialise(pair(0), lasso_seed())
     for index in range(1, 4):
         np.testing.assert_array_equal(fresh.track(pair(index)).motion, warm_up()[1][index].motion)
@@ -151,11 +152,14 @@ def test_a_pause_or_a_large_breath_is_no_jump(tracker):
 
 
 def test_other_limits_can_be_set_while_it_runs(tracker):
-    strict = dataclasses.replace(CONFIG, judgement=JudgementConfig(smallest_likeness=1.0, faint_likeness=1.0))
+    def tilted(index):
+        return curve_pair(index, turned((4.0, 0.0, 0.0)) + moved(index))
+
+    strict = dataclasses.replace(CONFIG, judgement=JudgementConfig(degraded_turn_deg=1.0, lost_turn_deg=2.0))
     tracker.reconfigure(strict)
-    assert_no_pose(tracker.track(pair(WARM)), LOST)
+    assert_no_pose(tracker.track(tilted(WARM)), LOST)
     tracker.reconfigure(CONFIG)
-    result = tracker.track(pair(WARM + 1))
+    result = tracker.track(tilted(WARM + 1))
     assert result.state is TRACKING
     assert centre_error_mm(result, moved(WARM + 1)) < 0.2
 

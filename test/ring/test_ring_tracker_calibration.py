@@ -23,7 +23,7 @@ from support.method_inputs import biplane, flip_pixels, flipped, plane
 from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.tracker import RingTracker
 
 
 def turned_pair(index, turn_a, turn_b, *, published=True):
@@ -85,7 +85,7 @@ def test_planes_that_disagree_by_much_are_still_said_to(tracker, lift_mm):
 
 
 def test_a_disagreement_at_the_seed_is_the_calibrations_and_absorbed():
-    other = AppearanceTracker(CONFIG)
+    other = RingTracker(CONFIG)
     other.initialise(lifted_pair(0, 1.2), lasso_seed())
     for index in range(1, 5):
         result = other.track(lifted_pair(index, 1.2))
@@ -145,7 +145,7 @@ def variant(kind):
 )
 def test_the_description_of_the_input_means_nothing(kind, tolerance_mm):
     pairs, seed = variant(kind)
-    other = AppearanceTracker(CONFIG)
+    other = RingTracker(CONFIG)
     results = [other.initialise(pairs[0], seed), *(other.track(p) for p in pairs[1:])]
     for here, there in zip(warm_up()[1][:5], results, strict=True):
         assert there.state is here.state
@@ -161,7 +161,7 @@ def test_plane_b_may_be_exposed_half_a_period_later():
         b = Frame(stamp_ns, noisy(lasso_image(CURVE + shift, VIEWS["b"]), [index, 2]), VIEWS["b"])
         return FramePair(index * PERIOD_NS, pair(index).a, b), shift
 
-    other = AppearanceTracker(CONFIG)
+    other = RingTracker(CONFIG)
     first, b_shift = late_pair(0)
     clicks_b = lasso_seed(curve=CURVE + b_shift).points_b
     other.initialise(first, Seed(lasso_seed().points_a, clicks_b))
@@ -186,10 +186,11 @@ def test_the_loop_is_where_plane_a_shows_it_though_plane_b_was_exposed_later():
     clicks = Seed(lasso_seed().points_a, lasso_seed(curve=CURVE + b_shift).points_b)
     errors = {}
     for posture in ("supine", "unknown"):
-        result = AppearanceTracker(dataclasses.replace(CONFIG, posture=posture)).initialise(first, clicks)
+        result = RingTracker(dataclasses.replace(CONFIG, posture=posture)).initialise(first, clicks)
         errors[posture] = 1e3 * np.linalg.norm(result.loop.mean(axis=0) - CURVE.mean(axis=0))
     assert errors["unknown"] > 1.0
-    assert errors["supine"] < 0.4 * errors["unknown"]
+    # What the heart may have moved in the meantime tells no depth.
+    assert errors["supine"] < 0.5 * errors["unknown"]
 
 
 def test_full_size_images_are_tracked_alike():
@@ -199,7 +200,7 @@ def test_full_size_images_are_tracked_alike():
         return curve_pair(index, CURVE + moved(index), views)
 
     clicks = lasso_seed()
-    other = AppearanceTracker(CONFIG)
+    other = RingTracker(CONFIG)
     other.initialise(large(0), Seed(2.0 * clicks.points_a + 0.5, 2.0 * clicks.points_b + 0.5))
     result = other.track(large(1))
     assert result.state is TRACKING

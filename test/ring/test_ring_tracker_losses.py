@@ -11,7 +11,6 @@ from support.breathing_lasso import (
     DEGRADED,
     DISPLACED,
     LOST,
-    PAIR_S,
     TRACKING,
     WARM,
     assert_no_pose,
@@ -36,7 +35,7 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.tracker import RingTracker
 
 
 def test_hidden_it_is_lost_from_that_very_pair_and_found_again(tracker):
@@ -89,13 +88,11 @@ def test_contrast_is_remembered_of_what_was_believed(tracker):
     assert tracker.track(pair(WARM + 1)).state is TRACKING
 
 
-def test_a_picture_of_nothing_is_borne_even_without_any_limit(tracker):
-    limits = JudgementConfig(smallest_likeness=0.0, smallest_visible=0.0)
-    tracker.reconfigure(dataclasses.replace(CONFIG, judgement=limits))
-    tracker.track(pair_of(WARM, dict.fromkeys("ab", np.full((512, 512), 90, np.uint8)), sigma=0.0))
-    tracker.reconfigure(CONFIG)
-    assert tracker.track(pair(WARM + 1)).state in (TRACKING, LOST)
-    assert tracker.track(pair(WARM + 2)).state is TRACKING
+@pytest.mark.parametrize("level", [0, 90, 255])
+def test_a_picture_of_nothing_is_borne(tracker, level):
+    empty = pair_of(WARM, dict.fromkeys("ab", np.full((512, 512), level, np.uint8)), sigma=0.0)
+    assert_no_pose(tracker.track(empty), LOST)
+    assert tracker.track(pair(WARM + 1)).state is TRACKING
 
 
 def test_another_window_of_the_images_is_borne(tracker):
@@ -131,9 +128,25 @@ def test_moved_to_another_vein_it_is_displaced(tracker, pairs):
             assert 1e3 * distance_to_curve(CURVE + moved(index) + ASIDE, result.loop).mean() < 0.5
         elif result.motion is not None:
             assert centre_error_mm(result, moved(index) + share * ASIDE) < 0.5
-    # Even where it comes back, as fast as a hand can move it, someone has to say that this is its place.
+    # On its way back it is no more in its place than before.
     assert_no_pose(tracker.track(pair(WARM + 8, 0.5 * ASIDE)), DISPLACED)
-    assert_no_pose(tracker.track(pair(WARM + 9)), DISPLACED)
+    # Back on its curve it takes two pairs in which both planes show it there.
+    first, second, third = (tracker.track(pair(index)) for index in range(WARM + 9, WARM + 12))
+    assert_no_pose(first, DISPLACED)
+    assert second.motion is not None
+    assert third.state is TRACKING
+    for index, result in enumerate((second, third), start=WARM + 10):
+        assert result.reference_stamp_ns == 0
+        assert centre_error_mm(result, moved(index)) < 0.2
+
+
+def test_one_plane_alone_ends_no_displacement(tracker):
+    for index in range(WARM, WARM + 2):
+        assert tracker.track(pair(index, ASIDE)).state is DISPLACED
+    for index in range(WARM + 2, WARM + 5):
+        assert tracker.track(pair(index, planes="a")).motion is None
+    back = [tracker.track(pair(index)).state for index in range(WARM + 5, WARM + 8)]
+    assert back[-1] is TRACKING
 
 
 def test_a_small_sidestep_that_nothing_foretold_is_not_published_at_once(tracker):
@@ -147,7 +160,7 @@ def test_a_small_sidestep_that_nothing_foretold_is_not_published_at_once(tracker
 
 
 def test_moved_step_by_step_within_the_first_breath_it_is_displaced_from_the_second_step_on():
-    early = AppearanceTracker(CONFIG)
+    early = RingTracker(CONFIG)
     early.initialise(pair(0), lasso_seed())
     for index in range(1, 4):
         assert early.track(pair(index)).state is TRACKING
@@ -180,7 +193,7 @@ def test_a_displaced_lasso_can_be_made_the_reference(tracker):
 
 
 def test_made_the_reference_a_displaced_lasso_may_miss_a_plane_at_once(tracker):
-    for index in range(WARM, WARM + 12):  # longer than one plane alone is believed
+    for index in range(WARM, WARM + 12):
         assert tracker.track(pair(index, ASIDE)).state is DISPLACED
     tracker.set_reference()
     result = tracker.track(pair(WARM + 12, ASIDE, planes="a"))
@@ -226,27 +239,37 @@ def test_a_seed_ends_being_displaced(tracker):
 
 
 @pytest.mark.parametrize(("present", "missing"), [("a", "B"), ("b", "A")])
-def test_a_missing_plane_is_borne_for_three_seconds(tracker, present, missing):
+def test_a_missing_plane_is_borne_as_long_as_the_depth_is_known(tracker, present, missing):
     errors, spreads = [], []
     both = tracker.track(pair(WARM))
-    for index in range(WARM + 1, WARM + 13):
+    for index in range(WARM + 1, WARM + 61):  # twenty seconds
         result = tracker.track(pair(index, planes=present))
         assert result.stamp_ns == index * PERIOD_NS
-        if (index - WARM) * PAIR_S > CONFIG.judgement.one_plane_s:
-            assert_no_pose(result, LOST)
-            assert result.reason.startswith(f"plane {missing} ")
-            continue
         assert result.state is DEGRADED
-        assert result.reason.startswith(f"plane {missing} missing")
+        assert result.reason == f"plane {missing} missing: depth from the breathing so far"
+        spread = centre_covariance(result.covariance, LOOP.centre + moved(index))
         errors.append(centre_error_mm(result, moved(index)))
-        spreads.append(np.trace(centre_covariance(result.covariance, LOOP.centre + moved(index))))
-    assert len(errors) == 9
-    assert np.mean(errors) < 1.6
+        spreads.append(np.trace(spread))
+        assert 1e3 * np.sqrt(np.linalg.eigvalsh(spread)[-1]) < 2.0
+    assert np.max(errors) < 0.3  # the drawn breath repeats exactly
     # Depth is what was learned, not what is seen: the covariance says so.
     assert min(spreads) > 2.0 * np.trace(centre_covariance(both.covariance, LOOP.centre + moved(WARM)))
-    after = tracker.track(pair(WARM + 13))
+    after = tracker.track(pair(WARM + 61))
     assert after.state is TRACKING
-    assert centre_error_mm(after, moved(WARM + 13)) < 0.2
+    assert centre_error_mm(after, moved(WARM + 61)) < 0.2
+
+
+@pytest.mark.parametrize("present", ["a", "b"])
+def test_a_plane_that_is_missing_before_any_breath_was_seen_leaves_the_depth_open(present):
+    early = RingTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 5):
+        result = early.track(pair(index, planes=present))
+        if result.motion is None:
+            assert result.state is LOST
+            assert "mm only" in result.reason
+        else:
+            assert centre_error_mm(result, moved(index)) < 2.0
 
 
 @pytest.mark.parametrize(("present", "empty"), [("a", "B"), ("b", "A")])

@@ -8,8 +8,9 @@ from support.method_inputs import flipped
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring import search
-from lasso_motion_ros.ring.appearance import Appearance, strip_along
 from lasso_motion_ros.ring.search import PEAKS, Peaks, SearchCandidate, find_peaks, join_peaks
+from lasso_motion_ros.ring.strip import strip_along
+from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
 
 ARMS = CURVE - LOOP.centre
@@ -22,16 +23,18 @@ def image_of(curve, name, seed=0, view=None):
     return working_image(frame, LOOP.centre, bright=False, shift=np.zeros(2))
 
 
-def appearance(image):
-    return Appearance(strip_along(CURVE, image.projection).sample(image), 0.1).values
+def template(images):
+    """What the ring looks like in some images (by plane) that show it at the reference."""
+    strips = {name: strip_along(CURVE, image.projection).sample(image) for name, image in images.items()}
+    return RingTemplate(strips, TemplateTuning()).values
 
 
-APPEARANCES = {name: appearance(image_of(CURVE, name)) for name in "ab"}
+TEMPLATE = template({name: image_of(CURVE, name) for name in "ab"})
 
 
 def searched(translation, *, expected=LOOP.centre, seed=5):
     images = {name: image_of(CURVE + translation, name, seed) for name in "ab"}
-    return {name: find_peaks(images[name], APPEARANCES[name], expected, ARMS) for name in "ab"}
+    return {name: find_peaks(images[name], TEMPLATE, expected, ARMS) for name in "ab"}
 
 
 @pytest.mark.parametrize(
@@ -64,10 +67,11 @@ def test_the_loop_is_found_wherever_it_is(translation_mm, expected_mm):
 def test_peaks_are_found_to_a_fraction_of_a_cell(name):
     errors = []
     for seed, translation in enumerate(np.random.default_rng(4).uniform(-2e-3, 2e-3, (8, 3))):
-        found = find_peaks(image_of(CURVE + translation, name, seed), APPEARANCES[name], LOOP.centre, ARMS)
+        found = find_peaks(image_of(CURVE + translation, name, seed), TEMPLATE, LOOP.centre, ARMS)
         errors.append(found.pixels[0] - found.image.projection.project(LOOP.centre + translation))
     # A peak taken to the whole cell would be off by 0.58 pixels (root mean square), with a bias of half a pixel.
-    assert np.sqrt(np.mean(np.square(errors))) < 0.3
+    # The poles that the planes share are fewer samples than all that one of them shows.
+    assert np.sqrt(np.mean(np.square(errors))) < 0.45
     assert np.abs(np.mean(errors, axis=0)).max() < 0.25
 
 
@@ -84,7 +88,7 @@ def test_peaks_are_apart_from_each_other():
     for seed in range(4):
         noise = np.random.default_rng(seed).normal(size=(256, 256)).astype(np.float32)
         image = bare(noise, VIEWS["a"].cropped(128, 128, 256, 256))
-        found = find_peaks(image, APPEARANCES["a"], LOOP.centre, ARMS)
+        found = find_peaks(image, TEMPLATE, LOOP.centre, ARMS)
         apart = np.abs(found.pixels[:, None] - found.pixels[None]).max(axis=-1) + 100.0 * np.eye(PEAKS)
         assert apart.min() > 6.0
 
@@ -94,14 +98,14 @@ def test_both_of_two_loops_are_among_the_peaks():
     view = VIEWS["a"]
     pixels = np.minimum(lasso_image(CURVE, view), lasso_image(CURVE + other, view))
     image = working_image(Frame(0, noisy(pixels, 1), view), LOOP.centre, bright=False, shift=np.zeros(2))
-    found = find_peaks(image, APPEARANCES["a"], LOOP.centre, ARMS)
+    found = find_peaks(image, TEMPLATE, LOOP.centre, ARMS)
     for truth in (LOOP.centre, LOOP.centre + other):
         assert np.linalg.norm(found.pixels[:2] - image.projection.project(truth), axis=1).min() < 3.0
 
 
 def test_an_empty_image_speaks_for_no_place():
     blank = bare(np.zeros((512, 512), np.float32), VIEWS["a"])
-    found = find_peaks(blank, APPEARANCES["a"], LOOP.centre, ARMS)
+    found = find_peaks(blank, TEMPLATE, LOOP.centre, ARMS)
     assert (found.scores == 0.0).all()
     assert np.isfinite(found.pixels).all()
 
@@ -122,7 +126,7 @@ def test_mirrored_displays_give_the_same_places():
             )
             for p in (first, pixels)
         )
-        found = find_peaks(image, appearance(learned), LOOP.centre, ARMS)
+        found = find_peaks(image, template({"a": learned, "b": learned}), LOOP.centre, ARMS)
         places.append(join_peaks({"a": found}, {"a": LOOP.centre}, WIDE, 0.0, 1)[0].centres["a"])
     np.testing.assert_allclose(places[0], places[1], atol=1e-4)
 

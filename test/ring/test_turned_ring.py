@@ -1,10 +1,13 @@
 """A ring that the heartbeat tilts by more than an alignment mends is looked at once more, from afar."""
 
+from dataclasses import replace
+
 import pytest
-from support.breathing_lasso import WARM, centre_error_mm, moved
+from support.breathing_lasso import CONFIG, WARM, centre_error_mm, moved
 from support.lasso_inputs import curve_pair, turned
 
-from lasso_motion_ros.ring import loop_finder
+from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.ring.detector import DetectorTuning
 
 
 def turned_pair(index, turn_deg):
@@ -20,6 +23,9 @@ def test_a_ring_that_has_turned_much_is_found(tracker, turn_deg):
         assert centre_error_mm(result, moved(index)) < 0.4
 
 
-def test_without_a_second_look_it_is_not(monkeypatch, tracker):
-    monkeypatch.setattr(loop_finder, "AFAR_CANDIDATES", 0)
-    assert tracker.track(turned_pair(WARM, (-5.0, 5.0, 2.0))).motion is None
+@pytest.mark.parametrize("from_afar", [True, False])
+def test_without_a_look_from_afar_a_ring_that_turned_more_is_lost(tracker, from_afar):
+    tracker.reconfigure(replace(CONFIG, judgement=JudgementConfig(degraded_turn_deg=25.0, lost_turn_deg=30.0)))
+    tracker._track.detector._tuning = DetectorTuning(from_afar=from_afar)
+    result = tracker.track(turned_pair(WARM, (9.0, 0.0, 0.0)))
+    assert (result.motion is not None) == from_afar

@@ -7,7 +7,7 @@ from support.lasso_inputs import LOOP, PERIOD_NS, lasso_pair, lasso_seed
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.ring.tracker import AppearanceTracker
+from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 CONFIG = TrackerConfig()
@@ -39,7 +39,7 @@ def pair(index, aside=(0.0, 0.0, 0.0), planes="ab"):
 @cache
 def warm_up():
     """A tracker after a breath and a half, and what it answered."""
-    tracker = AppearanceTracker(CONFIG)
+    tracker = RingTracker(CONFIG)
     results = [tracker.initialise(pair(0), lasso_seed())]
     results += [tracker.track(pair(index)) for index in range(1, WARM)]
     return tracker, tuple(results)

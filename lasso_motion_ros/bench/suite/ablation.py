@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import nullcontext
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -116,9 +115,9 @@ def _tracked(
     without: Idea | None, sequence: RenderedSequence, config: StreamConfig
 ) -> tuple[SequenceResult, Sequence[float]]:
     """The result on a sequence, and the processor time of each pair, ms."""
-    with nullcontext(create_tracker(config)) if without is None else without.switched_off(config) as tracker:
-        timed = TimedTracker(tracker, time.process_time)
-        return run_sequence(sequence, timed), timed.milliseconds
+    tracker = create_tracker(config) if without is None else without.tracker(config)
+    timed = TimedTracker(tracker, time.process_time)
+    return run_sequence(sequence, timed), timed.milliseconds
 
 
 def ablation_record(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:

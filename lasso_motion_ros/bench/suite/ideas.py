@@ -1,25 +1,32 @@
 """The ring tracker's ideas, each with the way to switch it off.
 
-Where there is a parameter for it, an idea is switched off by its value; where it is a matter of what is published, by a
-tracker put around the tracker. What is left lies inside the tracker (see `patches`).
+Where there is a user's parameter for it, an idea is switched off by its value; where there is none, by one of the
+tracker's options; where it is a matter of what is published, by a tracker put around the tracker.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
-from lasso_motion_ros.bench.suite.patches import OFF, patched
 from lasso_motion_ros.config.parameters import Value, configuration_from_values, configuration_values
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.geometry.transforms import rigid
-from lasso_motion_ros.stream.tracker_factory import create_tracker
+from lasso_motion_ros.ring.association import AssociationTuning
+from lasso_motion_ros.ring.breathing_curve import CurveTuning
+from lasso_motion_ros.ring.detection import DetectionTuning
+from lasso_motion_ros.ring.detector import DetectorTuning
+from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.template import TemplateTuning
+from lasso_motion_ros.ring.track_state import StateTuning
+from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.validation import ValidationTuning
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
 from lasso_motion_ros.tracking.wrapped_tracker import WrappedTracker
 
@@ -34,28 +41,32 @@ class Idea:
         name: as typed.
         without: what is then missing, in words.
         parameters: values of parameters, by dotted name.
+        options: the tracker's options without it; None where they stay as they are.
         around: what is put around the tracker.
     """
 
     name: str
     without: str
     parameters: Mapping[str, Value] = field(default_factory=dict)
+    options: RingOptions | None = None
     around: Callable[[Tracker], Tracker] | None = None
 
     def configuration(self, config: StreamConfig) -> StreamConfig:
         """The configuration without this idea."""
         return configuration_from_values(StreamConfig, configuration_values(config) | dict(self.parameters))
 
-    @contextmanager
-    def switched_off(self, config: StreamConfig) -> Iterator[Tracker]:
-        """A tracker without this idea, to be used within the block.
+    def tracker(self, config: StreamConfig) -> Tracker:
+        """A tracker without this idea.
 
         Args:
             config: the whole tracker's parameters.
         """
-        with patched(self.name):
-            tracker = create_tracker(self.configuration(config))
-            yield tracker if self.around is None else self.around(tracker)
+        tracker = RingTracker(self.configuration(config), options=self.options)
+        return tracker if self.around is None else self.around(tracker)
+
+
+def _with(**changes: Any) -> RingOptions:
+    return replace(RingOptions(), **changes)
 
 
 class TurningWithTheRing(WrappedTracker):
@@ -80,71 +91,45 @@ class TurningWithTheRing(WrappedTracker):
         return replace(result, motion=rigid(turn.as_rotvec(), np.zeros(3), centre) @ result.motion)
 
 
+OFF = 1e6  # a limit that nothing reaches
+
 IDEAS: Mapping[str, Idea] = {
     idea.name: idea
     for idea in (
-        # The search.
+        # Where it is looked for.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
-        Idea("rivals", "a look at rivals of the first that is found"),
-        Idea("judged_rivals", "asking the motion which of two alike it is"),
-        Idea("near", "looking near the prediction first"),
-        Idea("anywhere", "looking everywhere where that fails"),
-        Idea("afar", "a second look, from afar"),
-        Idea("prediction", "the prediction: the last place instead"),
-        Idea("joint", "one search in both planes: each its own best"),
-        Idea("ceiling", "the ceiling by which neither plane drowns the other"),
-        Idea("disagreeing", "candidates of planes that disagree"),
-        # What the loop looks like.
-        Idea("electrodes", "the electrodes' pattern: one profile all along"),
-        Idea("distinctive", "strips of what is distinctive"),
-        Idea("denoised", "shrinking what is only noise"),
-        Idea("learning", "learning the appearance, and what correlation is usual, from later pairs"),
-        Idea("local", "contrast in units of the local noise"),
-        Idea("clip", "clipping of strong contrast"),
-        # Alignment.
-        Idea("robust", "robust weights"),
+        Idea("near", "looking near the prediction first", options=_with(detector=DetectorTuning(near_first=False))),
+        Idea("afar", "a look from afar, in blurred images", options=_with(detector=DetectorTuning(from_afar=False))),
+        # What it looks like.
+        Idea("shared", "one profile that both planes share", options=_with(template=TemplateTuning(shared=False))),
+        Idea("learning", "learning the profile from later pairs", options=_with(template=TemplateTuning(pairs=1))),
+        # How it is aligned.
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
-        Idea("hopeless", "giving up early on hopeless candidates"),
-        Idea("unawaited", "not waiting for a plane that shows nothing"),
-        Idea("translation", "publishing the translation alone: the ring's turn as well", around=TurningWithTheRing),
-        Idea("rotation", "the rotation that repeats with the breath"),
-        # The model.
-        Idea("calibration", "absorbing a calibration's shift at the seed"),
-        Idea("images", "fitting the model to the images, not the clicks alone"),
-        Idea("curve", "an open curve: the ellipse"),
-        Idea("centre", "the circle's centre: the points' mean"),
-        Idea("polarity", "trying the other polarity where in doubt"),
-        # The motion in time.
-        Idea("together", "plane B's own time of exposure"),
-        Idea("filter", "the filter in time, and B's own time"),
-        Idea("foreseen", "where breathing is known to move the heart", {"posture": "unknown"}),
-        Idea("between", "the motion between the first two exposures"),
-        Idea("direction", "learning the breathing's direction"),
-        Idea("rebuild", "going through the past again"),
-        Idea("heartbeat", "the heartbeat beside the breathing"),
-        Idea("doubt", "doubt of a depth that no plane sees"),
-        # Judgement.
+        Idea("pulled", "doubt where the template fits badly", options=_with(detection=DetectionTuning(pulled_m=0.0))),
+        # Which of the detections it is.
+        Idea("weaker", "the weaker plane's say", options=_with(detection=DetectionTuning(stronger_share=1.0))),
+        Idea("images", "the images' evidence", options=_with(association=AssociationTuning(elsewhere_sigma=OFF))),
+        Idea("motion", "the motion's evidence", options=_with(association=AssociationTuning(view_m=OFF))),
         Idea(
-            "thresholds",
-            "asking for likeness and visible share",
-            {"judgement.smallest_likeness": 0.0, "judgement.smallest_visible": 0.0},
+            "surge",
+            "breaths that set in unforeseen",
+            options=_with(association=AssociationTuning(surge_probability=1e-9)),
         ),
-        Idea("dose", "the likeness that the dose allows: 0.4 of correlation for all"),
-        Idea("ghost", "asking that contrast does not fade"),
-        Idea("visible", "asking for the visible share", {"judgement.smallest_visible": 0.0}),
-        Idea("faint", "less to be asked where it is foreseen"),
-        Idea("one_plane", "poses that rest on one plane", {"judgement.one_plane_s": 0.0}),
+        # How it moves.
+        Idea("foreseen", "where breathing is known to move the heart", {"posture": "unknown"}),
+        Idea("rotation", "the rotation that repeats with the breath", options=_with(rotation=False)),
+        Idea("translation", "publishing the translation alone: the ring's turn as well", around=TurningWithTheRing),
+        # Whether it is in its place.
+        Idea("curve", "judging by the breathing so far", options=_with(state=StateTuning(elsewhere_sigmas=OFF))),
+        Idea("slide", "noticing a slow slide", options=_with(curve=CurveTuning(slide_penalty=OFF))),
+        Idea(
+            "ghost",
+            "asking that contrast does not fade",
+            options=_with(validation=ValidationTuning(ghost_contrast=0.0)),
+        ),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
         Idea("turn", "limits of the ring's turn", {"judgement.degraded_turn_deg": OFF, "judgement.lost_turn_deg": OFF}),
-        Idea("found_share", "asking for more after a loss"),
-        Idea("found_turn", "asking that it lies as it lay"),
-        Idea("edge_on", "care where it is edge-on in both planes"),
-        Idea("envelope", "judging by the breathing so far"),
-        Idea("foresight", "doubt of a place that nothing foretold"),
-        Idea("speed", "the limit of speed", {"judgement.largest_speed_mm_s": OFF}),
-        Idea("acceleration", "the limit of acceleration"),
-        Idea("repeatable", "a narrow curve once breaths repeat", {"judgement.repeatable_mm": OFF}),
-        Idea("deeper", "deeper breaths than before", {"judgement.deeper_breath_mm": 0.0}),
+        Idea("doubtful", "withholding what is known badly", options=_with(state=StateTuning(misleads_degraded=1.0))),
     )
 }

@@ -9,7 +9,6 @@ from support.suite_inputs import SMALL, small
 
 from lasso_motion_ros.bench.suite.ablation import Outcome, changes, format_ablation, run_ablation
 from lasso_motion_ros.bench.suite.ideas import IDEAS, TurningWithTheRing
-from lasso_motion_ros.bench.suite.patches import PATCHES
 from lasso_motion_ros.bench.suite.sequence import SequenceResult
 from lasso_motion_ros.bench.suite.traps import TRAPS
 from lasso_motion_ros.config.parameters import configuration_values
@@ -17,6 +16,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.tracking.tracker import TrackResult
 
 CENTRE = np.array([0.1, 0.2, 0.3])
@@ -25,10 +25,11 @@ CENTRE = np.array([0.1, 0.2, 0.3])
 @pytest.mark.parametrize("name", IDEAS)
 def test_an_idea_changes_its_own_parameters_only(name: str) -> None:
     idea = IDEAS[name]
-    assert idea.parameters or idea.around or name in PATCHES
+    assert idea.parameters or idea.options or idea.around
     usual = configuration_values(StreamConfig())
     changed = configuration_values(idea.configuration(StreamConfig()))
     assert {key for key in usual if usual[key] != changed[key]} == set(idea.parameters)
+    assert idea.options != RingOptions()
 
 
 class TurnedRing(FakeTracker):

@@ -5,7 +5,8 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from support.method_inputs import biplane, plane
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.ring.appearance import HALF_WIDTH, Appearance, render, strip_about, strip_along
+from lasso_motion_ros.ring.strip import HALF_WIDTH, render, sample_at, strip_about, strip_along, upper_median
+from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import PIXEL_MM, working_image
 
 COLUMNS = 2 * HALF_WIDTH + 1
@@ -15,20 +16,9 @@ STRAIGHT = np.column_stack([np.arange(-10.0, 10.5, 1.0) * 1e-3, np.zeros(21), np
 UNIT_MM = 0.2 * 0.785 / 1.2
 
 
-def learnt(strip):
-    return Appearance(strip, contrast=0.1)
-
-
-def ripple(seed=3, rows=80):
-    """A strip of nothing but noise."""
-    return np.random.default_rng(seed).normal(size=(rows, COLUMNS)).astype(np.float32)
-
-
-def line_strip(height=4.0, rows=80):
-    """A strip that shows a line of one column's width and nothing else."""
-    strip = np.zeros((rows, COLUMNS), np.float32)
-    strip[:, HALF_WIDTH] = height
-    return strip
+def template_of(strip):
+    """What the ring looks like, if both planes show this strip."""
+    return RingTemplate({"a": strip, "b": strip}, TemplateTuning()).values
 
 
 def test_strip_of_a_straight_line_by_hand():
@@ -75,84 +65,6 @@ def test_sampling_is_bilinear_and_zero_outside():
     np.testing.assert_array_equal(outside, 0.0)
 
 
-def test_the_appearance_is_the_mean_of_the_strips():
-    strip = line_strip(1.0) + 0.1 * ripple()
-    learned = learnt(strip)
-    learned.update(2.0 * strip, 0.9)
-    learned.update(6.0 * strip, 0.9)
-    # Shrinking is a matter of proportions: what is three times as strong is kept three times as strong.
-    np.testing.assert_allclose(learned.values, learnt(3.0 * strip).values, atol=1e-5)
-    np.testing.assert_allclose(learned.values, 3.0 * learnt(strip).values, atol=1e-5)
-
-
-def test_old_strips_fade():
-    strip = line_strip(1.0)
-    learned = learnt(strip)
-    for _ in range(30):
-        learned.update(strip, 0.9)
-    np.testing.assert_allclose(learned.values, learnt(strip).values, atol=1e-5)
-    # One of sixteen: (15 · 1 + 17) / 16 = 2.
-    learned.update(17.0 * strip, 0.9)
-    np.testing.assert_allclose(learned.values, learnt(2.0 * strip).values, atol=1e-5)
-
-
-def test_what_correlation_is_usual_comes_from_the_noise_first_and_then_from_what_was_found():
-    # Signal and noise of known energy: another such strip correlates with the signal by the root of the signal's share.
-    loop = cv2.GaussianBlur(line_strip(9.0), (0, 0), 1.2) * (1.0 + np.sin(np.arange(80.0)[:, None] / 4.0) ** 2)
-    for size in (0.3, 1.0, 1.7):
-        noise = size * ripple()
-        share = np.sum(loop**2) / np.sum((loop + noise) ** 2)
-        assert learnt((loop + noise).astype(np.float32)).usual == pytest.approx(np.sqrt(share), abs=0.1)
-    assert learnt(ripple()).usual == 0.35  # however little there is
-    learned = learnt(line_strip() + 0.1 * ripple())
-    learned.update(line_strip(), 0.5)
-    learned.update(line_strip(), 0.7)
-    # The mean of three: the first strip's, 0.5 and 0.7.
-    assert learned.usual == pytest.approx((learnt(line_strip() + 0.1 * ripple()).usual + 1.2) / 3.0)
-    for _ in range(40):
-        learned.update(line_strip(), 0.9)
-    assert learned.usual == pytest.approx(0.9, abs=1e-3)
-    for _ in range(40):
-        learned.update(line_strip(), -0.2)
-    assert learned.usual == 0.35  # or noise would come to be enough
-
-
-def test_the_appearance_does_not_alias_its_input():
-    strip = line_strip() + 0.1 * ripple()
-    learned = learnt(strip)
-    before = learned.values.copy()
-    strip[:] = 0.0
-    learned.update(line_strip() + 0.1 * ripple(), 0.9)
-    np.testing.assert_allclose(learned.values, before, atol=1e-5)
-
-
-def test_noise_is_shrunk_by_hand():
-    # Nothing changes along the curve; the margins hold 1 and the middle 20. The median square of the margins is 1,
-    # so the noise is 1 / 0.455, and a place of energy 1 keeps 1 − 0.25 / 0.455 of itself.
-    strip = np.ones((40, COLUMNS), np.float32)
-    strip[:, HALF_WIDTH] = 20.0
-    values = learnt(strip).values
-    np.testing.assert_allclose(values[:, [0, -1]], 1.0 - 0.25 / 0.455, atol=2e-3)
-    middle = cv2.GaussianBlur(strip, (0, 0), 0.6)[:, HALF_WIDTH]
-    np.testing.assert_allclose(values[:, HALF_WIDTH], middle, rtol=0.01)
-
-
-def test_a_strip_without_noise_is_only_smoothed():
-    strip = line_strip()
-    np.testing.assert_allclose(learnt(strip).values, cv2.GaussianBlur(strip, (0, 0), 0.6), atol=1e-6)
-
-
-def test_the_pattern_outweighs_the_noise_better_than_before():
-    clear, noise = line_strip(3.0), ripple()
-    strip = clear + noise
-    values = learnt(strip).values
-    side = np.r_[0:4, COLUMNS - 4 : COLUMNS]
-    before = np.abs(strip[:, HALF_WIDTH]).mean() / np.abs(strip[:, side]).mean()
-    smooth = cv2.GaussianBlur(strip, (0, 0), 0.6)
-    smoothed = np.abs(smooth[:, HALF_WIDTH]).mean() / np.abs(smooth[:, side]).mean()
-    assert np.abs(values[:, HALF_WIDTH]).mean() / np.abs(values[:, side]).mean() > 1.2 * smoothed > before
-
-
 def loop_image(name="a", side=512):
     view = biplane(side=side)[name]
     return working_image(
@@ -174,7 +86,7 @@ def correlate(image, kernel, cell_px):
 def test_rendering_puts_the_pattern_back_where_it_was(name, side, cell_px):
     image = loop_image(name, side)
     strip = strip_along(CURVE, image.projection)
-    kernel, first = render(learnt(strip.sample(image)).values, strip, cell_px)
+    kernel, first = render(template_of(strip.sample(image)), strip, cell_px)
     assert kernel.dtype == np.float32
     assert np.linalg.norm(kernel) == pytest.approx(1.0, abs=1e-5)
     assert kernel.sum() == pytest.approx(0.0, abs=1e-4)
@@ -224,3 +136,15 @@ def test_strips_in_several_planes_at_once_are_those_of_each():
     together = strip_about(np.stack([s.pixels for s in strips]), np.stack([s.step for s in strips]))
     for one, at in zip(strips, together.coordinates(), strict=True):
         np.testing.assert_array_equal(at, one.coordinates())
+
+
+def test_sampling_by_coordinates_is_sampling_by_strip():
+    image = loop_image()
+    strip = strip_along(CURVE, image.projection)
+    np.testing.assert_array_equal(sample_at(strip.coordinates(), image), strip.sample(image))
+
+
+@pytest.mark.parametrize(("row", "middle"), [([3.0, 1.0, 2.0], 2.0), ([4.0, 1.0, 2.0, 3.0], 3.0)])
+def test_the_upper_median_by_hand(row, middle):
+    values = np.array([row, row[::-1]], np.float32)
+    np.testing.assert_array_equal(upper_median(values), [middle, middle])

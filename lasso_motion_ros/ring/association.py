@@ -1,0 +1,201 @@
+"""Which of the detections is the ring, and whether any is: probabilities from what the images and the motion say.
+
+Each detection is a hypothesis, "the ring is nowhere in view" one more. A hypothesis is worth what the images show there
+(log odds against the best that anything else shows, from the simulator and real video) and how well the motion so far
+foretold it; a ring that was moved by hand is foretold by nothing, which has a probability of its own.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+
+import numpy as np
+import numpy.typing as npt
+from scipy.special import logsumexp
+
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.motion.respiration import Likelihood, RespiratoryMotion
+from lasso_motion_ros.ring.detection import Detection
+from lasso_motion_ros.ring.loop_model import LoopModel
+
+Array = npt.NDArray[np.float64]
+
+
+Way = tuple[float, Callable[[], RespiratoryMotion]]
+
+
+@dataclass(frozen=True)
+class AssociationTuning:
+    """What images and motion are worth as evidence."""
+
+    # The best that a pair shows elsewhere is about normal; what it shows at the ring may be anything over a range.
+    elsewhere_support: float = 1.0
+    elsewhere_sigma: float = 0.15
+    view_m: float = 0.04  # something else is found anywhere within this,
+    agreement_m: float = 0.01  # and the two planes agree on it as well as this
+    range_support: float = 1.6
+    surge_probability: float = 0.1  # that a breath has set in unforeseen
+    jump_probability: float = 0.02  # that it was moved by hand
+    jump_reach_m: float = 0.024  # then it may be anywhere within this
+    weight_kept: float = 1e-3  # hypotheses of less are dropped
+
+
+@dataclass(frozen=True, eq=False)
+class Hypothesis:
+    """A detection, and what would follow from it.
+
+    Attributes:
+        detection: where the ring would be.
+        motion: the filter after it.
+        log_odds: for it, against the ring being out of view.
+        surprise: by how much its place is less likely for the ring than for anything else, natural logarithm.
+        gap_mm: by which the planes disagree on its place, mm; 0 where one plane is alone.
+        slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
+        probability: of it, among all hypotheses.
+    """
+
+    detection: Detection
+    motion: RespiratoryMotion
+    log_odds: float
+    surprise: float
+    gap_mm: float
+    slack_mm: float
+    probability: float = 0.0
+
+    @property
+    def displacement(self) -> Array:
+        """(3,) of the ring's centre since the reference, metres."""
+        return self.motion.at_a.displacement
+
+
+@dataclass(frozen=True, eq=False)
+class Association:
+    """All hypotheses on one pair, most probable first.
+
+    Attributes:
+        hypotheses: those that are not negligible.
+        absent: probability that the ring is out of view, or hidden.
+    """
+
+    hypotheses: tuple[Hypothesis, ...]
+    absent: float
+
+    @property
+    def best(self) -> Hypothesis | None:
+        """The most probable place; None where none shows anything."""
+        return self.hypotheses[0] if self.hypotheses else None
+
+    @property
+    def spread(self) -> Array:
+        """(3, 3) m² by which the other places spread the best one's displacement."""
+        if len(self.hypotheses) < 2:
+            return np.zeros((3, 3))
+        weights = np.array([one.probability for one in self.hypotheses])
+        weights = weights / weights.sum()
+        away = np.array([one.displacement for one in self.hypotheses]) - self.hypotheses[0].displacement
+        return np.asarray((weights[:, None] * away).T @ away)
+
+
+def associate(
+    detections: Sequence[Detection],
+    motion: RespiratoryMotion,
+    time_s: float,
+    times: Mapping[Plane, float],
+    model: LoopModel,
+    tuning: AssociationTuning,
+) -> Association:
+    """Weigh the detections of one pair.
+
+    Args:
+        detections: of the pair.
+        motion: the filter before it; not changed.
+        time_s: of the pair: plane A's exposure, or what would have been it, seconds since the reference.
+        times: of the exposures, seconds.
+        model: the ring at the reference.
+        tuning: what images and motion are worth.
+    """
+    usual = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
+    ways: list[Way] = [
+        (usual, lambda: motion),
+        (math.log(tuning.surge_probability), cache(motion.surged)),
+        (math.log(tuning.jump_probability), cache(partial(motion.moved_by_hand, tuning.jump_reach_m))),
+    ]
+    hypotheses = [_hypothesis(detection, ways, time_s, times, model, tuning) for detection in detections]
+    if not hypotheses:
+        return Association((), 1.0)
+    odds = np.array([0.0, *(one.log_odds for one in hypotheses)])
+    absent, *probabilities = np.exp(odds - logsumexp(odds)).tolist()
+    weighed = [
+        replace(one, probability=probability) for one, probability in zip(hypotheses, probabilities, strict=True)
+    ]
+    weighed.sort(key=lambda one: -one.probability)
+    return Association(
+        tuple(one for one in weighed if one is weighed[0] or one.probability >= tuning.weight_kept), absent
+    )
+
+
+def _hypothesis(
+    detection: Detection,
+    ways: Sequence[Way],
+    time_s: float,
+    times: Mapping[Plane, float],
+    model: LoopModel,
+    tuning: AssociationTuning,
+) -> Hypothesis:
+    """What a detection is worth, by the ways in which the ring may have got there: log probability, and motion."""
+    elsewhere = _elsewhere_density(detection, tuning)
+    odds: list[float] = []
+    outcomes: list[RespiratoryMotion] = []
+    for prior, motion in ways:
+        after, likelihood = _observed(detection, motion(), time_s, times, model)
+        odds.append(prior + likelihood.density - elsewhere)
+        outcomes.append(after)
+        if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
+            break
+    motion_odds = float(logsumexp(odds))
+    after = outcomes[int(np.argmax(odds))]
+    # Something else that looks like the ring is often right beside it: being where it was foretold proves nothing.
+    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, 0.0)
+    gap_mm, slack_mm = _disagreement(detection, ways[0][1](), times, model)
+    return Hypothesis(detection, after, log_odds, -motion_odds, gap_mm, slack_mm)
+
+
+def _disagreement(
+    detection: Detection, motion: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
+) -> tuple[float, float]:
+    """How far the planes' rays pass each other, and what the motion between their exposures may do to that, mm."""
+    if len(detection.planes) < len(PLANES):
+        return 0.0, 0.0
+    after = motion.copy()
+    after.observe(times["a"], a=detection.observation("a", model.centre))
+    between = after.expected_between(times["b"])
+    gap, across = detection.gap(model.centre + between.displacement)
+    return 1e3 * abs(gap), 1e3 * float(np.sqrt(across @ between.covariance @ across))
+
+
+def _elsewhere_density(detection: Detection, tuning: AssociationTuning) -> float:
+    """Log probability density of finding something else there: anywhere in view, the planes nearly agreeing."""
+    reach, gap = math.log(tuning.view_m), math.log(tuning.agreement_m)
+    return -2.0 * reach if len(detection.planes) == 1 else -3.0 * reach - gap
+
+
+def _image_odds(support: float, tuning: AssociationTuning) -> float:
+    """Logarithm of how much more likely a support is where the ring is than where it is not."""
+    off = max(support - tuning.elsewhere_support, 0.0) / tuning.elsewhere_sigma
+    return 0.5 * off**2 + math.log(math.sqrt(2.0 * math.pi) * tuning.elsewhere_sigma / tuning.range_support)
+
+
+def _observed(
+    detection: Detection, motion: RespiratoryMotion, time_s: float, times: Mapping[Plane, float], model: LoopModel
+) -> tuple[RespiratoryMotion, Likelihood]:
+    """The motion after a detection, each plane at its own time, and how likely that was."""
+    after, likelihood = motion.copy(), Likelihood(0.0, 0.0)
+    if "a" in detection.planes:
+        likelihood += after.observe(times["a"], a=detection.observation("a", model.centre))
+    after.mark_a(time_s)
+    if "b" in detection.planes:
+        likelihood += after.observe(times["b"], b=detection.observation("b", model.centre))
+    return after, likelihood

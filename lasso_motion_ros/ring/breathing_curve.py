@@ -1,0 +1,201 @@
+"""Where breathing has taken the ring so far, and how far a place lies off that curve.
+
+Breathing repeats. Along its own direction a breath may go deeper than those before, across it hardly at all. So the
+distance that counts is the one across, in units of how well the breaths have repeated. What only just happened must not
+vouch for itself: a ring that slides out of its vein would take the curve along. The curve is that of the breaths up to
+one breath ago, and of the first one for good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.curves import distance_to_curve
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class CurveTuning:
+    """How breathing repeats."""
+
+    longest_breath_s: float = 9.0  # what is younger does not vouch for a place, once a breath is complete
+    settled_s: float = 3.0  # before the first breath is complete: likewise
+    points: int = 400  # kept
+    spacing_s: float = 0.05  # between points that are kept
+    first_axis_m: float = 0.002  # root mean square of the motion, before its direction is believed
+    first_reach_m: float = 0.040  # before that, breathing may go so far anywhere
+    first_sigma_m: float = 0.0025  # across the direction, before a breath has repeated
+    repeated_sigma_m: float = 0.001  # across, once a breath is complete
+    repeated_pairs: float = 6.0  # as which that counts
+    repeats: int = 60  # pairs from which it is learned
+    smallest_sigma_m: float = 0.0004  # however well breaths repeat
+    along_sigma_m: float = 0.010  # beyond the deepest breath so far
+    widening: float = 0.08  # across, per metre beyond it: the direction is known only so well
+    reversal_share: float = 0.3  # of the range so far: a turn of the breathing, not a jitter
+    smallest_reversal_m: float = 1.5e-3
+    slide_memory_s: float = 60.0
+    slide_points: int = 10  # before, nothing tells a slide from breathing
+    slide_starts: int = 8
+    fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
+    shortest_slide_s: float = 1.5
+    smallest_slide_m: float = 0.0012  # what is less harms nobody
+    slide_penalty: float = 6.0  # log odds against, for a drift of two components that starts at any time
+    drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
+    drift_s: float = 20.0  # for so long
+
+
+class BreathingCurve:
+    """Places of the ring that were believed to be breathing.
+
+    Args:
+        first: (3,) displacement at which it starts, metres.
+        time_s: when.
+        tuning: how breathing repeats.
+    """
+
+    def __init__(self, first: Array, time_s: float, tuning: CurveTuning) -> None:
+        self._tuning = tuning
+        self._points, self._times_s = first[None], np.array([time_s])
+        self._complete_s: float | None = None
+        self._off: list[float] = []  # metres across, of breaths that repeated
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether a whole breath has been seen: two turns. A breath that is held is none."""
+        return self._complete_s is not None
+
+    @property
+    def sigma_m(self) -> float:
+        """How far breaths are apart, across their direction, metres."""
+        if not self.is_complete:
+            return self._tuning.first_sigma_m
+        recent = np.square(self._off[-self._tuning.repeats :])
+        # What is expected of a patient counts as a few pairs.
+        total = self._tuning.repeated_sigma_m**2 * self._tuning.repeated_pairs + float(recent.sum())
+        return float(max(np.sqrt(total / (self._tuning.repeated_pairs + len(recent))), self._tuning.smallest_sigma_m))
+
+    def accept(self, time_s: float, displacement: Array) -> None:
+        """Take a displacement (3,) m for one of breathing."""
+        if time_s - self._times_s[-1] < self._tuning.spacing_s:
+            return
+        if self.is_complete:
+            self._off.append(self._across(displacement, time_s)[0])
+        self._points = np.vstack([self._points, displacement])[-self._tuning.points :]
+        self._times_s = np.append(self._times_s, time_s)[-self._tuning.points :]
+        axis, spread = _principal_axis(self._points)
+        is_moving = spread > self._tuning.first_axis_m
+        if self._complete_s is None and is_moving and _count_turns(self._points @ axis, self._tuning) >= 2:
+            self._complete_s = time_s
+
+    def slide(self, time_s: float, displacement: Array) -> tuple[float, float]:
+        """How far the ring has slid off its place by a displacement (3,) m, and the log odds that it has.
+
+        Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides
+        adds a steady drift from some time on. Both are fitted by least squares to the places of the last minute, for
+        every time from which it may have slid (a change-point regression).
+
+        Returns:
+            Metres slid by now, and the natural logarithm of the odds.
+        """
+        recent = self._times_s > time_s - self._tuning.slide_memory_s
+        points = np.vstack([self._points[recent], displacement])
+        times = np.append(self._times_s[recent], time_s)
+        if len(points) < self._tuning.slide_points:
+            return 0.0, 0.0
+        axis, _ = _principal_axis(points)
+        along = points @ axis
+        across = points - points.mean(axis=0) - np.outer(along - along.mean(), axis)
+        speed = np.gradient(along, times)
+        still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
+        best_odds, best_slid = 0.0, 0.0
+        basis = np.linalg.qr(still)[0]
+        rest = across - basis @ (basis.T @ across)
+        freedom = 2.0 * (len(times) - still.shape[1])
+        noise = (float(np.sum(rest**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 4.0)
+        for start in np.linspace(times[0], times[-1] - self._tuning.shortest_slide_s, self._tuning.slide_starts):
+            ramp = np.maximum(times - start, 0.0)
+            ramp -= basis @ (basis.T @ ramp)
+            power = float(ramp @ ramp)
+            if power < 1e-6:
+                continue
+            drift = ramp @ rest / power  # (3,) m/s
+            drift *= min(1.0, self._tuning.fastest_slide_m_s / max(float(np.linalg.norm(drift)), 1e-9))
+            left = rest - np.outer(ramp, drift)
+            remaining = (float(np.sum(left**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 2.0)
+            odds = 0.5 * (freedom + 4.0) * float(np.log(noise / max(remaining, 1e-12))) - self._tuning.slide_penalty
+            if odds > best_odds:
+                best_odds, best_slid = odds, float(np.linalg.norm(drift)) * float(times[-1] - start)
+        return best_slid, best_odds
+
+    def departure_sigmas(self, time_s: float, displacement: Array, sigma_m: float) -> float:
+        """How far a displacement (3,) m is from breathing, in standard deviations: off its curve, or sliding.
+
+        Args:
+            time_s: when.
+            displacement: (3,) metres.
+            sigma_m: of the displacement itself, with the heartbeat's, metres.
+        """
+        off = self.distance_sigmas(time_s, displacement, sigma_m)
+        slid_m, odds = self.slide(time_s, displacement)
+        return max(off, float(np.sqrt(2.0 * odds))) if slid_m > self._tuning.smallest_slide_m else off
+
+    def distance_sigmas(self, time_s: float, displacement: Array, sigma_m: float) -> float:
+        """How far a displacement (3,) m lies off the curve, in standard deviations.
+
+        Args:
+            time_s: when.
+            displacement: (3,) metres.
+            sigma_m: of the displacement itself, with the heartbeat's, metres.
+        """
+        _, spread = _principal_axis(self._points)
+        if not self.is_complete and spread < self._tuning.first_axis_m:
+            away = float(np.linalg.norm(displacement - self._points.mean(axis=0)))
+            return 3.0 * away / self._tuning.first_reach_m
+        across, beyond = self._across(displacement, time_s)
+        drift_m = self._tuning.drift_m_s * min(time_s - self._times_s[0], self._tuning.drift_s)
+        wider_m = self._tuning.widening * beyond
+        scale = float(np.sqrt(self.sigma_m**2 + sigma_m**2 + wider_m**2 + drift_m**2))
+        return float(np.hypot(across / scale, beyond / self._tuning.along_sigma_m))
+
+    def _across(self, displacement: Array, time_s: float) -> tuple[float, float]:
+        """(across, beyond): distance off the curve, and how far along the axis beyond its ends, metres."""
+        if self._complete_s is None:
+            old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
+            curve = self._points if old.sum() < 4 else self._points[old]
+        else:
+            curve = self._points[self._times_s <= max(self._complete_s, time_s - self._tuning.longest_breath_s)]
+        mean = curve.mean(axis=0)
+        axis, _ = _principal_axis(curve if len(curve) > 2 else self._points)
+        along = (curve - mean) @ axis
+        at = float((displacement - mean) @ axis)
+        beyond = max(at - float(along.max()), float(along.min()) - at, 0.0)
+        if self._complete_s is None:  # so far a line: the way back may lie beside the way in
+            off = displacement - mean - at * axis
+            return float(np.linalg.norm(off)), beyond
+        distance = float(distance_to_curve(displacement[None], curve)[0])
+        return float(np.sqrt(max(distance**2 - beyond**2, 0.0))), beyond
+
+
+def _count_turns(along: Array, tuning: CurveTuning) -> int:
+    """Reversals of a motion, (N,) positions along its axis in metres, that are larger than a share of its range."""
+    threshold = max(tuning.reversal_share * float(np.ptp(along)), tuning.smallest_reversal_m)
+    turns, heading, extreme = 0, 0, float(along[0])
+    for value in along[1:].tolist():
+        if heading == 0:
+            if abs(value - extreme) > threshold:
+                heading, extreme = (1 if value > extreme else -1), value
+        elif heading * (value - extreme) > 0.0:
+            extreme = value
+        elif heading * (extreme - value) > threshold:
+            turns, heading, extreme = turns + 1, -heading, value
+    return turns
+
+
+def _principal_axis(points: Array) -> tuple[Array, float]:
+    """(3,) direction of largest spread, and the root mean square along it, metres."""
+    _, singular, directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+    return directions[0], float(singular[0] / np.sqrt(len(points)))

@@ -1,0 +1,204 @@
+"""Where the ring may be in a pair: a search near the prediction or everywhere, then alignment of the candidates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
+from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
+from lasso_motion_ros.ring.detection import Detection, DetectionTuning
+from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.search import SearchCandidate, find_peaks, join_peaks
+from lasso_motion_ros.ring.strip import HALF_WIDTH
+from lasso_motion_ros.ring.template import RingTemplate
+from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+from lasso_motion_ros.tracking.stages import Stages, no_stages
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class DetectorTuning:
+    """Where the ring is looked for."""
+
+    near_first: bool = True  # about the prediction, before the whole image
+    from_afar: bool = True  # a ring that has turned much is aligned in blurred images first
+    unforeseen_speed_m_s: float = 0.04  # of the motion between the two planes' exposures
+    expectation_m: float = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
+    rival_score: float = 0.85  # of the best candidate's in the search: one that comes so near is aligned, too
+    enough_share: float = 0.8  # of the support that is usual: then nothing else is looked for
+    rival_support: float = 0.35  # below the best detection's: what comes so near is a rival
+    band_margin_mm: float = 8.0  # the working image's filters reach this far
+    edge_px: float = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What is known before the pair is looked at.
+
+    Attributes:
+        motion: so far; asked for predictions and not changed.
+        turn: (3,) rotation vector of the ring to start from, rad.
+        stretch: logarithm of its size to start from.
+        support: what is usual where the ring is seen.
+        is_followed: whether the prediction is worth a look about it.
+    """
+
+    motion: RespiratoryMotion
+    turn: Array
+    stretch: float
+    support: float
+    is_followed: bool
+
+
+class RingDetector:
+    """Finds the ring of one model and template; keeps no state of its own.
+
+    Args:
+        model: the ring at the reference.
+        template: what it looks like; the tracker goes on learning it.
+        start_ns: stamp of the reference pair, from which times are counted.
+        tuning: where the ring is looked for.
+        worth: what the planes' evidence is worth.
+        stages: told of each stage of the work on a pair.
+    """
+
+    def __init__(
+        self,
+        model: LoopModel,
+        template: RingTemplate,
+        start_ns: int,
+        tuning: DetectorTuning,
+        worth: DetectionTuning,
+        stages: Stages = no_stages,
+    ) -> None:
+        self._model, self._template, self._start_ns, self._stages = model, template, start_ns, stages
+        self._tuning, self._worth = tuning, worth
+
+    def seconds(self, stamp_ns: int) -> float:
+        """A stamp as seconds since the reference pair."""
+        return (stamp_ns - self._start_ns) * 1e-9
+
+    def exposures(self, pair: FramePair) -> dict[Plane, float]:
+        """Times of exposure since the start, seconds; B's never before A's (jitter)."""
+        time_s = self.seconds(pair.stamp_ns)
+        times: dict[Plane, float] = {}
+        if pair.a is not None:
+            times["a"] = time_s
+        if pair.b is not None:
+            times["b"] = max(time_s, self.seconds(pair.b.stamp_ns))
+        return times
+
+    def detect(self, pair: FramePair, expected: Expectation, config: TrackerConfig) -> list[Detection]:
+        """All places that show something like the ring, best supported first.
+
+        Where the ring is followed, the surroundings of the prediction come first, and the whole of the images only if
+        the ring is not plainly there.
+        """
+        prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
+        detections: list[Detection] = []
+        tried: list[SearchCandidate] = []
+        for near in (True, False) if expected.is_followed and self._tuning.near_first else (False,):
+            images, candidates = self._search(pair, expected.motion, config, near=near)
+            if not images:
+                return []
+            fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
+            detections = self._aligned(fresh, images, expected, prior, detections)
+            if self._tuning.from_afar and candidates and not self._is_enough(detections, expected):
+                # A ring that has turned much looks otherwise, and its peak in the search is off.
+                start = candidates[0].centres
+                with self._stages("alignment"):
+                    turned = align_from_afar(
+                        images, self._template, self._model.arms, start, prior, expected.turn, expected.stretch
+                    )
+                detections = self._joined(detections, turned)
+            if self._is_enough(detections, expected):
+                break
+            tried = [candidate for candidate in candidates if self._is_inside(candidate, images)]
+        return detections
+
+    def _is_enough(self, detections: list[Detection], expected: Expectation) -> bool:
+        return bool(detections) and detections[0].support >= self._tuning.enough_share * expected.support
+
+    def _is_inside(self, candidate: SearchCandidate, images: dict[Plane, WorkingImage]) -> bool:
+        """Whether all samples of the ring would come from the images, which may be parts of the whole."""
+        for plane, centre in candidate.centres.items():
+            pixels = images[plane].projection.project(centre + self._model.arms)
+            size = np.array(images[plane].values.shape[::-1])
+            if pixels.min() < self._tuning.edge_px or (pixels > size - 1 - self._tuning.edge_px).any():
+                return False
+        return True
+
+    def _search(
+        self, pair: FramePair, motion: RespiratoryMotion, config: TrackerConfig, *, near: bool
+    ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
+        """Images to look at, and the places where they may show the ring."""
+        model, times = self._model, self.exposures(pair)
+        foreseen = motion.predict(self.seconds(pair.stamp_ns))
+        expected: dict[Plane, Array] = {}
+        if "a" in times:
+            expected["a"] = model.centre + foreseen.displacement
+        if "b" in times:
+            expected["b"] = model.centre + motion.expected_between(times["b"]).displacement
+        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
+        reach_mm = model.radius_mm + self._tuning.band_margin_mm + config.search.near_mm + min(uncertainty_mm, 20.0)
+        images, peaks = {}, {}
+        for plane in times:
+            with self._stages("working image"):
+                images[plane] = working_image(
+                    pair.frames[plane],
+                    expected[plane],
+                    bright=model.bright,
+                    shift=model.shifts[plane],
+                    reach_mm=reach_mm if near else None,
+                )
+            with self._stages("search"):
+                peaks[plane] = find_peaks(images[plane], self._template.values, expected[plane], model.arms)
+        slack_m = self._tuning.unforeseen_speed_m_s * (times["b"] - times["a"]) if len(times) == len(PLANES) else 0.0
+        covariance = foreseen.covariance + self._tuning.expectation_m**2 * np.eye(3)
+        count = config.search.candidates // (2 if near else 1)
+        return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
+
+    def _aligned(
+        self,
+        candidates: list[SearchCandidate],
+        images: dict[Plane, WorkingImage],
+        expected: Expectation,
+        prior: RingPrior,
+        detections: list[Detection],
+    ) -> list[Detection]:
+        """The detections with those that the candidates lead to, until the ring is found and no rival comes near it."""
+        best_score = max((candidate.score for candidate in candidates), default=0.0)
+        for candidate in candidates:
+            if self._is_enough(detections, expected) and candidate.score < self._tuning.rival_score * best_score:
+                break
+            with self._stages("alignment"):
+                alignment = align(
+                    images,
+                    self._template,
+                    self._model.arms,
+                    candidate.centres,
+                    prior,
+                    expected.turn,
+                    expected.stretch,
+                )
+            detections = self._joined(detections, alignment)
+        return detections
+
+    def _joined(self, detections: list[Detection], alignment: Alignment | None) -> list[Detection]:
+        """The detections with one more, best supported first; of two in the same place the better one."""
+        if alignment is None or alignment.is_given_up:
+            return detections
+        new = Detection(alignment, self._worth)
+        if not new.planes:
+            return detections
+        same = [one for one in detections if one.is_same(new)]
+        if any(one.support >= new.support for one in same):
+            return detections
+        others = [one for one in detections if all(one is not gone for gone in same)]
+        return sorted([*others, new], key=lambda one: -one.support)

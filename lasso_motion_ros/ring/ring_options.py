@@ -1,0 +1,46 @@
+"""All that decides how the ring is followed, beside the user's parameters: the modules' tuning, together.
+
+An ablation switches an idea off by one value of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from lasso_motion_ros.ring.association import AssociationTuning
+from lasso_motion_ros.ring.breathing_curve import CurveTuning
+from lasso_motion_ros.ring.detection import DetectionTuning
+from lasso_motion_ros.ring.detector import DetectorTuning
+from lasso_motion_ros.ring.loop_model import POINTS
+from lasso_motion_ros.ring.template import TemplateTuning
+from lasso_motion_ros.ring.track_state import StateTuning
+from lasso_motion_ros.ring.validation import ValidationTuning
+
+
+@dataclass(frozen=True)
+class RingOptions:
+    """Every option of the tracker, by the part that it belongs to.
+
+    Attributes:
+        template: how the template is made and learned.
+        detection: what the evidence of two planes is worth.
+        detector: where the ring is looked for.
+        association: what images and motion are worth.
+        curve: how breathing repeats.
+        state: what the states ask for.
+        validation: what else is asked of a detection.
+        learning_share: of the seed pair's support: what shows less of the ring may be something else.
+        rotation: whether a turning that follows the breath is the atrium's.
+        points: of the model's curve.
+    """
+
+    template: TemplateTuning = field(default_factory=TemplateTuning)
+    detection: DetectionTuning = field(default_factory=DetectionTuning)
+    detector: DetectorTuning = field(default_factory=DetectorTuning)
+    association: AssociationTuning = field(default_factory=AssociationTuning)
+    curve: CurveTuning = field(default_factory=CurveTuning)
+    state: StateTuning = field(default_factory=StateTuning)
+    validation: ValidationTuning = field(default_factory=ValidationTuning)
+    learning_share: float = 0.8
+    rotation: bool = True
+    points: int = POINTS

@@ -1,0 +1,110 @@
+"""What the ring looks like: one profile of attenuation along its arc, which both planes share.
+
+A pole lies at one arc length, whichever plane looks at it. What only one plane shows along the clicked curve (an
+ablation tip, a rib, an ECG electrode) is something else. So the profile is the lesser of what the two planes show, arc
+length by arc length; later pairs refine it, since the poles stay on the ring and all else moves on. After that it is
+fixed: a template that goes on learning drifts with what it is aligned to.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.curves import slope
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.ring.strip import HALF_WIDTH
+from lasso_motion_ros.ring.working_image import Image, softened
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TemplateTuning:
+    """How the template is made and learned."""
+
+    shared: bool = True  # the lesser of what the planes show; else the mean
+    smoothing_points: float = 0.8  # along the arc, of 120 points on some 60 mm: less than a pole's length
+    ceiling: float = 2.5  # no stretch of the arc may outweigh all others
+    pairs: int = 24  # learned from; then the profile is fixed
+    smallest_usual: float = 0.3  # correlation; with less no ring is told from noise
+    usual_softened: float = 0.9  # where noise is blurred away
+    memory: int = 8  # pairs over which what is usual follows the dose
+
+
+class RingTemplate:
+    """The ring's profile along its arc and its cross-section, as both planes show it.
+
+    Args:
+        strips: per plane, (L, 2·HALF_WIDTH + 1) samples of the working image along the ring.
+        tuning: how it is made and learned.
+
+    Attributes:
+        profile: (L,) float32, not negative: by how much each point of the arc stands out in both planes.
+        weights: (L,) the same, of sum 1.
+        values: (L, 2·HALF_WIDTH + 1) float32, the profile times the cross-section.
+        slopes: of `values`, along the arc and across it.
+        usual: per plane, correlation with it where the ring is seen.
+    """
+
+    def __init__(self, strips: Mapping[Plane, Image], tuning: TemplateTuning) -> None:
+        self._tuning = tuning
+        self._means = {plane: strips[plane].astype(np.float32) for plane in PLANES}
+        self._count = 1
+        self._renew()
+        self.usual = {
+            plane: max(_correlation(self.values, strips[plane]), self._tuning.smallest_usual) for plane in PLANES
+        }
+
+    def learn(self, strips: Mapping[Plane, Image], correlations: Mapping[Plane, float]) -> None:
+        """Take in one pair that surely shows the ring: its strips, and how well they correlated."""
+        for plane, correlation in correlations.items():
+            step = (correlation - self.usual[plane]) / self._tuning.memory
+            self.usual[plane] = max(self.usual[plane] + step, self._tuning.smallest_usual)
+        if self._count >= self._tuning.pairs or len(strips) < len(PLANES):
+            return
+        self._count += 1
+        for plane, strip in strips.items():
+            self._means[plane] = self._means[plane] + (strip - self._means[plane]) * np.float32(1.0 / self._count)
+        self._renew()
+
+    def softened(self) -> RingTemplate:
+        """What it looks like in a softened `WorkingImage`."""
+        soft = copy.copy(self)
+        soft._show(softened(self.values))
+        soft.usual = dict.fromkeys(PLANES, self._tuning.usual_softened)
+        return soft
+
+    def _renew(self) -> None:
+        profiles = {plane: self._along(mean) for plane, mean in self._means.items()}
+        join = np.minimum if self._tuning.shared else _mean
+        self.profile: Image = join(profiles["a"], profiles["b"])
+        if not self.profile.any():  # the planes have nothing in common: all of the arc counts alike
+            self.profile = np.full_like(self.profile, 1e-3)
+        self.weights: Image = self.profile / np.float32(self.profile.sum())
+        cross: Image = self.profile @ self._means["a"] + self.profile @ self._means["b"]
+        cross = 0.5 * (cross + cross[::-1])
+        self._show(self.profile[:, None] * (cross / max(float(cross[HALF_WIDTH]), 1e-6)).astype(np.float32))
+
+    def _along(self, strip: Image) -> Image:
+        """(L,) what a strip shows on the curve itself, as far as it may count for the ring."""
+        centre = strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1, keepdims=True)
+        smooth = cv2.GaussianBlur(centre, (1, 5), sigmaX=0.01, sigmaY=self._tuning.smoothing_points)
+        return np.asarray(np.clip(smooth.reshape(-1), 0.0, np.float32(self._tuning.ceiling)))
+
+    def _show(self, values: Image) -> None:
+        self.values = values
+        self.slopes = slope(values, axis=0), slope(values, axis=1)
+
+
+def _mean(one: Image, other: Image) -> Image:
+    return np.asarray(np.float32(0.5) * (one + other))
+
+
+def _correlation(one: Image, other: Image) -> float:
+    return float(np.vdot(one, other) / max(np.sqrt(float(np.vdot(one, one)) * float(np.vdot(other, other))), 1e-9))

@@ -1,0 +1,157 @@
+"""All that is known of one ring from its seed on, whole from the first line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
+from lasso_motion_ros.ring.association import Hypothesis
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve
+from lasso_motion_ros.ring.detector import RingDetector
+from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.template import RingTemplate
+from lasso_motion_ros.ring.track_state import TrackBelief
+
+Array = npt.NDArray[np.float64]
+
+USUAL_SHARE = 0.1  # of the newest pair, in what is usual
+SMALLEST_CONTRAST = 1e-6
+
+
+@dataclass(eq=False)
+class Track:
+    """One ring.
+
+    Attributes:
+        model: the ring at the seed pair.
+        template: what it looks like.
+        detector: finds it.
+        motion: of its centre, filtered.
+        curve: where breathing has taken it.
+        start_ns: stamp of the seed pair.
+        seed_support: what the planes showed of it in the seed pair.
+        usual_support: what they show of it now.
+        contrast: per plane, of the ring when last seen, as a share of the grey behind it.
+        rotation: the part of its turning that follows the breath.
+        belief: whether it is in its place, elsewhere, or out of view.
+        last_s: time of the last pair, seconds since the seed pair.
+        interval_s: between the last two pairs, seconds.
+        displacement: (3,) m of its centre in the last pair, in its place or displaced; None where it is not believed.
+        turn: (3,) rotation vector, rad, to start the next alignment from.
+        stretch: logarithm of its size, likewise.
+        last_turn: (3,) rotation vector of the ring when last seen, rad.
+        home_turn: (3,) rotation vector of the ring as it belongs, rad.
+        home: (3,) displacement at which it belongs, metres: zero until it was said to belong elsewhere.
+        reference: (3,) displacement at the reference pair, metres.
+        reference_ns: stamp of the reference pair.
+        reference_covariance: (3, 3) m² of the reference's displacement.
+        is_followed: whether the prediction is worth a look about it.
+    """
+
+    model: LoopModel
+    template: RingTemplate
+    detector: RingDetector
+    motion: RespiratoryMotion
+    curve: BreathingCurve
+    start_ns: int
+    seed_support: float
+    usual_support: float
+    contrast: dict[Plane, float]
+    rotation: BreathingRotation = field(default_factory=BreathingRotation)
+    belief: TrackBelief = field(default_factory=TrackBelief)
+    last_s: float = 0.0
+    interval_s: float = 0.0
+    displacement: Array | None = field(default_factory=lambda: np.zeros(3))
+    turn: Array = field(default_factory=lambda: np.zeros(3))
+    stretch: float = 0.0
+    last_turn: Array = field(default_factory=lambda: np.zeros(3))
+    home_turn: Array = field(default_factory=lambda: np.zeros(3))
+    home: Array = field(default_factory=lambda: np.zeros(3))
+    reference: Array = field(default_factory=lambda: np.zeros(3))
+    reference_ns: int = 0
+    reference_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    is_followed: bool = True
+
+    def begin(self, stamp_ns: int) -> float:
+        """Go on to the next pair; returns its time, seconds since the seed pair."""
+        time_s = self.detector.seconds(stamp_ns)
+        self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
+        return time_s
+
+    def see(self, best: Hypothesis) -> None:
+        """Take note of how a ring looks that is believed to be this one, wherever it lies."""
+        self.usual_support += USUAL_SHARE * (best.detection.support - self.usual_support)
+        self.last_turn = best.detection.alignment.turn
+        for plane, fit in best.detection.planes.items():
+            self.contrast[plane] = max(fit.contrast, SMALLEST_CONTRAST)
+
+    def learn_motion(self, best: Hypothesis, time_s: float) -> None:
+        """Learn how it breathes, and lies; the displacement is revised by it.
+
+        Between two late phases nothing changes by the revision: the reference is revised alike.
+        """
+        self.curve.accept(time_s, best.displacement)
+        before = self.motion.at_a.displacement
+        self.motion.learn(best.displacement)
+        revised = self.motion.at_a.displacement
+        if self.reference_ns != self.start_ns:
+            self.reference = self.reference + revised - before
+        self.displacement = revised
+        # Half of what the heartbeat did to it is the best guess for the next pair.
+        self.turn, self.stretch = 0.5 * best.detection.alignment.turn, 0.5 * best.detection.alignment.stretch
+
+    def learn_template(self, best: Hypothesis) -> None:
+        """Learn how it looks."""
+        fits = best.detection.planes
+        self.template.learn(
+            {plane: fit.strip for plane, fit in fits.items()}, {plane: fit.correlation for plane, fit in fits.items()}
+        )
+
+    def learn_rotation(self, best: Hypothesis, time_s: float) -> None:
+        """Learn whether it turns with the breath."""
+        alignment = best.detection.alignment
+        self.rotation.learn(time_s, self.seen_at - self.home, alignment.turn, alignment.stretch)
+
+    def refer_to_now(self) -> None:
+        """Make the last pair the reference."""
+        self.reference, self.reference_ns = self.seen_at, self.start_ns + round(self.last_s * 1e9)
+        self.reference_covariance = self.motion.at_a.covariance
+
+    def settle(self, curve: BreathingCurve) -> None:
+        """Take it that the ring belongs where, and as, it lies now.
+
+        Args:
+            curve: of its breathing there.
+        """
+        self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
+        self.motion.move(self.seen_at)
+        self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
+
+    @property
+    def seen_at(self) -> Array:
+        """(3,) the displacement in the last pair, metres; zero where the ring was not believed to be seen."""
+        return np.zeros(3) if self.displacement is None else self.displacement
+
+    @property
+    def depth_correction(self) -> Array:
+        """(3,) from the model to where the ring was at plane A's first exposure, metres.
+
+        The model's depth came from plane B's first exposure: what the ring had moved until then put it off.
+        """
+        ray_a, lateral = self.model.depth_directions
+        return np.asarray(-float(lateral @ self.motion.origin_b.displacement) / float(lateral @ ray_a) * ray_a)
+
+    @property
+    def centre(self) -> Array:
+        """(3,) the ring's centre at plane A's first exposure, world metres."""
+        return np.asarray(self.model.centre + self.depth_correction)
+
+    @property
+    def axis(self) -> Array:
+        """(3,) unit vector of the ring's axis at the seed pair."""
+        return np.asarray(np.linalg.svd(self.model.arms, full_matrices=False)[2][2])

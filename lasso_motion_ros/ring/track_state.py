@@ -1,0 +1,89 @@
+"""Whether the ring is in its place, elsewhere, or out of view: probabilities, and the state that follows from them.
+
+A hidden Markov model with three states, in place, displaced and absent, is told of each pair: how probable it is that
+what was detected is the ring, and how far off the breathing curve it lies. TRACKING, DEGRADED, LOST and DISPLACED
+follow by the few probabilities below, and by nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+IN_PLACE, ELSEWHERE, ABSENT = range(3)
+
+
+@dataclass(frozen=True)
+class StateTuning:
+    """Chances of a change, and the probabilities that a state asks for."""
+
+    # Chances of a change, per second.
+    leaves_per_s: float = 0.01
+    returns_per_s: float = 0.05
+    vanishes_per_s: float = 0.05
+    appears_per_s: float = 0.5
+    elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place
+    largest_sigmas: float = 6.0  # no one pair may say more
+    # Of being in place, and the detection being the ring:
+    tracking: float = 0.97
+    degraded: float = 0.75
+    displaced: float = 0.6  # of being elsewhere
+    # Of the pose being off by more than this, along the direction known worst:
+    misleading_mm: float = 2.0
+    misleads_tracking: float = 0.01
+    misleads_degraded: float = 0.1
+
+
+def probability_beyond(limit: float, sigma: float) -> float:
+    """Probability that a normal deviate of standard deviation `sigma` is off by more than a limit."""
+    return math.erfc(limit / (math.sqrt(2.0) * max(sigma, 1e-9)))
+
+
+@dataclass(frozen=True)
+class TrackBelief:
+    """Probabilities of the three states.
+
+    Attributes:
+        in_place: the ring moves with the atrium.
+        elsewhere: it is seen, but moves otherwise.
+        absent: it is out of view, or hidden.
+    """
+
+    in_place: float = 1.0
+    elsewhere: float = 0.0
+    absent: float = 0.0
+
+    def after(self, interval_s: float, seen: float, sigmas: float, tuning: StateTuning) -> TrackBelief:
+        """The belief after a pair.
+
+        Args:
+            interval_s: since the pair before, seconds.
+            seen: probability that what was detected is the ring.
+            sigmas: how far it lies off the breathing curve, standard deviations.
+            tuning: chances of a change.
+        """
+        before = self._changed(interval_s, tuning)
+        fits = np.exp(-0.5 * min(sigmas, tuning.largest_sigmas) ** 2)
+        other = np.exp(-0.5 * tuning.elsewhere_sigmas**2)
+        likelihood = np.array([seen * fits, seen * other, (1.0 - seen) * max(fits, other)])
+        now = before * (likelihood + 1e-9)
+        return TrackBelief(*(now / now.sum()).tolist())
+
+    def _changed(self, interval_s: float, tuning: StateTuning) -> Array:
+        leaves, returns, vanishes, appears = (
+            1.0 - np.exp(-rate * interval_s)
+            for rate in (tuning.leaves_per_s, tuning.returns_per_s, tuning.vanishes_per_s, tuning.appears_per_s)
+        )
+        change = np.array(
+            [
+                [1.0 - leaves - vanishes, leaves, vanishes],
+                [returns, 1.0 - returns - vanishes, vanishes],
+                [0.8 * appears, 0.2 * appears, 1.0 - appears],
+            ]
+        )
+        return np.asarray(np.array([self.in_place, self.elsewhere, self.absent]) @ change)

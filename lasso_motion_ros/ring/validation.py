@@ -1,0 +1,91 @@
+"""What is asked of the most probable detection before a pose rests on it, and the words for what is not met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.ring.association import Association, Hypothesis
+from lasso_motion_ros.ring.track import Track
+from lasso_motion_ros.ring.track_state import StateTuning
+from lasso_motion_ros.tracking.tracker import TrackerState
+
+MOVED_C_ARM = "moved C-arm without a new calibration?"
+
+
+@dataclass(frozen=True)
+class ValidationTuning:
+    """When the most probable detection is not the ring after all."""
+
+    degraded_slacks: float = 2.5  # the planes may disagree so many times by what moved between their exposures
+    lost_slacks: float = 4.0
+    ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
+
+
+def refusal(
+    track: Track,
+    association: Association,
+    pair: FramePair,
+    limits: JudgementConfig,
+    tuning: ValidationTuning,
+    states: StateTuning,
+) -> str:
+    """Why nothing in the pair is believed to be the ring, wherever it lies; empty if the best detection is."""
+    best = association.best
+    if best is None or best.probability < states.degraded:
+        return _unseen(association, pair)
+    if best.gap_mm > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
+        return f"the planes disagree by {best.gap_mm:.1f} mm: {MOVED_C_ARM}"
+    turned_deg = _turned_deg(track, best)
+    if turned_deg > limits.lost_turn_deg and len(best.detection.planes) == len(PLANES):
+        return f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
+    left = np.mean([fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()])
+    if left < tuning.ghost_contrast:
+        text = f"only {100 * left:.0f} % of its contrast is left"
+        return f"{text}: gone, and still in the images' filter over time?"
+    return ""
+
+
+def quality(
+    track: Track,
+    best: Hypothesis,
+    pair: FramePair,
+    limits: JudgementConfig,
+    tuning: ValidationTuning,
+    states: StateTuning,
+) -> tuple[TrackerState, str]:
+    """TRACKING, or DEGRADED and why, for a detection of the ring in its place."""
+    planes = best.detection.planes
+    if len(planes) < len(PLANES):
+        other: Plane = "b" if "a" in planes else "a"
+        why = "missing" if pair.frame(other) is None else "does not reach as far as the lasso"
+        return TrackerState.DEGRADED, f"plane {other.upper()} {why}: depth from the breathing so far"
+    if (turned_deg := _turned_deg(track, best)) > limits.degraded_turn_deg:
+        return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
+    if best.gap_mm > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
+        return TrackerState.DEGRADED, f"the planes disagree by {best.gap_mm:.1f} mm"
+    if min(track.belief.in_place, best.probability) < states.tracking:
+        weak = min(planes, key=lambda plane: planes[plane].evidence)
+        return TrackerState.DEGRADED, f"plane {weak.upper()} shows the lasso only faintly"
+    return TrackerState.TRACKING, ""
+
+
+def _unseen(association: Association, pair: FramePair) -> str:
+    best = association.best
+    if best is None or len(pair.frames) < len(PLANES):
+        return "the lasso is not seen"
+    if len(association.hypotheses) > 1 and association.hypotheses[1].probability > association.absent:
+        return "other places look nearly as much like the lasso"
+    evidence = {plane: fit.evidence for plane, fit in best.detection.planes.items()}
+    weak = min(PLANES, key=lambda plane: evidence.get(plane, -1.0))
+    strong = max(evidence.values())
+    if strong < 1.0:
+        return "the lasso is not seen"
+    return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
+
+
+def _turned_deg(track: Track, best: Hypothesis) -> float:
+    return float(np.degrees(np.linalg.norm(best.detection.alignment.turn - track.home_turn)))

@@ -1,0 +1,186 @@
+"""What a pair is looked at for: near the prediction first, then everywhere, until the ring is plainly there."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
+
+from lasso_motion_ros.config.ring import SearchConfig
+from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.ring import detector
+from lasso_motion_ros.ring.alignment import align
+from lasso_motion_ros.ring.detector import DetectorTuning, Expectation
+from lasso_motion_ros.ring.loop_views import LoopViews
+from lasso_motion_ros.ring.search import SearchCandidate
+from lasso_motion_ros.ring.tracker import RingTracker
+
+CONFIG = TrackerConfig()
+DOWN = np.array([0.0, 0.001, -0.005])
+FAR = np.array([0.0, 0.0, 0.03])  # where nothing is
+ASIDE = np.array([0.0, 0.0, 0.012])  # nor there, and near
+
+
+def candidates(*places):
+    """The search's answer: per candidate, where each plane would show the loop, from its centre at the reference."""
+    found = [{plane: LOOP.centre + place for plane, place in zip("ab", both, strict=True)} for both in places]
+    return [SearchCandidate(20.0 - 0.1 * rank, centres) for rank, centres in enumerate(found)]
+
+
+@pytest.fixture
+def aligned(monkeypatch):
+    """Where alignments started from."""
+    starts = []
+
+    def spied(images, template, arms, centres, *others):
+        starts.append(centres)
+        return align(images, template, arms, centres, *others)
+
+    monkeypatch.setattr(detector, "align", spied)
+    return starts
+
+
+@pytest.fixture
+def track():
+    """A track of which the seed pair has been seen."""
+    tracker = RingTracker(CONFIG)
+    tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
+    return tracker._track
+
+
+def detect(track, pair, config=CONFIG, *, tuning=None, **expected):
+    values = {"turn": track.turn, "stretch": track.stretch, "support": track.usual_support, "is_followed": True}
+    if tuning is not None:
+        track.detector._tuning = tuning
+    return track.detector.detect(pair, Expectation(track.motion, **(values | expected)), config)
+
+
+def off_mm(detection, place):
+    """How far both planes' fits are from a displacement, across their rays."""
+    return max(
+        1e3 * float(np.abs(fit.across @ (fit.centre - LOOP.centre - place)).max()) for fit in detection.planes.values()
+    )
+
+
+def test_the_ring_is_the_detection_with_the_most_support(track):
+    found = detect(track, lasso_pair(1, DOWN))
+    assert off_mm(found[0], DOWN) < 0.05
+    assert found[0].support > 2.0
+    assert [one.support for one in found] == sorted((one.support for one in found), reverse=True)
+
+
+def test_without_a_plane_nothing_is_detected(track):
+    assert detect(track, lasso_pair(1, DOWN, planes="")) == []
+    (alone, *_) = detect(track, lasso_pair(1, DOWN, planes="b"))
+    assert set(alone.planes) == {"b"}
+    assert off_mm(alone, DOWN) < 0.05
+
+
+def test_where_nothing_is_nothing_is_supported(track):
+    for detection in detect(track, lasso_pair(1, None)):
+        assert detection.support < 1.2
+
+
+def test_far_from_the_prediction_it_is_found_all_the_same(track):
+    # 40 mm along the patient: outside the part that is looked at first.
+    far = np.array([0.0, 0.0, -0.04])
+    found = detect(track, lasso_pair(1, far), TrackerConfig(search=SearchConfig(near_mm=2.0)))
+    assert off_mm(found[0], far) < 0.05
+
+
+def test_exposures_are_counted_from_the_reference_and_b_is_never_before_a(track):
+    frame = lasso_pair(3, DOWN).a
+    early = Frame(3 * PERIOD_NS - 2_000_000, frame.pixels, VIEWS["b"])
+    times = track.detector.exposures(FramePair(3 * PERIOD_NS, frame, early))
+    assert times == {"a": pytest.approx(3e-9 * PERIOD_NS), "b": pytest.approx(3e-9 * PERIOD_NS)}
+    late = Frame(3 * PERIOD_NS + 50_000_000, frame.pixels, VIEWS["b"])
+    assert track.detector.exposures(FramePair(3 * PERIOD_NS, frame, late))["b"] - times["a"] == pytest.approx(0.05)
+    assert track.detector.exposures(FramePair(3 * PERIOD_NS, frame, None)).keys() == {"a"}
+
+
+def test_plainly_there_nothing_else_is_looked_for(monkeypatch, track, aligned):
+    monkeypatch.setattr(
+        detector,
+        "join_peaks",
+        lambda *_: [*candidates((DOWN, DOWN)), SearchCandidate(10.0, candidates((FAR, FAR))[0].centres)],
+    )
+    detect(track, lasso_pair(1, DOWN))
+    assert len(aligned) == 1
+
+
+def test_a_rival_in_the_search_is_aligned_though_the_ring_is_found(monkeypatch, track, aligned):
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((DOWN, DOWN), (ASIDE, ASIDE)))
+    found = detect(track, lasso_pair(1, DOWN))
+    assert len(aligned) == 2
+    assert off_mm(found[0], DOWN) < 0.05
+
+
+def test_what_was_tried_is_not_tried_again(monkeypatch, track, aligned):
+    nowhere = [(DOWN - ASIDE, DOWN + side * ASIDE) for side in (-1.0, -0.7, 0.7, 1.0)]
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates(*nowhere))
+    detect(track, lasso_pair(1, DOWN), tuning=DetectorTuning(from_afar=False))
+    assert len(aligned) == 4  # near the prediction; in the whole picture they are known
+
+
+def test_not_followed_only_the_whole_is_looked_at(monkeypatch, track):
+    asked = []
+    search = track.detector._search
+    monkeypatch.setattr(track.detector, "_search", lambda *args, near: asked.append(near) or search(*args, near=near))
+    detect(track, lasso_pair(1, None), is_followed=False)
+    assert asked == [False]
+    detect(track, lasso_pair(1, None))
+    assert asked == [False, True, False]
+    detect(track, lasso_pair(1, None), tuning=DetectorTuning(near_first=False))
+    assert asked == [False, True, False, False]
+
+
+def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch, track):
+    """Cut by the edge of the part about the prediction a loop shows as a peak there, too, but cannot be aligned."""
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((FAR, FAR)))
+    found = detect(track, lasso_pair(5, FAR), TrackerConfig(search=SearchConfig(near_mm=2.0)))
+    assert off_mm(found[0], FAR) < 0.05
+    assert found[0].support > 2.0
+
+
+def test_two_alignments_that_end_in_one_place_are_one_detection(monkeypatch, track, aligned):
+    beside = DOWN + np.array([0.0, 0.0, 0.0004])
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((DOWN, DOWN), (beside, beside)))
+    found = detect(track, lasso_pair(1, DOWN))
+    assert len(aligned) == 2
+    assert len(found) == 1
+
+
+def test_two_rings_are_two_detections(track):
+    aside = np.array([0.020, 0.012, 0.009])
+    images = {}
+    for plane in "ab":
+        empty = lasso_image(CURVE + 10.0, VIEWS[plane]).astype(float)
+        images[plane] = empty + sum(lasso_image(CURVE + at, VIEWS[plane]) - empty for at in (DOWN, DOWN + aside))
+    frames = {plane: Frame(PERIOD_NS, noisy(images[plane], [1, ord(plane)]), VIEWS[plane]) for plane in "ab"}
+    found = detect(track, FramePair(PERIOD_NS, frames["a"], frames["b"]), is_followed=False)
+    for place in (DOWN, DOWN + aside):
+        plain = [one for one in found if off_mm(one, place) < 0.1]
+        assert len(plain) == 1
+        assert plain[0].support > 1.8
+
+
+def test_a_plane_that_does_not_reach_so_far_is_no_witness(track):
+    # Plane B is read out to a quarter of the lasso's width only.
+    pair = lasso_pair(1, DOWN)
+    x = round(float(VIEWS["b"].project(LOOP.centre + DOWN)[0])) - 45
+    cut = dataclasses.replace(
+        pair.b, pixels=np.ascontiguousarray(pair.b.pixels[:, :x]), projection=VIEWS["b"].cropped(0, 0, x, 512)
+    )
+    found = detect(track, FramePair(pair.stamp_ns, pair.a, cut))
+    assert any(set(one.planes) == {"a"} and off_mm(one, DOWN) < 0.1 for one in found)
+
+
+def test_what_is_given_up_is_no_detection(monkeypatch, track, aligned):
+    def fits(*_):
+        raise AssertionError("nobody needs to know")
+
+    monkeypatch.setattr(LoopViews, "fits", fits)
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((DOWN, DOWN), (FAR, FAR)))
+    assert detect(track, lasso_pair(1, None), tuning=DetectorTuning(from_afar=False)) == []
+    assert len(aligned) == 2

@@ -1,0 +1,127 @@
+"""What is known of a ring: what it takes note of, and what it forgets when the ring is said to belong elsewhere."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.ring_fits import detection_of, plane_fit
+
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
+from lasso_motion_ros.ring.association import Hypothesis
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
+from lasso_motion_ros.ring.track import Track
+from lasso_motion_ros.ring.track_state import TrackBelief
+
+CENTRE = np.array([0.005, -0.010, 0.020])
+RAY_A, LATERAL = np.array([1.0, 0.0, 0.0]), np.array([0.8, 0.6, 0.0])
+ARMS = np.column_stack([np.cos(np.arange(6.0)), np.sin(np.arange(6.0)), np.zeros(6)]) * 0.01
+CURVE = CurveTuning()
+
+
+def track(late_s=0.0):
+    detector = SimpleNamespace(seconds=lambda stamp_ns: 1e-9 * stamp_ns)
+    model = SimpleNamespace(centre=CENTRE, arms=ARMS - ARMS.mean(axis=0), depth_directions=(RAY_A, LATERAL))
+    return Track(
+        model=model,
+        template=None,
+        detector=detector,
+        motion=RespiratoryMotion(0.0, late_s),
+        curve=BreathingCurve(np.zeros(3), 0.0, CURVE),
+        start_ns=0,
+        seed_support=2.2,
+        usual_support=2.2,
+        contrast={"a": 0.2, "b": 0.2},
+    )
+
+
+def hypothesis(one, place, *, evidence=1.2, contrast=0.1, turn_deg=0.0, planes="ab"):
+    """The ring at a displacement (3,) m, taken in at the track's last time."""
+    fits = {p: plane_fit(p, CENTRE + place, evidence=evidence, contrast=contrast) for p in planes}
+    detection = detection_of(fits, turn=np.radians([0.0, turn_deg, 0.0]))
+    motion = one.motion.copy()
+    for p in planes:
+        motion.observe(one.last_s, **{p: detection.observation(p, CENTRE)})
+        motion.mark_a(one.last_s)
+    return Hypothesis(detection, motion, 9.0, -1.0, 0.0, 0.0, 0.999)
+
+
+def seen(one, stamp_ns, place, **of_hypothesis):
+    """Take in a pair, as the tracker does."""
+    time_s = one.begin(stamp_ns)
+    best = hypothesis(one, place, **of_hypothesis)
+    one.see(best)
+    one.motion, one.displacement = best.motion, best.displacement
+    one.learn_motion(best, time_s)
+    return best
+
+
+def test_a_pair_begins_with_nothing_seen():
+    one = track()
+    assert one.begin(300_000_000) == pytest.approx(0.3)
+    assert one.begin(700_000_000) == pytest.approx(0.7)
+    assert one.interval_s == pytest.approx(0.4)
+    assert one.displacement is None
+    np.testing.assert_array_equal(one.seen_at, 0.0)
+
+
+def test_what_it_looks_like_is_noted_of_every_pair_that_is_believed():
+    one = track()
+    one.begin(300_000_000)
+    one.see(hypothesis(one, np.zeros(3), evidence=1.2, contrast=0.1, turn_deg=3.0))
+    # Support 1.3 · 1.2 = 1.56, a tenth of the way from 2.2.
+    assert one.usual_support == pytest.approx(2.2 + 0.1 * (1.56 - 2.2))
+    assert one.contrast == {"a": 0.1, "b": 0.1}
+    np.testing.assert_allclose(one.last_turn, np.radians([0.0, 3.0, 0.0]))
+    one.see(hypothesis(one, np.zeros(3), contrast=0.0, planes="b"))
+    assert one.contrast["a"] == 0.1  # plane A was not there to tell
+    assert one.contrast["b"] > 0.0  # something to divide by
+
+
+def test_half_of_its_turn_is_the_best_guess_for_the_next_pair():
+    one = track()
+    seen(one, 300_000_000, np.array([0.0, 0.0, 0.004]), turn_deg=4.0)
+    np.testing.assert_allclose(one.turn, np.radians([0.0, 2.0, 0.0]))
+    np.testing.assert_allclose(one.displacement, [0.0, 0.0, 0.004], atol=1e-4)
+
+
+def test_the_reference_is_where_it_was_seen_last():
+    one = track()
+    seen(one, 300_000_000, np.array([0.0, 0.001, 0.004]))
+    one.refer_to_now()
+    np.testing.assert_array_equal(one.reference, one.displacement)
+    assert one.reference_ns == 300_000_000
+    np.testing.assert_array_equal(one.reference_covariance, one.motion.at_a.covariance)
+
+
+def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
+    one = track()
+    for index in range(1, 8):
+        seen(one, index * 300_000_000, np.array([0.0, 0.0, 1e-3 * (index % 4)]))
+    aside = np.array([0.020, 0.012, 0.009])
+    one.begin(8 * 300_000_000)
+    best = hypothesis(one, aside, turn_deg=5.0)
+    one.see(best)
+    one.displacement, one.belief, one.is_followed = aside, TrackBelief(0.0, 1.0, 0.0), False
+    curve = BreathingCurve(aside, one.last_s, CURVE)
+    one.settle(curve)
+    np.testing.assert_array_equal(one.home, aside)
+    np.testing.assert_allclose(one.home_turn, np.radians([0.0, 5.0, 0.0]))
+    np.testing.assert_allclose(one.turn, np.radians([0.0, 2.5, 0.0]))
+    assert one.belief == TrackBelief()
+    assert one.curve is curve
+    assert one.is_followed
+    # It breathes on from there.
+    np.testing.assert_allclose(one.motion.predict(one.last_s).displacement, aside, atol=1e-3)
+
+
+def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_off():
+    one = track(late_s=0.1)
+    np.testing.assert_allclose(one.depth_correction, 0.0, atol=1e-9)
+    one.motion._state[:, 15:18] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
+    # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
+    np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
+    np.testing.assert_allclose(one.centre - CENTRE, [-0.003, 0.0, 0.0], atol=1e-9)
+
+
+def test_the_axis_is_across_the_ring():
+    np.testing.assert_allclose(np.abs(track().axis), [0.0, 0.0, 1.0], atol=1e-9)

@@ -1,0 +1,151 @@
+"""Each reason for which a detection is not believed, or only with a doubt, and its words."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from support.ring_fits import detection_of, plane_fit
+
+from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.ring.association import Association, Hypothesis
+from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
+from lasso_motion_ros.ring.validation import ValidationTuning, quality, refusal
+from lasso_motion_ros.tracking.tracker import TrackerState
+
+LIMITS = JudgementConfig(degraded_gap_mm=0.8, lost_gap_mm=1.6, degraded_turn_deg=6.0, lost_turn_deg=8.0)
+TUNING, STATES = ValidationTuning(), StateTuning()
+VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], [0.0, 0.0, 1.0, 0.8]]), 8, 8)
+FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
+BOTH, ONLY_A, ONLY_B = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None), FramePair(0, None, FRAME)
+HERE = np.array([0.010, -0.020, 0.015])
+MOVED_C_ARM = "moved C-arm without a new calibration?"
+
+
+def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001)):  # noqa: B008
+    home_turn = np.radians([home_turn_deg, 0.0, 0.0])
+    return SimpleNamespace(contrast={"a": contrast, "b": contrast}, home_turn=home_turn, belief=belief)
+
+
+def best(a=1.8, b=1.8, *, probability=0.999, turn_deg=0.0, contrast=0.2, **of_hypothesis):
+    """A hypothesis by the evidence of each plane; None: a plane that was not exposed."""
+    shown = {"a": a, "b": b}
+    fits = {p: plane_fit(p, HERE, evidence=e, contrast=contrast) for p, e in shown.items() if e is not None}
+    detection = detection_of(fits, turn=np.radians([turn_deg, 0.0, 0.0]))
+    values = {"log_odds": 9.0, "surprise": -1.0, "gap_mm": 0.1, "slack_mm": 0.05} | of_hypothesis
+    return Hypothesis(detection, None, probability=probability, **values)
+
+
+def refused(hypothesis, *others, pair=BOTH, of_track=None):
+    hypotheses = () if hypothesis is None else (hypothesis, *others)
+    absent = max(0.0, 1.0 - sum(one.probability for one in hypotheses))
+    return refusal(of_track or track(), Association(hypotheses, absent), pair, LIMITS, TUNING, STATES)
+
+
+def judged(hypothesis, *, pair=BOTH, of_track=None):
+    return quality(of_track or track(), hypothesis, pair, LIMITS, TUNING, STATES)
+
+
+def test_what_is_plain_is_believed():
+    assert refused(best()) == ""
+    assert judged(best()) == (TrackerState.TRACKING, "")
+
+
+def test_nothing_detected_is_not_seen():
+    assert refused(None) == "the lasso is not seen"
+    assert refused(best(0.9, 0.8, probability=0.2)) == "the lasso is not seen"
+    assert refused(best(1.8, None, probability=0.2), pair=ONLY_A) == "the lasso is not seen"
+
+
+@pytest.mark.parametrize(("a", "b", "plane"), [(1.8, 0.2, "B"), (0.2, 1.8, "A"), (1.8, None, "B")])
+def test_a_plane_that_shows_nothing_contradicts(a, b, plane):
+    said = refused(best(a, b, probability=0.3))
+    assert said == f"plane {plane} does not show the lasso: hidden there, or {MOVED_C_ARM}"
+
+
+def test_the_probability_that_a_pose_asks_for():
+    assert refused(best(probability=STATES.degraded)) == ""
+    assert refused(best(probability=STATES.degraded - 0.01)) != ""
+
+
+def test_other_places_that_look_alike_are_said():
+    twin = best(probability=0.45)
+    assert refused(best(probability=0.5), twin) == "other places look nearly as much like the lasso"
+    # Where absence is the likelier rival, it is that.
+    assert "other places" not in refused(best(0.9, 0.8, probability=0.3), best(probability=0.1))
+
+
+@pytest.mark.parametrize(
+    ("gap_mm", "slack_mm", "said"),
+    [
+        (1.6, 0.05, ""),
+        (1.7, 0.05, f"the planes disagree by 1.7 mm: {MOVED_C_ARM}"),
+        # What moved between the exposures may be 4 standard deviations.
+        (3.9, 1.0, ""),
+        (4.1, 1.0, f"the planes disagree by 4.1 mm: {MOVED_C_ARM}"),
+    ],
+)
+def test_planes_that_disagree_much_are_refused(gap_mm, slack_mm, said):
+    assert refused(best(gap_mm=gap_mm, slack_mm=slack_mm)) == said
+
+
+@pytest.mark.parametrize(
+    ("gap_mm", "slack_mm", "state"),
+    [
+        (0.8, 0.05, TrackerState.TRACKING),
+        (0.9, 0.05, TrackerState.DEGRADED),
+        (2.4, 1.0, TrackerState.TRACKING),
+        (2.6, 1.0, TrackerState.DEGRADED),
+    ],
+)
+def test_planes_that_disagree_a_little_are_a_doubt(gap_mm, slack_mm, state):
+    found, said = judged(best(gap_mm=gap_mm, slack_mm=slack_mm))
+    assert found is state
+    assert said == ("" if state is TrackerState.TRACKING else f"the planes disagree by {gap_mm:.1f} mm")
+
+
+def test_a_ring_that_is_turned_since_it_belonged_so():
+    assert refused(best(turn_deg=8.1)) == f"the lasso is turned by 8 degrees: {MOVED_C_ARM}"
+    assert refused(best(turn_deg=7.9)) == ""
+    assert judged(best(turn_deg=6.1)) == (TrackerState.DEGRADED, f"the lasso is turned by 6 degrees: {MOVED_C_ARM}")
+    assert judged(best(turn_deg=5.9))[0] is TrackerState.TRACKING
+    # Counted from how it belongs; one plane alone tells no turn.
+    assert refused(best(turn_deg=8.1), of_track=track(home_turn_deg=3.0)) == ""
+    assert refused(best(None, 1.8, turn_deg=12.0), pair=ONLY_B) == ""
+
+
+@pytest.mark.parametrize(("share", "said"), [(1.0, ""), (0.6, ""), (0.5, "only 50 % of its contrast is left")])
+def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(share, said):
+    found = refused(best(contrast=0.2 * share))
+    assert found == (said and f"{said}: gone, and still in the images' filter over time?")
+    alone = refused(best(1.8, None, contrast=0.2 * share), pair=ONLY_A)
+    assert alone == found
+
+
+def test_one_plane_alone_is_a_doubt_that_says_which_is_missing_and_why():
+    assert judged(best(1.8, None), pair=ONLY_A) == (
+        TrackerState.DEGRADED,
+        "plane B missing: depth from the breathing so far",
+    )
+    assert judged(best(None, 1.8), pair=ONLY_B) == (
+        TrackerState.DEGRADED,
+        "plane A missing: depth from the breathing so far",
+    )
+    assert judged(best(None, 1.8), pair=BOTH) == (
+        TrackerState.DEGRADED,
+        "plane A does not reach as far as the lasso: depth from the breathing so far",
+    )
+
+
+def test_a_plane_that_shows_it_faintly_is_a_doubt_and_said_to():
+    faint = dataclasses.replace(best(1.8, 1.1), probability=0.9)
+    assert judged(faint) == (TrackerState.DEGRADED, "plane B shows the lasso only faintly")
+
+
+def test_a_doubt_about_its_place_is_not_laid_to_a_plane():
+    # Both planes show it plainly; that it was displaced a moment ago is what is in doubt.
+    state, said = judged(best(), of_track=track(belief=TrackBelief(0.8, 0.2, 0.0)))
+    assert state is TrackerState.DEGRADED
+    assert "faintly" not in said
