@@ -39,6 +39,7 @@ class CurveTuning:
     smallest_reversal_m: float = 1.5e-3
     slide_memory_s: float = 60.0
     slide_points: int = 10  # before, nothing tells a slide from breathing
+    longest_gap: float = 1.8  # of the usual interval
     slide_starts: int = 8
     fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
     shortest_slide_s: float = 1.5
@@ -61,7 +62,7 @@ class BreathingCurve:
         self._tuning = tuning
         self._points, self._times_s = first[None], np.array([time_s])
         self._complete_s: float | None = None
-        self._off: list[float] = []  # metres across, of breaths that repeated
+        self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
 
     @property
     def is_complete(self) -> bool:
@@ -73,7 +74,9 @@ class BreathingCurve:
         """How far breaths are apart, across their direction, metres."""
         if not self.is_complete:
             return self._tuning.first_sigma_m
-        recent = np.square(self._off[-self._tuning.repeats :])
+        # What is younger than a breath may be a ring that is drawn aside: it must not widen what is borne.
+        settled = [off for time_s, off in self._off if time_s <= self._times_s[-1] - self._tuning.longest_breath_s]
+        recent = np.square(settled[-self._tuning.repeats :])
         # What is expected of a patient counts as a few pairs.
         total = self._tuning.repeated_sigma_m**2 * self._tuning.repeated_pairs + float(recent.sum())
         return float(max(np.sqrt(total / (self._tuning.repeated_pairs + len(recent))), self._tuning.smallest_sigma_m))
@@ -83,7 +86,8 @@ class BreathingCurve:
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         if self.is_complete:
-            self._off.append(self._across(displacement, time_s)[0])
+            self._off.append((time_s, self._across(displacement, time_s)[0]))
+            del self._off[: -self._tuning.points]
         self._points = np.vstack([self._points, displacement])[-self._tuning.points :]
         self._times_s = np.append(self._times_s, time_s)[-self._tuning.points :]
         axis, spread = _principal_axis(self._points)
@@ -102,14 +106,28 @@ class BreathingCurve:
             Metres slid by now, and the natural logarithm of the odds.
         """
         recent = self._times_s > time_s - self._tuning.slide_memory_s
-        points = np.vstack([self._points[recent], displacement])
-        times = np.append(self._times_s[recent], time_s)
+        points, times = self._points[recent], self._times_s[recent]
+        _, odds = self._change_point(points, times)
+        if odds == 0.0:  # one place proves nothing, the newest least of all
+            return 0.0, 0.0
+        with_newest = self._change_point(np.vstack([points, displacement]), np.append(times, time_s))
+        return with_newest[0], min(odds, with_newest[1])
+
+    def _change_point(self, points: Array, times: Array) -> tuple[float, float]:
+        """Metres slid at the last of the places (N, 3) m at times (N,) s, and the log odds of a slide."""
         if len(points) < self._tuning.slide_points:
+            return 0.0, 0.0
+        intervals = np.diff(times)
+        # How fast it breathed beside a gap nobody saw.
+        seen = np.append(intervals, 0.0) < self._tuning.longest_gap * np.median(intervals)
+        seen &= np.append(0.0, intervals) < self._tuning.longest_gap * np.median(intervals)
+        if seen.sum() < self._tuning.slide_points:
             return 0.0, 0.0
         axis, _ = _principal_axis(points)
         along = points @ axis
         across = points - points.mean(axis=0) - np.outer(along - along.mean(), axis)
         speed = np.gradient(along, times)
+        along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
         still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
         best_odds, best_slid = 0.0, 0.0
         basis = np.linalg.qr(still)[0]

@@ -52,11 +52,11 @@ def test_the_command_writes_the_table_of_the_ablation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: small())
-    arguments = ["suite", "--quiet", "--sequences", "1", "--traps", "zoom", "--ablation", "robust", "curve"]
+    arguments = ["suite", "--quiet", "--sequences", "1", "--traps", "zoom", "--ablation", "ring", "shared"]
     assert main([*arguments, "--report", str(tmp_path), "--json", str(tmp_path / "a.json")]) == 0
     text = (tmp_path / "ablation.md").read_text()
-    assert "| robust weights |" in text
-    assert "| an open curve: the ellipse |" in text
+    assert "| the ring's own tilt, spin and size |" in text
+    assert "| one profile that both planes share |" in text
     assert text.count("\n| ") == 5
     assert "1 random sequences of seed 2009, 2 pairs, and 2 traps, 4 pairs." in text
     assert set(json.loads((tmp_path / "a.json").read_text())[0]["traps"]) == {"zoom"}

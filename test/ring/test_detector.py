@@ -138,7 +138,8 @@ def test_not_followed_only_the_whole_is_looked_at(monkeypatch, track):
 def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch, track):
     """Cut by the edge of the part about the prediction a loop shows as a peak there, too, but cannot be aligned."""
     monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((FAR, FAR)))
-    found = detect(track, lasso_pair(5, FAR), TrackerConfig(search=SearchConfig(near_mm=2.0)))
+    config = TrackerConfig(search=SearchConfig(near_mm=2.0))
+    found = detect(track, lasso_pair(5, FAR), config, tuning=DetectorTuning(from_afar=False))
     assert off_mm(found[0], FAR) < 0.05
     assert found[0].support > 2.0
 
