@@ -135,11 +135,15 @@ def test_not_followed_only_the_whole_is_looked_at(monkeypatch, track):
     assert asked == [False, True, False, False]
 
 
-def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch, track):
+def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):
     """Cut by the edge of the part about the prediction a loop shows as a peak there, too, but cannot be aligned."""
-    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((FAR, FAR)))
     config = TrackerConfig(search=SearchConfig(near_mm=2.0))
-    found = detect(track, lasso_pair(5, FAR), config, tuning=DetectorTuning(from_afar=False))
+    tracker = RingTracker(config)
+    tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
+    for index in range(1, 5):  # so that little is looked at about the prediction
+        tracker.track(lasso_pair(index, np.zeros(3)))
+    monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((FAR, FAR)))
+    found = detect(tracker._track, lasso_pair(5, FAR), config, tuning=DetectorTuning(from_afar=False))
     assert off_mm(found[0], FAR) < 0.05
     assert found[0].support > 2.0
 
