@@ -37,6 +37,10 @@ class CurveTuning:
     widening: float = 0.08  # across, per metre beyond it: the direction is known only so well
     reversal_share: float = 0.3  # of the range so far: a turn of the breathing, not a jitter
     smallest_reversal_m: float = 1.5e-3
+    fastest_m_s: float = 0.065  # of a breath or a cough
+    at_once_m: float = 0.002  # and so much besides, for the heartbeat
+    longest_interval_s: float = 1.5  # after a longer pause speed tells nothing
+    too_fast_sigmas: float = 4.0  # what just exceeds it
     slide_memory_s: float = 60.0
     slide_points: int = 10  # before, nothing tells a slide from breathing
     longest_gap: float = 1.8  # of the usual interval
@@ -61,6 +65,7 @@ class BreathingCurve:
     def __init__(self, first: Array, time_s: float, tuning: CurveTuning) -> None:
         self._tuning = tuning
         self._points, self._times_s = first[None], np.array([time_s])
+        self._last, self._last_s = np.array(first), time_s
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
 
@@ -83,6 +88,7 @@ class BreathingCurve:
 
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m for one of breathing."""
+        self._last, self._last_s = np.array(displacement), time_s
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         if self.is_complete:
@@ -149,17 +155,30 @@ class BreathingCurve:
                 best_odds, best_slid = odds, float(np.linalg.norm(drift)) * float(times[-1] - start)
         return best_slid, best_odds
 
-    def departure_sigmas(self, time_s: float, displacement: Array, sigma_m: float) -> float:
-        """How far a displacement (3,) m is from breathing, in standard deviations: off its curve, or sliding.
+    def departure_sigmas(self, time_s: float, displacement: Array, sigma_m: float, *, is_away: bool = False) -> float:
+        """How far a displacement (3,) m is from breathing, in standard deviations: off its curve, too fast, or sliding.
 
         Args:
             time_s: when.
             displacement: (3,) metres.
             sigma_m: of the displacement itself, with the heartbeat's, metres.
+            is_away: the ring has been displaced, and has to come back to where it was seen.
         """
-        off = self.distance_sigmas(time_s, displacement, sigma_m)
+        off = max(self.distance_sigmas(time_s, displacement, sigma_m), self._speed_sigmas(time_s, displacement))
+        if is_away and not self.is_complete:
+            nearest = float(np.linalg.norm(self._points - displacement, axis=1).min())
+            off = max(off, nearest / float(np.hypot(self._tuning.first_sigma_m, sigma_m)))
         slid_m, odds = self.slide(time_s, displacement)
         return max(off, float(np.sqrt(2.0 * odds))) if slid_m > self._tuning.smallest_slide_m else off
+
+    def _speed_sigmas(self, time_s: float, displacement: Array) -> float:
+        """How far a displacement (3,) m is beyond what a breath or a cough does since the last one believed."""
+        interval_s = time_s - self._last_s
+        if interval_s > self._tuning.longest_interval_s:
+            return 0.0
+        moved = float(np.linalg.norm(displacement - self._last))
+        excess = moved / (self._tuning.fastest_m_s * interval_s + self._tuning.at_once_m)
+        return self._tuning.too_fast_sigmas * excess if excess > 1.0 else 0.0
 
     def distance_sigmas(self, time_s: float, displacement: Array, sigma_m: float) -> float:
         """How far a displacement (3,) m lies off the curve, in standard deviations.

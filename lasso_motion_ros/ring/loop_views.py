@@ -178,7 +178,10 @@ class LoopViews:
         scores = scores - scores.mean(axis=1, keepdims=True)
         clusters = scores.shape[1]
         sandwich = nominal @ (scores @ scores.T) @ nominal * (clusters / (clusters - size))
-        return np.asarray((NOMINAL_SEGMENTS * nominal + clusters * sandwich) / (NOMINAL_SEGMENTS + clusters))
+        blended = (NOMINAL_SEGMENTS * np.diag(nominal) + clusters * np.diag(sandwich)) / (NOMINAL_SEGMENTS + clusters)
+        # Never less than the noise alone leaves unknown.
+        wider = np.sqrt(np.maximum(blended / np.diag(nominal), 1.0))
+        return np.asarray(nominal * np.outer(wider, wider))
 
     def fits(self, covariance: Array) -> list[PlaneFit]:
         """The results, with the share of the loop that looks as expected where it was last sampled.

@@ -87,6 +87,13 @@ class Track:
         """Take note of how a ring looks that is believed to be this one, wherever it lies."""
         self.usual_support += USUAL_SHARE * (best.detection.support - self.usual_support)
         self.last_turn = best.detection.alignment.turn
+        self.remember_contrast(best)
+
+    def remember_contrast(self, best: Hypothesis) -> None:
+        """Take the contrast of what was detected for that of the ring when last seen.
+
+        Not what is usual: a trace in a filter over time fades from pair to pair, another window of the images stays.
+        """
         for plane, fit in best.detection.planes.items():
             self.contrast[plane] = max(fit.contrast, SMALLEST_CONTRAST)
 

@@ -24,7 +24,7 @@ class StateTuning:
 
     # Chances of a change, per second.
     leaves_per_s: float = 0.01
-    returns_per_s: float = 0.05
+    returns_per_s: float = 0.01
     vanishes_per_s: float = 0.05
     appears_per_s: float = 0.5
     elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place

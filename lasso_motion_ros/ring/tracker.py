@@ -19,7 +19,7 @@ from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.track_state import probability_beyond
-from lasso_motion_ros.ring.validation import quality, refusal
+from lasso_motion_ros.ring.validation import fading, quality, refusal
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -72,7 +72,7 @@ class RingTracker:
             reference_ns=pair.stamp_ns,
         )
         result = without_pose(track, pair, TrackerState.TRACKING, "")
-        result = with_pose(result, track, np.zeros((3, 3)), None)
+        result = with_pose(result, track, track.motion.at_a.covariance, None)
         return result.with_loop(track.model.points + track.depth_correction)
 
     def track(self, pair: FramePair) -> TrackResult:
@@ -96,6 +96,9 @@ class RingTracker:
             reason = refusal(track, association, pair, config.judgement, options.validation, options.state)
         best = association.best
         if best is None or reason:
+            return self._lost(track, pair, reason)
+        if reason := fading(track, best, options.validation):
+            track.remember_contrast(best)
             return self._lost(track, pair, reason)
         track.see(best)
         if track.belief.elsewhere > options.state.displaced:
@@ -122,7 +125,11 @@ class RingTracker:
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
             sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1] + track.motion.heartbeat_m**2))
-            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m)
+            is_away = track.belief.elsewhere > self._options.state.displaced
+            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
+            if is_away and len(best.detection.planes) < len(PLANES):
+                # That a displaced ring is back, both planes have to show.
+                departure = max(departure, self._options.state.elsewhere_sigmas)
         track.belief = track.belief.after(track.interval_s, 1.0 - association.absent, departure, self._options.state)
         return departure
 

@@ -40,8 +40,14 @@ def refusal(
     if best.gap_mm > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
         return f"the planes disagree by {best.gap_mm:.1f} mm: {MOVED_C_ARM}"
     turned_deg = _turned_deg(track, best)
-    if turned_deg > limits.lost_turn_deg and len(best.detection.planes) == len(PLANES):
+    is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
+    if turned_deg > limits.lost_turn_deg and len(best.detection.planes) == len(PLANES) and not is_elsewhere:
         return f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
+    return ""
+
+
+def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
+    """Why a detection is only what a filter over time has left of the ring; empty if it is the ring."""
     left = np.mean([fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()])
     if left < tuning.ghost_contrast:
         text = f"only {100 * left:.0f} % of its contrast is left"
@@ -67,7 +73,9 @@ def quality(
         return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
     if best.gap_mm > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
         return TrackerState.DEGRADED, f"the planes disagree by {best.gap_mm:.1f} mm"
-    if min(track.belief.in_place, best.probability) < states.tracking:
+    if track.belief.in_place < states.tracking:
+        return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
+    if best.probability < states.tracking:
         weak = min(planes, key=lambda plane: planes[plane].evidence)
         return TrackerState.DEGRADED, f"plane {weak.upper()} shows the lasso only faintly"
     return TrackerState.TRACKING, ""

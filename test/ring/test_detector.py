@@ -1,7 +1,5 @@
 """What a pair is looked at for: near the prediction first, then everywhere, until the ring is plainly there."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
@@ -168,17 +166,6 @@ def test_two_rings_are_two_detections(track):
         plain = [one for one in found if off_mm(one, place) < 0.1]
         assert len(plain) == 1
         assert plain[0].support > 1.8
-
-
-def test_a_plane_that_does_not_reach_so_far_is_no_witness(track):
-    # Plane B is read out to a quarter of the lasso's width only.
-    pair = lasso_pair(1, DOWN)
-    x = round(float(VIEWS["b"].project(LOOP.centre + DOWN)[0])) - 45
-    cut = dataclasses.replace(
-        pair.b, pixels=np.ascontiguousarray(pair.b.pixels[:, :x]), projection=VIEWS["b"].cropped(0, 0, x, 512)
-    )
-    found = detect(track, FramePair(pair.stamp_ns, pair.a, cut))
-    assert any(set(one.planes) == {"a"} and off_mm(one, DOWN) < 0.1 for one in found)
 
 
 def test_what_is_given_up_is_no_detection(monkeypatch, track, aligned):

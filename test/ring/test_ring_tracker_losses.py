@@ -132,7 +132,7 @@ def test_moved_to_another_vein_it_is_displaced(tracker, pairs):
     assert_no_pose(tracker.track(pair(WARM + 8, 0.5 * ASIDE)), DISPLACED)
     # Back on its curve it takes two pairs in which both planes show it there.
     first, second, third = (tracker.track(pair(index)) for index in range(WARM + 9, WARM + 12))
-    assert_no_pose(first, DISPLACED)
+    assert first.motion is None
     assert second.motion is not None
     assert third.state is TRACKING
     for index, result in enumerate((second, third), start=WARM + 10):
@@ -149,17 +149,15 @@ def test_one_plane_alone_ends_no_displacement(tracker):
     assert back[-1] is TRACKING
 
 
-def test_a_small_sidestep_that_nothing_foretold_is_not_published_at_once(tracker):
-    # No larger than a breath's own width: in its place again soon, or there for good, and then it is followed.
+def test_a_small_sidestep_is_no_breath(tracker):
+    # 3 mm across the breath's way: one pair may be an outlier, three are not.
     sidestep = np.array([0.0029, 0.0009, 0.0])
-    assert_no_pose(first := tracker.track(pair(WARM, sidestep)), LOST)
-    assert "from where its motion so far leads" in first.reason
-    later = [tracker.track(pair(index, sidestep)) for index in (WARM + 1, WARM + 2)]
-    assert later[-1].state is TRACKING
-    assert centre_error_mm(later[-1], moved(WARM + 2) + sidestep) < 0.3
+    for index in range(WARM, WARM + 3):
+        result = tracker.track(pair(index, sidestep))
+    assert result.motion is None
 
 
-def test_moved_step_by_step_within_the_first_breath_it_is_displaced_from_the_second_step_on():
+def test_moved_step_by_step_within_the_first_breath_it_is_displaced_from_the_third_step_on():
     early = RingTracker(CONFIG)
     early.initialise(pair(0), lasso_seed())
     for index in range(1, 4):
@@ -167,10 +165,9 @@ def test_moved_step_by_step_within_the_first_breath_it_is_displaced_from_the_sec
     step = np.array([0.003, 0.002, -0.006])
     states = []
     for index in range(4, 8):
-        result = early.track(pair(index, (index - 3) * step))
-        assert result.motion is None
-        states.append(result.state)
-    assert states[1:] == [DISPLACED] * 3
+        states.append(early.track(pair(index, (index - 3) * step)).state)
+    # The first two are what an oblique breath might do.
+    assert states[2:] == [DISPLACED] * 2
 
 
 def test_a_deeper_step_of_the_breath_is_followed_at_once(tracker):

@@ -12,7 +12,7 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
-from lasso_motion_ros.ring.validation import ValidationTuning, quality, refusal
+from lasso_motion_ros.ring.validation import ValidationTuning, fading, quality, refusal
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 LIMITS = JudgementConfig(degraded_gap_mm=0.8, lost_gap_mm=1.6, degraded_turn_deg=6.0, lost_turn_deg=8.0)
@@ -118,9 +118,9 @@ def test_a_ring_that_is_turned_since_it_belonged_so():
 
 @pytest.mark.parametrize(("share", "said"), [(1.0, ""), (0.6, ""), (0.5, "only 50 % of its contrast is left")])
 def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(share, said):
-    found = refused(best(contrast=0.2 * share))
+    found = fading(track(), best(contrast=0.2 * share), ValidationTuning())
     assert found == (said and f"{said}: gone, and still in the images' filter over time?")
-    alone = refused(best(1.8, None, contrast=0.2 * share), pair=ONLY_A)
+    alone = fading(track(), best(1.8, None, contrast=0.2 * share), ValidationTuning())
     assert alone == found
 
 

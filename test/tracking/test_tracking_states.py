@@ -62,6 +62,6 @@ def test_moved_at_once_to_another_vein() -> None:
 
 def test_moved_over_three_pairs_to_another_vein() -> None:
     scores = scores_with(Event("move", FIRST, FIRST + 2, shift_mm=MOVED_MM))
-    # The first third is 8 mm, no more than a breath in a quarter of a second; then it is said.
-    assert states(scores[FIRST + 1 :]) == [DISPLACED] * (PAIRS - FIRST - 1)
-    assert not any(score.has_pose for score in scores[FIRST + 1 :])
+    # The first thirds are 8 mm each, no more than a breath in a quarter of a second; then it is said.
+    assert states(scores[FIRST + 2 :]) == [DISPLACED] * (PAIRS - FIRST - 2)
+    assert not any(score.has_pose for score in scores[FIRST + 2 :])
