@@ -65,7 +65,7 @@ def detection_of(
         stretch=0.0,
         correlations=(0.9,),
         is_given_up=False,
-        views=SeenViews(list(fits.values())),  # type: ignore[arg-type]
+        views=SeenViews(list(fits.values())),
         covariance=1e-4 * np.eye(size),
     )
     return Detection(alignment, tuning)
