@@ -50,7 +50,7 @@ class CurveTuning:
     smallest_slide_m: float = 0.0012  # what is less harms nobody
     slide_penalty: float = 6.0  # log odds against, for a drift of two components that starts at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
-    drift_s: float = 20.0  # for so long
+    drift_s: float = 9.0  # for so long
 
 
 class BreathingCurve:
