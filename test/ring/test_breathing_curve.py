@@ -72,7 +72,7 @@ def test_off_a_curve_of_breaths_that_repeat_the_distance_in_sigmas_by_hand():
     on = curve.distance_sigmas(time_s + 0.05, 6e-3 * UP, SIGMA_M)
     assert on < 0.1
     off = curve.distance_sigmas(time_s + 0.05, 6e-3 * UP + 3e-3 * ASIDE, SIGMA_M)
-    drift_m = TUNING.drift_m_s * (time_s + 0.05)
+    drift_m = TUNING.drift_m_s * min(time_s + 0.05, TUNING.drift_s)
     assert off == pytest.approx(3e-3 / np.sqrt(curve.sigma_m**2 + SIGMA_M**2 + drift_m**2), rel=0.02)
     # What is known less well is less far off.
     loose = curve.distance_sigmas(time_s + 0.05, 6e-3 * UP + 3e-3 * ASIDE, 2e-3)
