@@ -8,6 +8,8 @@ along the body, this tells how far, roughly, in depth.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,14 +18,22 @@ from lasso_motion_ros.geometry.projection import Projection
 
 Array = npt.NDArray[np.float64]
 
-# Of the way along the body: towards the detectors, which a supine patient faces.
-TOWARDS_DETECTORS = {"supine": 1.3 / 4.9, "prone": -1.3 / 4.9}
-# Standard deviations, in units of the way along the body: 1.8 / 4.9 between patients, and somewhat for hysteresis and
-# the heartbeat; from left to right a guess.
-FRONTAL_SIGMA = 0.5
-LATERAL_SIGMA = 0.4
-SHARE_OF_A = 0.6  # plane A is taken for the more frontal view: of 0° and 90° it is the one at 0°
-SMALLEST_PART = 0.5  # of a direction along an axis, below which the axis is not known
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How the heart moves, in units of its way along the body, and how sure the views' directions have to be."""
+
+    forward_share: float = 1.3 / 4.9  # to the front, where a supine patient has the detectors
+    # Standard deviations: 1.8 / 4.9 between patients, and somewhat for hysteresis and the heartbeat; from left to right
+    # a guess.
+    frontal_sigma: float = 0.5
+    lateral_sigma: float = 0.4
+    share_of_a: float = 0.6  # plane A is taken for the more frontal view: of 0° and 90° it is the one at 0°
+    smallest_part: float = 0.5  # of a direction along an axis, below which the axis is not known
+
+
+TUNING = _Tuning()
+TOWARDS_DETECTORS = {"supine": TUNING.forward_share, "prone": -TUNING.forward_share}
 
 
 def breathing_shape(projections: dict[Plane, Projection], posture: str) -> Array:
@@ -42,8 +52,9 @@ def breathing_shape(projections: dict[Plane, Projection], posture: str) -> Array
     head, detectors = axes
     lateral = np.cross(head, detectors)
     main = TOWARDS_DETECTORS[posture] * detectors - head
+    frontal, sideways = TUNING.frontal_sigma**2, TUNING.lateral_sigma**2
     covariance = np.outer(main, main)
-    covariance += FRONTAL_SIGMA**2 * np.outer(detectors, detectors) + LATERAL_SIGMA**2 * np.outer(lateral, lateral)
+    covariance += frontal * np.outer(detectors, detectors) + sideways * np.outer(lateral, lateral)
     return covariance
 
 
@@ -55,7 +66,7 @@ def _head_and_detectors(projections: dict[Plane, Projection]) -> tuple[Array, Ar
     images' tops, or the detectors, lie along no axis.
     """
     upward, outward = np.zeros(3), np.zeros(3)
-    for plane, share in zip(PLANES, (SHARE_OF_A, 1.0 - SHARE_OF_A), strict=True):
+    for plane, share in zip(PLANES, (TUNING.share_of_a, 1.0 - TUNING.share_of_a), strict=True):
         up = -projections[plane].jacobian(np.zeros(3))[1]
         upward += 0.5 * up / np.linalg.norm(up)
         outward += share * projections[plane].viewing_direction
@@ -66,7 +77,7 @@ def _head_and_detectors(projections: dict[Plane, Projection]) -> tuple[Array, Ar
 
 def _nearest_axis(direction: Array) -> Array | None:
     largest = int(np.argmax(np.abs(direction)))
-    if abs(direction[largest]) < SMALLEST_PART:
+    if abs(direction[largest]) < TUNING.smallest_part:
         return None
     axis = np.zeros(3)
     axis[largest] = np.sign(direction[largest])

@@ -21,14 +21,27 @@ Array = npt.NDArray[np.float64]
 # Columns of the regression: a constant (the ring's own tilt at the reference), displacement, stretch of the ring.
 CONSTANT, MOVED, STRETCHED = range(3)
 OTHERS = [CONSTANT, STRETCHED]
-# Standard deviations expected of the coefficients: rad, rad a metre (a degree in 14 mm, about any axis), rad.
-PRIOR_SD = np.array([np.radians(3.0), np.radians(70.0), 1.0])
-OWN_TURN_RAD = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
-OWN_TURN_PAIRS = 2.0  # so many pairs
-SMALLEST_SD_RAD = np.radians(0.25)  # what does not follow the breath's depth: hysteresis, say
-FEWEST_PAIRS = 2  # before, there is no direction of breathing
-INDEPENDENT_S = 0.3  # pairs closer in time than this show nearly the same phase of the heartbeat, and count for less
-ROUNDS = 3  # of noise and coefficients in turn
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """What is expected of the turning before any has been seen."""
+
+    # Standard deviations of the regression's coefficients.
+    own_tilt_rad: float = np.radians(3.0)
+    turn_rad_per_m: float = np.radians(70.0)  # a degree in 14 mm, about any axis
+    turn_per_stretch_rad: float = 1.0
+    own_turn_rad: float = np.radians(1.5)  # the ring's own turning before any has been seen, which counts as
+    own_turn_pairs: float = 2.0  # so many pairs
+    smallest_sd_rad: float = np.radians(0.25)  # what does not follow the breath's depth: hysteresis, say
+    fewest_pairs: int = 2  # before, there is no direction of breathing
+    # Pairs closer in time than this show nearly the same phase of the heartbeat, and count for less.
+    independent_s: float = 0.3
+    rounds: int = 3  # of noise and coefficients in turn
+
+
+TUNING = _Tuning()
+PRIOR_SD = np.array([TUNING.own_tilt_rad, TUNING.turn_rad_per_m, TUNING.turn_per_stretch_rad])
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,17 +89,17 @@ class BreathingRotation:
             turn: (3,) rotation vector of the ring since then, rad.
             stretch: logarithm of its size since then.
         """
-        weight = min(1.0, (time_s - self._last_s) / INDEPENDENT_S)
+        weight = min(1.0, (time_s - self._last_s) / TUNING.independent_s)
         row = np.concatenate([[1.0], displacement, [stretch], turn])
         self._sums = self._sums + weight * np.outer(row, row)
         self._pairs, self._count, self._last_s = self._pairs + 1, self._count + weight, time_s
-        self._fit = self._regression() if self._pairs >= FEWEST_PAIRS else None
+        self._fit = self._regression() if self._pairs >= TUNING.fewest_pairs else None
 
     def between(self, reference: Array, displacement: Array) -> Rotation:
         """The rotation from the reference's displacement (3,) m to another."""
         moved, fit = displacement - reference, self._fit
         squared = float(moved @ moved)
-        prior, unexplained = PRIOR_SD[MOVED] ** 2 * np.eye(3), SMALLEST_SD_RAD**2 * np.eye(3)
+        prior, unexplained = PRIOR_SD[MOVED] ** 2 * np.eye(3), TUNING.smallest_sd_rad**2 * np.eye(3)
         if fit is None:
             return Rotation(np.zeros(3), squared * prior + unexplained)
         along, p = float(fit.axis @ moved), fit.probability
@@ -108,12 +121,12 @@ class BreathingRotation:
         cross = columns.T @ self._sums[:5, 5:]
         total = float(np.trace(self._sums[5:, 5:]))
         posterior = _Posterior(square, cross, PRIOR_SD)
-        variance = OWN_TURN_RAD**2
-        for _ in range(ROUNDS):
+        variance, expected = TUNING.own_turn_rad**2, 3.0 * TUNING.own_turn_pairs
+        for _ in range(TUNING.rounds):
             residual = total - posterior.explained_squares(variance)
             # Each pair tells three components; as many coefficients were fitted as there are columns, three times.
             known = 3.0 * max(self._count - len(PRIOR_SD), 0)
-            variance = (3.0 * OWN_TURN_PAIRS * OWN_TURN_RAD**2 + max(residual, 0.0)) / (3.0 * OWN_TURN_PAIRS + known)
+            variance = (expected * TUNING.own_turn_rad**2 + max(residual, 0.0)) / (expected + known)
         without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)

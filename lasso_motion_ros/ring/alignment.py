@@ -22,20 +22,31 @@ from lasso_motion_ros.ring.working_image import PIXEL_MM, SOFT_REACH_MM, Working
 
 Array = npt.NDArray[np.float64]
 
-ITERATIONS = 8
-CONVERGED_MM = 0.015
-LARGEST_STEP_MM = 0.4
-LARGEST_TURN_RAD = 0.03
-RIDGE = 1e-12  # a trace of damping, for a plane that shows nothing
-# Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
-HOPELESS_LIKENESS = (0.27, 0.45, 0.55)
-# A plane that shows next to nothing is not waited for from the third look (counted from 0) on: it would cost them all.
-FIRST_SURE_LOOK = 2
-# So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both start
-# about as far off (docs/constants.md).
-BEHIND = (0.08, 0.06)
-AFAR_PRIOR = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
-NOTHING_SEEN_M = 5e-3  # standard deviation of a place that was given up at once
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How far an alignment goes, and when it is given up."""
+
+    iterations: int = 8
+    converged_mm: float = 0.015
+    # What one step may change at most: further off, the derivative says nothing.
+    largest_step_mm: float = 0.4
+    largest_turn_rad: float = 0.03
+    largest_stretch: float = 0.02  # of the size's natural logarithm
+    ridge: float = 1e-12  # a trace of damping, for a plane that shows nothing
+    # Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
+    hopeless_likeness: tuple[float, ...] = (0.27, 0.45, 0.55)
+    # A plane that shows next to nothing is not waited for from the third look (counted from 0) on: it would cost them
+    # all.
+    first_sure_look: int = 2
+    # So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both
+    # start about as far off (docs/constants.md).
+    behind: tuple[float, ...] = (0.08, 0.06)
+    afar_prior: float = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
+    nothing_seen_m: float = 5e-3  # standard deviation of a place that was given up at once
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True)
@@ -111,11 +122,12 @@ def align(
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
     ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
     precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
-    limits = np.array([LARGEST_STEP_MM * 1e-3] * shared + [LARGEST_TURN_RAD] * 3 + [0.02])
-    normal = np.diag([*[NOTHING_SEEN_M**-2] * shared, *precision])
+    limits = np.array([TUNING.largest_step_mm * 1e-3] * shared + [TUNING.largest_turn_rad] * 3)
+    limits = np.append(limits, TUNING.largest_stretch)
+    normal = np.diag([*[TUNING.nothing_seen_m**-2] * shared, *precision])
     correlations: tuple[float, ...] = ()
     is_given_up = False
-    for iteration in range(ITERATIONS):
+    for iteration in range(TUNING.iterations):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
         correlations += (float(views.correlation.mean()),)
         if is_given_up := _is_hopeless(correlations, views.usual, ahead):
@@ -124,16 +136,12 @@ def align(
         normal, gradient = views.equations(renew=iteration < 2)
         _add_to_diagonal(normal[shared:, shared:], precision)
         gradient[shared:] -= precision * ring
-        _add_to_diagonal(normal, RIDGE * normal.trace())
+        _add_to_diagonal(normal, TUNING.ridge * normal.trace())
         step: Array = np.linalg.solve(normal, gradient).astype(np.float64)
         np.minimum(np.maximum(step, -limits, out=step), limits, out=step)
         views.shift(step[:shared].reshape(-1, 2))
         ring = ring + step[shared:]
-        # A turn or stretch that was cut to its limit is not done, though the shifts may be.
-        size = np.abs(step)
-        if iteration >= FIRST_SURE_LOOK:
-            size[:shared] *= np.repeat(views.is_hopeful, 2)
-        if size[:shared].max() < CONVERGED_MM * 1e-3 and (size < limits).all():
+        if _has_arrived(step, limits, views, iteration):
             break
     covariance = np.linalg.inv(normal) if is_given_up else views.covariance(normal)
     return Alignment(
@@ -161,11 +169,11 @@ def align_from_afar(
     Returns:
         The alignment, or None where the blurred images show no loop.
     """
-    loose = RingPrior(AFAR_PRIOR * prior.turn_rad, AFAR_PRIOR * prior.stretch)
+    loose = RingPrior(TUNING.afar_prior * prior.turn_rad, TUNING.afar_prior * prior.stretch)
     ring = arms @ rotation_from_vector(turn).T * np.exp(stretch)
     # An alignment may sample beside the curve, shift it and turn it in every step, and what it samples is blurred.
-    farthest_mm = LARGEST_STEP_MM + LARGEST_TURN_RAD * 1e3 * float(np.linalg.norm(ring, axis=1).max())
-    reach_mm = HALF_WIDTH * PIXEL_MM + ITERATIONS * farthest_mm + SOFT_REACH_MM
+    farthest_mm = TUNING.largest_step_mm + TUNING.largest_turn_rad * 1e3 * float(np.linalg.norm(ring, axis=1).max())
+    reach_mm = HALF_WIDTH * PIXEL_MM + TUNING.iterations * farthest_mm + SOFT_REACH_MM
     soft = {plane: image.about(starts[plane] + ring, reach_mm).softened() for plane, image in images.items()}
     first = align(soft, template.softened(), arms, starts, loose, turn, stretch)
     if first.is_given_up:
@@ -184,9 +192,19 @@ def align_from_afar(
 def _is_hopeless(correlations: tuple[float, ...], usual: Array, ahead: tuple[float, ...]) -> bool:
     """Whether no loop is there, or one that looks worse than that which is ahead."""
     look, now = len(correlations) - 1, correlations[-1]
-    if look < len(HOPELESS_LIKENESS) and now < HOPELESS_LIKENESS[look] * float(usual.mean()):
+    if look < len(TUNING.hopeless_likeness) and now < TUNING.hopeless_likeness[look] * float(usual.mean()):
         return True
-    return bool(ahead) and now < ahead[min(look, len(ahead) - 1)] - BEHIND[min(look, len(BEHIND) - 1)]
+    return bool(ahead) and now < ahead[min(look, len(ahead) - 1)] - TUNING.behind[min(look, len(TUNING.behind) - 1)]
+
+
+def _has_arrived(step: Array, limits: Array, views: LoopViews, look: int) -> bool:
+    """Whether a step (N,) was so small that no other is needed."""
+    size = np.abs(step)
+    shifts = size[:-4]  # before turn and stretch
+    if look >= TUNING.first_sure_look:
+        shifts *= np.repeat(views.is_hopeful, 2)
+    # A turn or stretch that was cut to its limit is not done, though the shifts may be.
+    return bool(shifts.max() < TUNING.converged_mm * 1e-3 and (size < limits).all())
 
 
 def _add_to_diagonal(matrix: Array, values: Array | float) -> None:

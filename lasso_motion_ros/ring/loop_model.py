@@ -36,21 +36,29 @@ from lasso_motion_ros.seeding.reconstruction import Ellipse3D, epipolar_shift, r
 Array = npt.NDArray[np.float64]
 
 POINTS = 120
-KNOTS_PER_TURN = 14
-ROUNDS = 3  # of snapping to the lines in the images
-SIMULTANEOUS_S = 0.004  # exposures closer than this show the same phase
-BETWEEN_SIGMA_M = 0.0005  # of what others show of the motion between them: mostly the calibration's error
 
-OUTLINE_SIGMA_MM = 0.15
-BULGE_SIGMA_MM = 1.0  # of the curve about its ellipse
-BEND_SIGMA_MM = 0.35  # of the spline coefficients' second differences
-SNAP_REACH_MM = 1.0
-SNAP_STEP_MM = 0.1
-# Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
-# below 0.49 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
-SMALLEST_CONTRAST = 0.49
-DOUBTFUL_CONTRAST = 1.0
-OPEN_CONTRAST = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How the curve is fitted, and when the images show none."""
+
+    knots_per_turn: int = 14
+    rounds: int = 3  # of snapping to the lines in the images
+    simultaneous_s: float = 0.004  # exposures closer than this show the same phase
+    between_sigma_m: float = 0.0005  # of what others show of the motion between them: mostly the calibration's error
+    outline_sigma_mm: float = 0.15
+    bulge_sigma_mm: float = 1.0  # of the curve about its ellipse
+    bend_sigma_mm: float = 0.35  # of the spline coefficients' second differences
+    snap_reach_mm: float = 1.0
+    snap_step_mm: float = 0.1
+    # Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
+    # below 0.49 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
+    smallest_contrast: float = 0.49
+    doubtful_contrast: float = 1.0
+    open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +113,7 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points:
     bright = is_bright(pair, seed, config)
     model = _build(pair, seed, config, points, bright=bright)
     contrast = _contrast(pair, model)
-    if config.polarity == "auto" and contrast < DOUBTFUL_CONTRAST:
+    if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
             other = _build(pair, seed, config, points, bright=not bright)
@@ -114,10 +122,10 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points:
         else:
             if _contrast(pair, other) > contrast:
                 model, contrast = other, _contrast(pair, other)
-    if contrast < SMALLEST_CONTRAST:
+    if contrast < TUNING.smallest_contrast:
         raise SeedError(
             f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
-            f"expected at least {SMALLEST_CONTRAST}"
+            f"expected at least {TUNING.smallest_contrast}"
         )
     require_lasso_size(model.radius_mm)
     return model
@@ -143,7 +151,7 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
     projections = require_both_planes(pair)
     frames = pair.frames
     paths = outlines(pair, seed, config, bright=bright)
-    simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < SIMULTANEOUS_S * 1e9
+    simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < TUNING.simultaneous_s * 1e9
     share_of_a = 0.5 if simultaneous else 0.0
     shifts = epipolar_shift(projections, paths, share_of_a)
     shifted = _shifted(projections, shifts)
@@ -154,7 +162,7 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
         """The curve between two eccentric angles, and the planes' shifts that go with it."""
         angles, moved, views = angles_between(low, high), shifts, shifted
         curve = _fit_curve(ellipse, angles, views, outline.at(angles))
-        for _ in range(ROUNDS):
+        for _ in range(TUNING.rounds):
             found = {p: _snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
             # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
             moved = epipolar_shift(projections, found, share_of_a)
@@ -168,7 +176,7 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
         # Nobody clicked there; where there is no wire either, the loop is open.
         inside = _contrasts(pair, curve(angles_between(*gap)), bright, moved).mean()
         whole = _contrasts(pair, curve(angles_between(low, gap[0])), bright, moved).mean()
-        if inside < OPEN_CONTRAST * whole:
+        if inside < TUNING.open_contrast * whole:
             low, high = gap[1] - TURN, gap[0]
             curve, moved = fitted(low, high)
     shifted = _shifted(projections, moved)
@@ -186,7 +194,7 @@ def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:
     """What plane B's shift (2,) px tells of the motion since plane A's exposure: its part along the epipolar normal."""
     px_per_m = jacobian @ normal  # (2,)
     moved_m = shift @ px_per_m / (px_per_m @ px_per_m)
-    return Observation(normal[None], np.array([moved_m]), np.array([[BETWEEN_SIGMA_M**2]]))
+    return Observation(normal[None], np.array([moved_m]), np.array([[TUNING.between_sigma_m**2]]))
 
 
 def _circle_centre(points: Array) -> Array:
@@ -218,14 +226,14 @@ def _fit_curve(
     ellipse: Ellipse3D, angles: Array, projections: dict[Plane, Projection], found: dict[Plane, Array]
 ) -> _Curve:
     """Regularised least squares of the distances, across the curve, to the outline in both planes."""
-    count = max(6, round(KNOTS_PER_TURN * float(np.ptp(angles)) / (2.0 * np.pi)))
+    count = max(6, round(TUNING.knots_per_turn * float(np.ptp(angles)) / (2.0 * np.pi)))
     inner = np.linspace(angles[0], angles[-1], count)
     spacing = inner[1] - inner[0]
     knots = np.concatenate([inner[0] - spacing * np.arange(3, 0, -1), inner, inner[-1] + spacing * np.arange(1, 4)])
     basis = BSpline.design_matrix(np.clip(angles, inner[0], inner[-1]), knots, 3).toarray()
     size = basis.shape[1]
     bends = np.diff(np.eye(size), 2, axis=0)
-    prior = np.eye(size) / BULGE_SIGMA_MM**2 + bends.T @ bends / BEND_SIGMA_MM**2
+    prior = np.eye(size) / TUNING.bulge_sigma_mm**2 + bends.T @ bends / TUNING.bend_sigma_mm**2
     normal = np.kron(prior, np.eye(3)) * 1e6
     right = np.zeros(3 * size)
     points = on_ellipse(ellipse, angles)
@@ -235,7 +243,7 @@ def _fit_curve(
         normals = _unit_normals(pixels)
         offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
         valid = np.isfinite(offset)
-        scale = projection.millimetres_per_pixel(ellipse.centre) / OUTLINE_SIGMA_MM
+        scale = projection.millimetres_per_pixel(ellipse.centre) / TUNING.outline_sigma_mm
         slope = np.einsum("nj,njk->nk", normals, projection.jacobian(points))  # pixels per metre
         # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
         weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
@@ -256,7 +264,7 @@ def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigm
     pixels = projection.project(curve)
     normals = _unit_normals(pixels)
     unit = projection.millimetres_per_pixel(curve.mean(axis=0))
-    offsets = np.arange(-SNAP_REACH_MM, SNAP_REACH_MM + 1e-9, SNAP_STEP_MM) / unit
+    offsets = np.arange(-TUNING.snap_reach_mm, TUNING.snap_reach_mm + 1e-9, TUNING.snap_step_mm) / unit
     margin = 16
     low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - margin, 0)
     high = np.ceil(pixels.max(axis=0)).astype(int) + margin
@@ -265,7 +273,7 @@ def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigm
     at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - low).astype(np.float32)
     strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     strip = strip / max(float(np.quantile(strip, 0.95)), 1e-6)
-    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / SNAP_REACH_MM) ** 2
+    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / TUNING.snap_reach_mm) ** 2
     best = _ridge_path(gain)
     return np.asarray(pixels + (offsets[best])[:, None] * normals)
 

@@ -15,18 +15,28 @@ from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
-# Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
-NOISE_CORRELATION = 8.0
-OUTLIER_SIGMAS = 4.0  # Tukey's weight is zero beyond
-SEGMENTS = 12
-SEGMENT_GAIN = 0.4  # a segment weaker than this, relative to what it was, is not seen
-LARGEST_SPACING_PX = 1.5  # samples further apart than this do not each count for more
-# The segments' own scatter tells what the noise of single pixels does not: other devices that overlap the ring, a curve
-# that is not quite the ring's. It counts as much as so many segments that the noise alone would tell of.
-NOMINAL_SEGMENTS = 12
-# A plane's own likeness, below which there is no loop, unless it has just risen by so much (docs/constants.md).
-NOTHING_LIKENESS, HOPEFUL_RISE = 0.4, 0.1
 _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """What counts as noise, as an outlier and as seen."""
+
+    # Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
+    noise_correlation: float = 8.0
+    outlier_sigmas: float = 4.0  # Tukey's weight is zero beyond
+    segments: int = 12  # of the loop, each judged by itself
+    segment_gain: float = 0.4  # a segment weaker than this, relative to what it was, is not seen
+    largest_spacing_px: float = 1.5  # samples further apart than this do not each count for more
+    # The segments' own scatter tells what the noise of single pixels does not: other devices that overlap the ring, a
+    # curve that is not quite the ring's. It counts as much as so many segments that the noise alone would tell of.
+    nominal_segments: int = 12
+    # A plane's own likeness, below which there is no loop, unless it has just risen by so much (docs/constants.md).
+    nothing_likeness: float = 0.4
+    hopeful_rise: float = 0.1
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +110,7 @@ class LoopViews:
     def is_hopeful(self) -> npt.NDArray[np.bool_]:
         """(P,) whether there may be a loop in the plane, by the last two looks."""
         likeness, before = self.likeness, self._correlation_before / self.usual
-        return np.asarray((likeness >= NOTHING_LIKENESS) | (likeness >= before + HOPEFUL_RISE))
+        return np.asarray((likeness >= TUNING.nothing_likeness) | (likeness >= before + TUNING.hopeful_rise))
 
     def shift(self, step: Array) -> None:
         """Move each plane's centre across its ray: (P, 2) metres."""
@@ -119,12 +129,12 @@ class LoopViews:
         self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
         planes = zip(strip.coordinates(), self._images, strict=True)
         self._samples = samples = np.array([sample_at(at, image) for at, image in planes])
-        density = np.minimum(strip.spacing, LARGEST_SPACING_PX).astype(np.float32)[..., None]
+        density = np.minimum(strip.spacing, TUNING.largest_spacing_px).astype(np.float32)[..., None]
         residual = _gain(density, samples, self._patterns)[:, None, None] * self._patterns - samples
         self._noise = noise = np.float32(1.4826) * upper_median(np.abs(residual.reshape(len(residual), -1)))
         noise += np.float32(1e-6)
         # Tukey's weights.
-        residual /= (np.float32(OUTLIER_SIGMAS) * noise)[:, None, None]
+        residual /= (np.float32(TUNING.outlier_sigmas) * noise)[:, None, None]
         share = np.square(residual, out=residual)
         np.subtract(1.0, share, out=share)
         np.maximum(share, 0.0, out=share)
@@ -148,7 +158,7 @@ class LoopViews:
         gain = _gain(self._weights, self._samples, self._patterns)
         residual = gain[:, None, None] * self._patterns - self._samples
         scale = np.maximum(gain, 0.3)
-        known = 1.0 / (self._noise**2 * NOISE_CORRELATION)
+        known = 1.0 / (self._noise**2 * TUNING.noise_correlation)
         weighted_along, weighted_sideways = self._weights * self._along, self._weights * self._sideways
         square = (scale**2 * known)[:, None]
         along_along = (square * _over_columns(weighted_along * self._along)).reshape(-1)
@@ -173,12 +183,13 @@ class LoopViews:
         """
         nominal = np.linalg.inv(normal)
         size, (count, length) = len(normal), self._depth.shape
-        starts = np.arange(SEGMENTS) * length // SEGMENTS
+        starts = np.arange(TUNING.segments) * length // TUNING.segments
         scores = np.add.reduceat(self._scores.reshape(size, count, length), starts, axis=-1).reshape(size, -1)
         scores = scores - scores.mean(axis=1, keepdims=True)
         clusters = scores.shape[1]
         sandwich = nominal @ (scores @ scores.T) @ nominal * (clusters / (clusters - size))
-        blended = (NOMINAL_SEGMENTS * np.diag(nominal) + clusters * np.diag(sandwich)) / (NOMINAL_SEGMENTS + clusters)
+        known = TUNING.nominal_segments
+        blended = (known * np.diag(nominal) + clusters * np.diag(sandwich)) / (known + clusters)
         # Never less than the noise alone leaves unknown.
         wider = np.sqrt(np.maximum(blended / np.diag(nominal), 1.0))
         return np.asarray(nominal * np.outer(wider, wider))
@@ -190,7 +201,7 @@ class LoopViews:
             covariance: (N, N) of the parameters.
         """
         weighted, steepness = self._weights * self._patterns, self._weights * self._sideways
-        gain = np.maximum(self._gains, SEGMENT_GAIN)[:, None]
+        gain = np.maximum(self._gains, TUNING.segment_gain)[:, None]
         residual = self._samples - gain[..., None] * self._patterns
         cross, energy, beside, steep = _by_segment(
             np.stack(
@@ -202,7 +213,7 @@ class LoopViews:
                 ]
             )
         )
-        there = cross > SEGMENT_GAIN * energy
+        there = cross > TUNING.segment_gain * energy
         visible = np.where(there, energy, 0.0).sum(axis=1) / np.maximum(energy.sum(axis=1), 1e-9)
         # One step across the curve, segment by segment: what moves the pattern there onto the samples.
         step = beside / (gain * np.maximum(steep, 1e-9))
@@ -270,9 +281,9 @@ def _over_columns(values: Image) -> Image:
 
 
 def _by_segment(values: Image) -> Image:
-    """(..., SEGMENTS) sums of strips' values over the segments of the loop."""
+    """(..., segments) sums of strips' values over the segments of the loop."""
     along = _over_columns(values)
-    starts = np.arange(SEGMENTS) * along.shape[-1] // SEGMENTS
+    starts = np.arange(TUNING.segments) * along.shape[-1] // TUNING.segments
     return np.asarray(np.add.reduceat(along, starts, axis=-1))
 
 

@@ -14,15 +14,23 @@ from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in
 
 Array = npt.NDArray[np.float64]
 
-PEAKS = 24  # per plane
-PEAK_RADIUS_CELLS = 3
-PEAK_WINDOW = np.ones((2 * PEAK_RADIUS_CELLS + 1, 2 * PEAK_RADIUS_CELLS + 1), np.uint8)
-SCORE_CEILING = 25.0  # so that neither plane can drown the other
-RAY_TOLERANCE_M = 0.002
-SAME_M = 2e-4  # closer than an alignment needs to start
-LARGEST_DISAGREEMENT_M = 0.03
-DISAGREEMENT_PENALTY = 6.0  # in units of score,
-DISAGREEMENT_SCALE_M = 0.005  # and one more for each of these
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How many places are looked at, and how two planes' are joined."""
+
+    peaks: int = 24  # per plane
+    peak_radius_cells: int = 3  # the highest within this
+    score_ceiling: float = 25.0  # so that neither plane can drown the other
+    ray_tolerance_m: float = 0.002  # rays that pass each other by less meet
+    same_m: float = 2e-4  # closer than an alignment needs to start
+    largest_disagreement_m: float = 0.03
+    disagreement_penalty: float = 6.0  # in units of score,
+    disagreement_scale_m: float = 0.005  # and one more for each of these
+
+
+TUNING = _Tuning()
+_PEAK_WINDOW = np.ones((2 * TUNING.peak_radius_cells + 1, 2 * TUNING.peak_radius_cells + 1), np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +62,7 @@ class SearchCandidate:
 
     def is_like(self, other: SearchCandidate) -> bool:
         """Whether an alignment that starts here ends where one from there does, in the same image and the same pair."""
-        return all(float(np.abs(c - other.centres[plane]).max()) < SAME_M for plane, c in self.centres.items())
+        return all(float(np.abs(c - other.centres[plane]).max()) < TUNING.same_m for plane, c in self.centres.items())
 
 
 def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array) -> Peaks:
@@ -75,11 +83,11 @@ def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array)
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
     scores = _correlation(cells, kernel)
     scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
-    is_peak = scores >= cv2.dilate(scores, PEAK_WINDOW)
+    is_peak = scores >= cv2.dilate(scores, _PEAK_WINDOW)
     is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
     flat, width = scores.reshape(-1), scores.shape[1]
     places = np.flatnonzero(is_peak)
-    places = places[np.argsort(flat[places], kind="stable")[::-1][:PEAKS]]
+    places = places[np.argsort(flat[places], kind="stable")[::-1][: TUNING.peaks]]
     at, beside = flat[places], np.array([[1], [width]])
     fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
     centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
@@ -107,7 +115,7 @@ def join_peaks(
         (plane, only), *_ = peaks.items()
         for score, pixel in zip(only.scores, only.pixels, strict=True):
             centre = _on_ray(only, pixel, expected[plane])
-            found.append(SearchCandidate(min(float(score), SCORE_CEILING), {plane: centre}))
+            found.append(SearchCandidate(min(float(score), TUNING.score_ceiling), {plane: centre}))
     else:
         a, b = peaks["a"], peaks["b"]
         apart = expected["b"] - expected["a"]
@@ -126,12 +134,13 @@ def join_peaks(
         apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected["a"][:, None, None]
         gap = np.sqrt((apart_there * apart_there).sum(axis=0))
         distance = (np.tensordot(np.linalg.inv(covariance), middle, 1) * middle).sum(axis=0)
-        score = np.minimum(a.scores, SCORE_CEILING)[:, None] + np.minimum(b.scores, SCORE_CEILING)[None]
+        score = np.minimum(a.scores, TUNING.score_ceiling)[:, None] + np.minimum(b.scores, TUNING.score_ceiling)[None]
         score = score - np.minimum(0.1 * distance, 2.0)
         # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
-        excess = np.maximum(gap - RAY_TOLERANCE_M - slack_m, 0.0)
-        score = np.where(excess == 0.0, score, score - DISAGREEMENT_PENALTY - excess / DISAGREEMENT_SCALE_M)
-        score = np.where(excess < LARGEST_DISAGREEMENT_M, score, -np.inf)
+        excess = np.maximum(gap - TUNING.ray_tolerance_m - slack_m, 0.0)
+        penalised = score - TUNING.disagreement_penalty - excess / TUNING.disagreement_scale_m
+        score = np.where(excess == 0.0, score, penalised)
+        score = np.where(excess < TUNING.largest_disagreement_m, score, -np.inf)
         for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
             i, j = np.unravel_index(int(index), score.shape)
             if np.isfinite(score[i, j]):

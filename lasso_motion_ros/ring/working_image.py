@@ -15,20 +15,33 @@ from lasso_motion_ros.geometry.projection import Projection
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
-# Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm long.
+# The grid that search and alignment share. Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm
+# long.
 PIXEL_MM = 0.25
 CELL_PX = 2  # of a search cell: half a millimetre at the loop
-FINE_SIGMA_PX, FINE_KERNEL_PX = 0.8, (5, 5)
-# What changes slowly is worked out in cells, at a third of the time; the coarse scale is 3.7 working pixels in all.
-COARSE_SIGMA_CELLS, COARSE_KERNEL_CELLS = 1.88, (9, 9)
-NOISE_WINDOW_CELLS = (31, 31)
-NOISE_WINDOW_PX = CELL_PX * NOISE_WINDOW_CELLS[0]
-CLIP = 4.0
-EVIDENCE_FINE_MM, EVIDENCE_COARSE_MM = 0.45, 1.35
-EVIDENCE_WINDOW_MM = 8.0
-EVIDENCE_RANGE = (-1.0, 2.0)
-SOFT_BOX_PX = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
-SOFT_REACH_MM = 2 * (SOFT_BOX_PX[0] // 2) * PIXEL_MM
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """What is as fine as a catheter, as wide as a pole, and how noise is told from it."""
+
+    fine_sigma_px: float = 0.8
+    fine_kernel_px: tuple[int, int] = (5, 5)
+    # What changes slowly is worked out in cells, at a third of the time; the coarse scale is 3.7 working pixels in all.
+    coarse_sigma_cells: float = 1.88
+    coarse_kernel_cells: tuple[int, int] = (9, 9)
+    noise_window_cells: tuple[int, int] = (31, 31)
+    clip: float = 4.0  # in units of the local noise: what is denser is no better a catheter
+    evidence_fine_mm: float = 0.45
+    evidence_coarse_mm: float = 1.35
+    evidence_window_mm: float = 8.0
+    evidence_range: tuple[float, float] = (-1.0, 2.0)
+    soft_box_px: tuple[int, int] = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
+
+
+TUNING = _Tuning()
+NOISE_WINDOW_PX = CELL_PX * TUNING.noise_window_cells[0]
+SOFT_REACH_MM = 2 * (TUNING.soft_box_px[0] // 2) * PIXEL_MM
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +72,12 @@ class WorkingImage:
         to what a pole may count: a bigger or denser one is no better a pole.
         """
         grey = np.log(np.maximum(self.grey, 1).astype(np.float32))
-        fine = cv2.GaussianBlur(grey, (0, 0), EVIDENCE_FINE_MM / PIXEL_MM)
-        band = cv2.GaussianBlur(grey, (0, 0), EVIDENCE_COARSE_MM / PIXEL_MM) - fine
-        window = 2 * round(0.5 * EVIDENCE_WINDOW_MM / PIXEL_MM) + 1
+        fine = cv2.GaussianBlur(grey, (0, 0), TUNING.evidence_fine_mm / PIXEL_MM)
+        band = cv2.GaussianBlur(grey, (0, 0), TUNING.evidence_coarse_mm / PIXEL_MM) - fine
+        window = 2 * round(0.5 * TUNING.evidence_window_mm / PIXEL_MM) + 1
         power = cv2.blur(np.square(band), (window, window), borderType=cv2.BORDER_REFLECT)
         band *= np.float32(-1.0 if self.bright else 1.0) / np.sqrt(np.maximum(power, np.float32(1e-8)))
-        return np.asarray(np.clip(band, *EVIDENCE_RANGE, out=band))
+        return np.asarray(np.clip(band, *TUNING.evidence_range, out=band))
 
     def about(self, points: Array, reach_mm: float) -> WorkingImage:
         """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
@@ -91,8 +104,8 @@ class WorkingImage:
 
 def softened(values: Image) -> Image:
     """Values (h, w), blurred by three quarters of a millimetre."""
-    once = cv2.blur(values, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE)
-    return np.asarray(cv2.blur(once, SOFT_BOX_PX, borderType=cv2.BORDER_REPLICATE))
+    once = cv2.blur(values, TUNING.soft_box_px, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(cv2.blur(once, TUNING.soft_box_px, borderType=cv2.BORDER_REPLICATE))
 
 
 def reduction_factor(projection: Projection, centre: Array) -> int:
@@ -144,19 +157,19 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     size = reduced.shape[::-1]
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
     floor = 1e-6 * max(1.0, float(reduced.max()))
-    fine = cv2.GaussianBlur(grey, FINE_KERNEL_PX, FINE_SIGMA_PX)
-    slow = cv2.GaussianBlur(in_cells(grey), COARSE_KERNEL_CELLS, COARSE_SIGMA_CELLS)
+    fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
+    slow = cv2.GaussianBlur(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = _local_mean(in_cells(cv2.multiply(band, band, dst=coarse)))
     noise = cv2.resize(cv2.sqrt(cv2.max(power, floor)), size, dst=coarse, interpolation=cv2.INTER_LINEAR)
     np.divide(band, noise, out=band)
-    return np.clip(band, -CLIP, CLIP, out=band), np.asarray(noise)
+    return np.clip(band, -TUNING.clip, TUNING.clip, out=band), np.asarray(noise)
 
 
 def _local_mean(cells: Image) -> Image:
     """Mean of the cells (h, w) about each, (h, w)."""
-    return np.asarray(cv2.blur(cells, NOISE_WINDOW_CELLS, borderType=cv2.BORDER_REFLECT))
+    return np.asarray(cv2.blur(cells, TUNING.noise_window_cells, borderType=cv2.BORDER_REFLECT))
 
 
 def in_cells(values: Image) -> Image:

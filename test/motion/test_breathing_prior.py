@@ -3,13 +3,13 @@ import pytest
 
 from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.motion.breathing_prior import FRONTAL_SIGMA, LATERAL_SIGMA, breathing_shape
+from lasso_motion_ros.motion.breathing_prior import TUNING, breathing_shape
 
 # Of unit variance along the body (z), in a world of axes LPS: 1.3 mm to the front for every 4.9 mm to the feet.
 SUPINE = np.array(
     [
-        [LATERAL_SIGMA**2, 0.0, 0.0],
-        [0.0, FRONTAL_SIGMA**2 + (1.3 / 4.9) ** 2, 1.3 / 4.9],
+        [TUNING.lateral_sigma**2, 0.0, 0.0],
+        [0.0, TUNING.frontal_sigma**2 + (1.3 / 4.9) ** 2, 1.3 / 4.9],
         [0.0, 1.3 / 4.9, 1.0],
     ]
 )

@@ -8,7 +8,7 @@ from support.method_inputs import biplane, draw_curve, flipped
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring.alignment import BEHIND, RingPrior, align, align_from_afar
+from lasso_motion_ros.ring.alignment import TUNING, RingPrior, align, align_from_afar
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
@@ -329,7 +329,7 @@ def test_what_looks_worse_than_another_at_the_same_look_is_given_up():
     assert again.correlations == best.correlations  # not behind itself
     alone = align(looked, template(), ARMS, START, PRIOR)
     assert len(alone.correlations) > 1
-    assert alone.correlations[0] < best.correlations[0] - BEHIND[0]
+    assert alone.correlations[0] < best.correlations[0] - TUNING.behind[0]
     assert len(align(looked, template(), ARMS, START, PRIOR, ahead=best.correlations).correlations) == 1
 
 

@@ -8,7 +8,7 @@ from support.method_inputs import flipped
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring import search
-from lasso_motion_ros.ring.search import PEAKS, Peaks, SearchCandidate, find_peaks, join_peaks
+from lasso_motion_ros.ring.search import TUNING, Peaks, SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
@@ -77,7 +77,7 @@ def test_peaks_are_found_to_a_fraction_of_a_cell(name):
 
 def test_scores_are_in_units_of_the_maps_spread_and_sorted():
     found = searched(np.zeros(3))["a"]
-    assert len(found.scores) == len(found.pixels) == PEAKS
+    assert len(found.scores) == len(found.pixels) == TUNING.peaks
     assert (np.diff(found.scores) <= 0.0).all()
     assert 10.0 < found.scores[0] < 60.0
     assert found.scores[5] < 6.0
@@ -89,7 +89,7 @@ def test_peaks_are_apart_from_each_other():
         noise = np.random.default_rng(seed).normal(size=(256, 256)).astype(np.float32)
         image = bare(noise, VIEWS["a"].cropped(128, 128, 256, 256))
         found = find_peaks(image, TEMPLATE, LOOP.centre, ARMS)
-        apart = np.abs(found.pixels[:, None] - found.pixels[None]).max(axis=-1) + 100.0 * np.eye(PEAKS)
+        apart = np.abs(found.pixels[:, None] - found.pixels[None]).max(axis=-1) + 100.0 * np.eye(TUNING.peaks)
         assert apart.min() > 6.0
 
 

@@ -4,7 +4,7 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from support.method_inputs import biplane, plane
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.ring.working_image import CLIP, NOISE_WINDOW_PX, reduction_factor, working_image
+from lasso_motion_ros.ring.working_image import NOISE_WINDOW_PX, TUNING, reduction_factor, working_image
 
 NO_SHIFT = np.zeros(2)
 POINT = np.array([0.004, -0.006, 0.009])
@@ -79,8 +79,8 @@ def test_quiet_and_noisy_regions_weigh_the_same():
 def test_values_are_clipped():
     # A single blob in an even background stands out by more than four times its surroundings' root mean square.
     values = working_image(blob_frame(VIEWS["a"]), POINT, bright=False, shift=NO_SHIFT).values
-    assert values.max() == CLIP == 4.0
-    assert values.min() >= -CLIP
+    assert values.max() == TUNING.clip == 4.0
+    assert values.min() >= -TUNING.clip
 
 
 @pytest.mark.parametrize("side", [512, 1024, 2048])
