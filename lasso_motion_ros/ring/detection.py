@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.motion.respiration import Observation
+from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.alignment import Alignment
 from lasso_motion_ros.ring.loop_views import PlaneFit
 

@@ -19,7 +19,7 @@ from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, resample, slope
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.motion.respiration import Observation
+from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.line_filter import sato

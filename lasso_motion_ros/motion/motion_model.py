@@ -1,0 +1,215 @@
+"""How the ring's centre is expected to move: the state and its process, and how large the motion is in each direction.
+
+The process is a Matérn-5/2 in state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to
+temporal Gaussian process regression models", MLSP 2010), its directional covariance learned from the motion so far, at
+first that of `breathing_prior`: breathing nearly follows a line, so depth follows from height. On top of it lie the
+heartbeat, for which there are several sizes, each a model of its own, and a mean.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.covariance import squared_mahalanobis
+from lasso_motion_ros.motion import matern
+
+Array = npt.NDArray[np.float64]
+
+# Blocks of three (x, y, z) in the state.
+POSITION, VELOCITY, ACCELERATION, HEARTBEAT, MEAN, ORIGIN_B, AT_A = (slice(3 * i, 3 * i + 3) for i in range(7))
+SIZE = 21
+DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, heartbeat and mean together
+DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
+SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
+SINCE_B[:, ORIGIN_B] = -np.eye(3)
+_IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
+
+
+@dataclass(frozen=True)
+class MotionTuning:
+    """What is expected of breathing, heart and measurements."""
+
+    first_spread_m: float = 0.010  # standard deviation before any motion was seen, along the body if that is known
+    smallest_spread_m: float = 0.0008  # and at least, however little has been seen
+    seen_spread_m: float = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
+    sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
+    # After these many sure displacements the past is gone through again with the spread learned since. What it changes
+    # is what the loop did between the first two exposures, and with it every displacement's depth.
+    rebuild_at: frozenset[int] = frozenset({*range(1, 9), 12, 16, 24})
+    longest_history: int = 24  # sure displacements after which the past is no longer kept
+    # Of breathing, which is smoother than a Matérn process: longer than its period over 2π.
+    time_scale_s: float = 1.0
+    heartbeats_m: tuple[float, ...] = (0.00015, 0.0004, 0.0009, 0.0018)  # of the heart's motion, standard deviations
+    heartbeat_odds: tuple[float, ...] = (0.25, 0.35, 0.25, 0.15)  # before any measurement
+    heartbeat_time_scale_s: float = 0.12
+    heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
+    freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
+    surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
+    surge_m_s: float = 0.02  # of place and speed
+    unusual_share: float = 0.1  # a heartbeat may be of any size once in a while, whatever was learned
+    times_ahead: int = 8  # predictions kept; while the loop stays lost they are for ever new times
+
+    @cached_property
+    def heart_variances(self) -> Array:
+        """(filters,) m²."""
+        return np.square(self.heartbeats_m)
+
+    @cached_property
+    def odds(self) -> Array:
+        """(filters,) of the heartbeat's sizes, before any measurement."""
+        return np.array(self.heartbeat_odds)
+
+    @cached_property
+    def log_odds(self) -> Array:
+        """(filters,) their natural logarithms."""
+        return np.log(self.odds)
+
+
+TUNING = MotionTuning()
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """The centre's displacement since the reference, at one time.
+
+    Attributes:
+        displacement: (3,) metres, world frame.
+        covariance: (3, 3) m².
+    """
+
+    displacement: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """A plane's view of the displacement, or another linear measurement of it.
+
+    Attributes:
+        across: (N, 3) unit vectors; a plane's are the two across its ray.
+        value: (N,) the displacement along them, metres.
+        covariance: (N, N) m².
+    """
+
+    across: Array
+    value: Array
+    covariance: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """How large the motion is in each direction, learned from sure displacements.
+
+    Attributes:
+        shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
+        tuning: what is expected of it.
+        count: displacements learned from.
+        mean: (3,) of them, metres.
+        scatter: (3, 3) sum of their products about the mean, m².
+    """
+
+    shape: Array
+    tuning: MotionTuning
+    count: int = 0
+    mean: Array = field(default_factory=lambda: np.zeros(3))
+    scatter: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(3, 3) of the motion about its mean, m²."""
+        tuning, seen = self.tuning, float(np.trace(self.scatter))
+        sideways = tuning.sideways_share**2 * seen / max(self.count, 1)
+        unknown = tuning.first_spread_m**2 / (1.0 + seen / tuning.seen_spread_m**2)
+        first = sideways * _IDENTITY_3 + unknown * self.shape  # which counts as one displacement
+        return np.asarray((self.scatter + first) / (self.count + 1) + tuning.smallest_spread_m**2 * _IDENTITY_3)
+
+    def learned(self, displacement: Array) -> Spread:
+        """With one more displacement (3,) m."""
+        count, delta = self.count + 1, displacement - self.mean
+        mean = self.mean + delta / (count + 1)  # the reference's zero counts, too
+        return replace(self, count=count, mean=mean, scatter=self.scatter + np.outer(delta, displacement - mean))
+
+    def moved(self, shift: Array) -> Spread:
+        """The same about another mean, (3,) m from the present one."""
+        return replace(self, mean=self.mean + shift)
+
+    def doubt(self, displacement: Array) -> float:
+        """By what factor the covariance understates a depth that rests on the direction learned so far.
+
+        That direction is known from few displacements; further out than they reach it may be off by more
+        (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
+        """
+        return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
+
+
+def first_covariance(spread: Array, tuning: MotionTuning) -> Array:
+    """(filters, SIZE, SIZE) of the state before any measurement, given the motion's covariance (3, 3) m²."""
+    covariance = np.zeros((len(tuning.heartbeats_m), SIZE, SIZE))
+    covariance[:, :9, :9] = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
+    covariance[:, HEARTBEAT, HEARTBEAT] = tuning.heart_variances[:, None, None] * _IDENTITY_3
+    covariance[:, MEAN, MEAN] = spread
+    return covariance
+
+
+def moved_on(
+    state: Array, covariance: Array, interval_s: float, spread: Array, tuning: MotionTuning
+) -> tuple[Array, Array]:
+    """States (filters, SIZE) and their covariances (filters, SIZE, SIZE) after an interval without measurements."""
+    scales_s = tuning.time_scale_s, tuning.heartbeat_time_scale_s
+    transition, breathing, renewed = _passage(round(interval_s * 1e9), scales_s)
+    covariance = transition @ covariance @ transition.T
+    covariance[:, :9, :9] += _in_each_direction(breathing, spread)
+    covariance[:, HEARTBEAT, HEARTBEAT] += (renewed * tuning.heart_variances)[:, None, None] * _IDENTITY_3
+    return state @ transition.T, 0.5 * (covariance + covariance.swapaxes(-1, -2))
+
+
+def measured(
+    state: Array, covariance: Array, h: Array, value: Array, noise: Array
+) -> tuple[Array, Array, Array, Array]:
+    """States and covariances with a linear measurement h (N, SIZE) of the state taken in, its noise being (N, N).
+
+    Returns:
+        The two; (filters,) squared Mahalanobis distance of the value from what was foretold; and (filters,) natural
+        logarithm of the highest normal density that it could have had.
+    """
+    cross = covariance @ h.T
+    expected = h @ cross + noise
+    innovation = value - state @ h.T
+    gain = np.linalg.solve(expected, cross.swapaxes(-1, -2)).swapaxes(-1, -2)
+    keep = _IDENTITY - gain @ h
+    # Joseph's form stays positive where nearly noise-free measurements would not.
+    covariance = keep @ covariance @ keep.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
+    state = state + (gain @ innovation[..., None])[..., 0]
+    distance = (innovation * np.linalg.solve(expected, innovation[..., None])[..., 0]).sum(axis=-1)
+    peaks = -0.5 * (np.linalg.slogdet(expected)[1] + len(value) * math.log(2.0 * math.pi))
+    return state, covariance, distance, peaks
+
+
+@lru_cache(maxsize=64)
+def _passage(interval_ns: int, scales_s: tuple[float, float]) -> tuple[Array, Array, float]:
+    """What an interval does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
+
+    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and of the heartbeat, in
+    units of its variance.
+    Exposures come at few intervals, and the past is gone through again at the same ones.
+    """
+    interval_s, (scale_s, heartbeat_scale_s) = interval_ns * 1e-9, scales_s
+    breathing, stationary = matern.transition(interval_s, scale_s), matern.stationary(scale_s)
+    decay = math.exp(-interval_s / heartbeat_scale_s)
+    transition = np.eye(SIZE)
+    transition[:9, :9] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
+    transition[HEARTBEAT, HEARTBEAT] = decay * _IDENTITY_3
+    noise = stationary - breathing @ stationary @ breathing.T
+    for array in (transition, noise):
+        array.setflags(write=False)
+    return transition, noise, 1.0 - decay**2
+
+
+def _in_each_direction(blocks: Array, directions: Array) -> Array:
+    """(9, 9) Kronecker product of what acts on value, slope and curvature (3, 3) and on x, y and z (3, 3)."""
+    return np.asarray((blocks[:, None, :, None] * directions[None, :, None, :]).reshape(9, 9))

@@ -1,0 +1,73 @@
+"""What is expected of the ring's motion, and what is learned of its directions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.respiration_inputs import AMPLITUDE_M, DIRECTION, INTERVAL_S, RISE, breathing, run
+
+from lasso_motion_ros.motion.motion_model import TUNING
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
+
+SHAPE = np.array([[0.16, 0.0, 0.0], [0.0, 0.3, 0.25], [0.0, 0.25, 1.0]])
+
+
+def test_far_ahead_only_the_spread_is_known():
+    motion, _, _ = run(30, 0.0)
+    far = motion.predict(1000.0)
+    times = np.arange(0, 31) * INTERVAL_S
+    seen = np.array([breathing(t) for t in times])
+    # Where it has been, on the average, give or take as much as it has moved.
+    assert 1e3 * np.linalg.norm(far.displacement - seen.mean(axis=0)) < 4.0
+    size = np.sqrt(DIRECTION @ far.covariance @ DIRECTION)
+    assert 0.5 * AMPLITUDE_M / np.sqrt(2.0) < size < 3.0 * AMPLITUDE_M / np.sqrt(2.0)
+
+
+def test_the_spread_is_learned_along_the_motion():
+    motion, _, _ = run(30, 0.0)
+    values, axes = np.linalg.eigh(motion.spread)
+    assert abs(axes[:, -1] @ DIRECTION) > 0.99
+    # A sinusoid of 12 mm has a standard deviation of 4.2 mm.
+    assert 1e3 * np.sqrt(values[-1]) == pytest.approx(12.0 / np.sqrt(8.0), rel=0.3)
+    assert 1e3 * np.sqrt(values[0]) < 1.5
+    times = np.arange(0, 31) * INTERVAL_S  # the reference's zero counts, too
+    np.testing.assert_allclose(motion.mean, np.mean([breathing(t) for t in times], axis=0), atol=5e-5)
+
+
+def test_before_anything_is_learned_every_direction_is_open():
+    values = np.linalg.eigvalsh(RespiratoryMotion(0.0, 0.0).spread)
+    assert values[0] == pytest.approx(values[-1])
+    assert 0.005 < np.sqrt(values[0]) < 0.02
+
+
+@pytest.mark.parametrize("scale_s", [0.03, 1.0])
+def test_whatever_the_time_scale_the_future_has_a_positive_covariance(scale_s):
+    motion = RespiratoryMotion(0.0, 0.05, tuning=replace(TUNING, time_scale_s=scale_s))
+    for interval_s in (0.01, 0.07, 0.13):
+        covariance = motion.predict(0.05 + interval_s).covariance
+        assert np.linalg.eigvalsh(covariance).min() > 0.0
+        assert np.sqrt(np.trace(covariance)) < 0.03
+
+
+def test_what_is_seen_along_the_body_tells_the_depth_before_any_breath():
+    # Of a still heart: what a heartbeat may have risen tells no depth, and takes a sixth of it.
+    beating = RespiratoryMotion(0.0, 0.15, shape=SHAPE, between=RISE).origin_b
+    assert 0.7e-3 < beating.displacement[1] < 0.95e-3
+    still = replace(TUNING, heartbeats_m=(1e-4,) * 4)
+    told = RespiratoryMotion(0.0, 0.15, shape=SHAPE, between=RISE, tuning=still).origin_b
+    np.testing.assert_allclose(told.displacement, [0.0, 0.001, 0.004], atol=1e-4)
+    untold = RespiratoryMotion(0.0, 0.15, shape=SHAPE, tuning=still).origin_b
+    assert told.covariance[2, 2] < 1e-9 < untold.covariance[2, 2]
+    # Of 4 mm along the body a quarter, give or take what the shape leaves open.
+    open_share = np.sqrt((0.3 - 0.25**2) / 0.3)
+    assert np.sqrt(told.covariance[1, 1] / untold.covariance[1, 1]) == pytest.approx(open_share, rel=0.05)
+
+
+def test_a_direction_that_has_been_seen_outweighs_the_one_expected():
+    expected = np.array([0.0, -0.26, -1.0])
+    motion = RespiratoryMotion(0.0, 0.0, shape=np.outer(expected, expected) + 0.05 * np.eye(3))
+    other = np.array([0.0, 1.0, -1.0]) / np.sqrt(2.0)
+    for millimetres in (2.0, 5.0, 9.0, 12.0, 8.0, 3.0):
+        motion.learn(1e-3 * millimetres * other)
+    main = np.linalg.eigh(motion.spread)[1][:, -1]
+    assert abs(main @ other) > 0.99

@@ -1,0 +1,159 @@
+"""The bank of filters: how the heart's size is learned, how likely a measurement is, and ways that are tried."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from support.respiration_inputs import DIRECTION, INTERVAL_S, RISE, breathing, observation, run, step
+
+from lasso_motion_ros.motion.motion_model import TUNING
+from lasso_motion_ros.motion.respiration import Likelihood, RespiratoryMotion
+
+
+def beating(heart_m, late_s, pairs=60, seed=0):
+    """A motion whose heart moves the ring at random, no two exposures alike, and the errors in units of the covariance.
+
+    The heart's standard deviation (in each direction) changes to nothing in the time in which one exposure is taken.
+    """
+    random = np.random.default_rng(seed)
+    motion = RespiratoryMotion(0.0, late_s)
+    first = random.normal(scale=heart_m, size=(2, 3))
+    if late_s == 0.0:
+        first[1] = first[0]
+    normalised = []
+    for index in range(1, pairs + 1):
+        time_s = index * INTERVAL_S
+        heart = random.normal(scale=heart_m, size=(2, 3))
+        if late_s == 0.0:
+            heart[1] = heart[0]
+        now = breathing(time_s) + heart[0] - first[0]
+        later = breathing(time_s + late_s) - breathing(late_s) + heart[1] - first[1]
+        motion.observe(time_s, a=observation("a", now, random))
+        motion.mark_a(time_s)
+        motion.observe(time_s + late_s, b=observation("b", later, random))
+        error = motion.at_a.displacement - now
+        normalised.append(error @ np.linalg.solve(motion.at_a.covariance, error))
+        motion.learn(motion.at_a.displacement)
+    return motion, np.array(normalised)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.15])
+@pytest.mark.parametrize(("heart_mm", "least_mm", "most_mm"), [(0.0, 0.0, 0.35), (1.0, 0.6, 1.4), (2.0, 1.4, 2.5)])
+def test_the_hearts_size_is_learned_from_the_measurements(heart_mm, least_mm, most_mm, late_s):
+    for seed in range(3):
+        motion, _ = beating(1e-3 * heart_mm, late_s, seed=seed)
+        assert least_mm < 1e3 * motion.heartbeat_m < most_mm
+
+
+@pytest.mark.parametrize("heart_mm", [0.0, 1.0, 2.0])
+def test_the_covariance_follows_the_heart_that_was_learned(heart_mm):
+    # With plane B half a frame late depth and heart are told apart only as well as that.
+    normalised = np.concatenate([beating(1e-3 * heart_mm, 0.15, seed=seed)[1][15:] for seed in range(4)])
+    assert 0.5 < np.mean(normalised) < 4.5
+    assert np.mean(normalised < 7.8) > 0.88  # 95 % of three
+
+
+def test_before_any_measurement_the_heart_is_of_any_size():
+    np.testing.assert_allclose(RespiratoryMotion(0.0, 0.0).weights, TUNING.odds, atol=1e-12)
+    np.testing.assert_allclose(RespiratoryMotion(0.0, 0.15, between=RISE).weights, TUNING.odds, atol=1e-12)
+
+
+def test_what_was_learned_of_the_heart_fades():
+    motion, _ = beating(0.0, 0.0)
+    learned = motion.weights
+    assert np.abs(learned - TUNING.odds).max() > 0.3
+    motion.mark_a(60 * INTERVAL_S + 1000.0)
+    np.testing.assert_allclose(motion.weights, TUNING.odds, atol=1e-3)
+
+
+def test_likelihoods_by_hand():
+    # Filters that are all alike are one: Student's density in two dimensions, whose peak is the normal one's.
+    freedom = TUNING.freedom
+    motion, *_ = run(10, 0.0, tuning=replace(TUNING, heartbeats_m=(4e-4,) * 4))
+    time_s = 11 * INTERVAL_S
+    foreseen = motion.predict(time_s)
+    for away in (np.zeros(3), np.array([0.002, -0.001, 0.004])):
+        seen = observation("a", foreseen.displacement + away)
+        spread = seen.across @ foreseen.covariance @ seen.across.T + seen.covariance
+        off = seen.across @ away
+        distance = off @ np.linalg.solve(spread, off)
+        peak = -np.log(2.0 * np.pi * np.sqrt(np.linalg.det(spread)))
+        likelihood = motion.copy().observe(time_s, a=seen)
+        assert likelihood.peak == pytest.approx(peak, rel=1e-6)
+        density = peak - 0.5 * (freedom + 2.0) * np.log1p(distance / freedom)
+        assert likelihood.density == pytest.approx(density, rel=1e-6)
+
+
+def test_the_likelihood_of_a_pair_is_that_of_its_planes_one_after_the_other():
+    motion, *_ = run(10, 0.0)
+    time_s, place = 11 * INTERVAL_S, breathing(11 * INTERVAL_S)
+    both, split = motion.copy(), motion.copy()
+    together = both.observe(time_s, a=observation("a", place), b=observation("b", place))
+    apart = split.observe(time_s, a=observation("a", place)) + split.observe(time_s, b=observation("b", place))
+    assert together.density == pytest.approx(apart.density)
+    assert together.peak == pytest.approx(apart.peak)
+    assert Likelihood(1.0, 2.0) + Likelihood(0.5, 0.25) == Likelihood(1.5, 2.25)
+
+
+def test_the_likelihood_is_greatest_where_it_was_foretold():
+    motion, *_ = run(20, 0.0)
+    time_s = 21 * INTERVAL_S
+    densities = [
+        motion.copy().observe(time_s, a=observation("a", motion.predict(time_s).displacement + 1e-3 * mm * DIRECTION))
+        for mm in (0.0, 1.0, 4.0, 16.0)
+    ]
+    assert [one.density for one in densities] == sorted((one.density for one in densities), reverse=True)
+    for one in densities:
+        assert one.density <= one.peak + 1e-9
+
+
+def test_a_surge_by_hand():
+    motion, *_ = run(20, 0.0)
+    now_s = 20 * INTERVAL_S
+    here, surged = motion.predict(now_s), motion.surged().predict(now_s)
+    np.testing.assert_allclose(surged.displacement, here.displacement, atol=1e-12)
+    np.testing.assert_allclose(surged.covariance - here.covariance, TUNING.surge_m**2 * np.eye(3), atol=1e-12)
+    # It goes on for a while, and is over in the end: breathing is what it was.
+    soon, never = (np.trace(m.predict(now_s + 0.3).covariance) for m in (motion.surged(), motion))
+    assert soon > never + 3.0 * (2.0 * TUNING.surge_m) ** 2
+    long_after = now_s + 1000.0
+    np.testing.assert_allclose(
+        motion.surged().predict(long_after).covariance, motion.predict(long_after).covariance, rtol=1e-6, atol=1e-12
+    )
+
+
+def test_moved_by_hand_by_hand():
+    motion, *_ = run(20, 0.0)
+    now_s, reach_m = 20 * INTERVAL_S, 0.024
+    moved = motion.moved_by_hand(reach_m)
+    for time_s in (now_s, now_s + 1000.0):  # it stays where it was put
+        before, after = motion.predict(time_s), moved.predict(time_s)
+        np.testing.assert_allclose(after.displacement, before.displacement, atol=1e-12)
+        np.testing.assert_allclose(after.covariance - before.covariance, reach_m**2 * np.eye(3), atol=1e-10)
+    # What is seen there is followed there, and breathes on about it.
+    aside = np.array([0.020, 0.012, 0.009])
+    time_s = now_s + INTERVAL_S
+    step(moved, time_s, 0.0, lambda t: breathing(t) + aside * (t > 0.0))
+    assert np.linalg.norm(moved.at_a.displacement - breathing(time_s) - aside) < 2e-4
+    ahead = moved.predict(time_s + INTERVAL_S).displacement
+    assert np.linalg.norm(ahead - breathing(time_s + INTERVAL_S) - aside) < 3e-3
+
+
+def test_a_way_that_is_tried_changes_nothing():
+    motion, *_ = run(10, 0.15)
+    before = motion.predict(4.0)
+    for way in (motion.surged(), motion.moved_by_hand(0.02)):
+        step(way, 11 * INTERVAL_S, 0.15, breathing)
+        way.learn(way.at_a.displacement)
+    after = motion.predict(4.0)
+    np.testing.assert_array_equal(before.displacement, after.displacement)
+    np.testing.assert_array_equal(before.covariance, after.covariance)
+
+
+def test_moved_elsewhere_it_breathes_on_there():
+    motion, *_ = run(30, 0.0)
+    aside = np.array([0.010, 0.0, 0.0])
+    before, mean = motion.predict(31 * INTERVAL_S), motion.mean
+    motion.move(motion.predict(30 * INTERVAL_S).displacement + aside)
+    np.testing.assert_allclose(motion.predict(31 * INTERVAL_S).displacement, before.displacement + aside, atol=1e-3)
+    np.testing.assert_allclose(motion.mean, mean + aside, atol=1e-3)
