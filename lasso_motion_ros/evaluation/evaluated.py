@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, Truth
+from lasso_motion_ros.evaluation.same_pair import of_pair
 from lasso_motion_ros.evaluation.summary import MEAN_ROW
 
 Array = npt.NDArray[np.float64]
@@ -54,7 +55,7 @@ class Evaluated:
 
     def estimate(self, stamp_ns: int) -> PairEstimate | None:
         """What was published for the pair with this stamp, or None."""
-        return next((e for e in self.estimates if abs(e.stamp_ns - stamp_ns) <= SAME_PAIR_NS), None)
+        return of_pair(self.estimates, stamp_ns)
 
     @property
     def times_s(self) -> Array:

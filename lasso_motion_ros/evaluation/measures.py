@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.evaluation.same_pair import is_same_pair, of_pair
 from lasso_motion_ros.geometry.covariance import squared_mahalanobis
 from lasso_motion_ros.geometry.curves import distance_to_curve, resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
@@ -23,7 +24,6 @@ Array = npt.NDArray[np.float64]
 
 SILENT_LOSS_MM = 2.0  # a published pose with a larger error misleads
 DISPLACED_MM = 3.0  # a true loop further than this from where the atrium's motion carries it has been moved
-SAME_PAIR_NS = 5_000_000  # stamps this near are one pair's: a pair that lacks A has its stamp from B, rounded
 DETECTOR_M = 1.2  # source–detector distance assumed for millimetres on the detector
 SAMPLES = 256  # points spaced evenly along a curve, so that their mean is a mean over its length
 
@@ -218,16 +218,16 @@ def score_pairs(
         estimate = PairEstimate(pair.stamp_ns)
         if stamps.size:
             nearest = int(stamps[np.argmin(np.abs(stamps - pair.stamp_ns))])
-            if abs(nearest - pair.stamp_ns) <= SAME_PAIR_NS:
+            if is_same_pair(nearest, pair.stamp_ns):
                 estimate = by_stamp[nearest]
         reference_ns = first_reference if estimate.reference_ns is None else estimate.reference_ns
-        is_reference = abs(pair.stamp_ns - reference_ns) <= SAME_PAIR_NS
+        is_reference = is_same_pair(pair.stamp_ns, reference_ns)
         hidden = not pair.centrelines and not centreless
         displaced = pair.displaced
         if displaced is None:
             displaced = truth.loop is not None and is_displaced(pair, truth.loop)
         shown_fully = centreless or len(pair.centrelines) == len(PLANES)
-        after = pair.stamp_ns > first_reference + SAME_PAIR_NS
+        after = pair.stamp_ns > first_reference and not is_same_pair(pair.stamp_ns, first_reference)
         has_pose = estimate.motion_raw is not None
         in_place = not (hidden or displaced)
         score = PairScore(
@@ -272,7 +272,7 @@ def _with_curve_errors(
 def _with_motion_errors(
     score: PairScore, truth: Truth, pair: PairTruth, estimate: PairEstimate, reference_ns: int
 ) -> PairScore:
-    reference = next((p for p in truth.pairs if abs(p.stamp_ns - reference_ns) <= SAME_PAIR_NS), None)
+    reference = of_pair(truth.pairs, reference_ns)
     if truth.loop is None or pair.motion is None or reference is None or reference.motion is None:
         return score
     # The published motion starts at the tracker's reference, the true one at the recording's.

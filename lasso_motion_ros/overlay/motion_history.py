@@ -99,7 +99,7 @@ class MotionHistory:
     @property
     def has_pose(self) -> bool:
         """Whether the tracker says that there is a pose."""
-        return self._state in (TrackerState.TRACKING.value, TrackerState.DEGRADED.value)
+        return TrackerState.tells_of_pose(self._state)
 
     def _forget(self) -> None:
         self._motions.clear()

@@ -11,7 +11,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, PairScore, Truth, score_pairs
+from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, Truth, score_pairs
+from lasso_motion_ros.evaluation.same_pair import of_pair
 from lasso_motion_ros.evaluation.summary import Summary, evaluation_record, format_table, summarise
 from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
@@ -185,7 +186,7 @@ def _cell(picture: RgbImage | None, label: str) -> RgbImage:
 def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
     pair = run.pairs[number]
     strip = text_strip(f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s", width)
-    estimate = _estimate(run, pair.stamp_ns)
+    estimate = of_pair(run.estimates, pair.stamp_ns)
     if estimate is None:
         words, colour = "no answer arrived", STATE_COLOURS[TrackerState.LOST]
     else:
@@ -214,10 +215,6 @@ def _times(run: DemoRun) -> Array:
     return np.array([1e-9 * (pair.stamp_ns - run.pairs[0].stamp_ns) for pair in run.pairs])
 
 
-def _estimate(run: DemoRun, stamp_ns: int) -> PairEstimate | None:
-    return next((e for e in run.estimates if abs(e.stamp_ns - stamp_ns) <= SAME_PAIR_NS), None)
-
-
 def _centre(run: DemoRun) -> Array:
     """(3,) the loop's centre at the reference: the true one, else the first published one, else the surface's."""
     if run.truth is not None and run.truth.loop is not None:
@@ -240,7 +237,7 @@ def _displacements(run: DemoRun, scores: Sequence[PairScore]) -> tuple[Array, Ar
                 if value is not None:
                     target[number] = 1e3 * (value - start)
             continue
-        estimate = _estimate(run, pair.stamp_ns)
+        estimate = of_pair(run.estimates, pair.stamp_ns)
         if estimate is not None and estimate.motion_raw is not None:
             found[number] = 1e3 * (transforms.apply(estimate.motion_raw, centre) - centre)
     return found, true if np.isfinite(true).any() else None

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from lasso_motion_ros.config.overlay import OverlayConfig
-from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate
+from lasso_motion_ros.evaluation.measures import PairEstimate
+from lasso_motion_ros.evaluation.same_pair import is_same_pair
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
@@ -67,10 +68,13 @@ class OfflineOverlay:
         return DrawnPair(pictures, compensated, choices[0].status if choices else "")
 
     def _take_estimates(self, stamp_ns: int) -> None:
-        while self._estimates and self._estimates[0].stamp_ns <= stamp_ns + SAME_PAIR_NS:
-            estimate = self._estimates.pop(0)
+        while self._estimates:
+            estimate = self._estimates[0]
+            near = is_same_pair(estimate.stamp_ns, stamp_ns)
+            if estimate.stamp_ns > stamp_ns and not near:
+                break
+            self._estimates.pop(0)
             # A stamp that was rounded still belongs to its pair.
-            near = abs(estimate.stamp_ns - stamp_ns) <= SAME_PAIR_NS
             at_ns = stamp_ns if near else estimate.stamp_ns
             self._history.add_state(estimate.state)
             if estimate.motion is not None:

@@ -16,8 +16,9 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import version
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
-from lasso_motion_ros.evaluation.measures import SAME_PAIR_NS, PairEstimate, score_pairs
+from lasso_motion_ros.evaluation.measures import PairEstimate, score_pairs
 from lasso_motion_ros.evaluation.recorded_input import ReadTruth, read_estimates, read_latencies_ms, read_truth
+from lasso_motion_ros.evaluation.same_pair import of_pair
 from lasso_motion_ros.reports.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from lasso_motion_ros.tools.offline_tracking import track_recording, why_nothing
@@ -110,7 +111,7 @@ def worst_frames(one: Evaluated, count: int) -> list[WorstFrame]:
     if not worst:
         return []
     for pair in recorded_pairs(RecordingReader(one.path), StreamConfig()):
-        score = next((s for s in worst if abs(s.stamp_ns - pair.stamp_ns) <= SAME_PAIR_NS), None)
+        score = of_pair(worst, pair.stamp_ns)
         if score is not None:
             picture = worst_picture(pair, one.truth.pairs[score.index], one.estimate(score.stamp_ns))
             shown[score.index] = WorstFrame(score, picture)

@@ -28,7 +28,7 @@ class TrackerState(Enum):
         DEGRADED: there is a pose, but with a doubt that the reason names and the covariance holds.
         LOST: the loop is not seen, or what is seen is not believed.
         DISPLACED: both planes show the loop, but its motion cannot be breathing: the lasso was moved, and no longer
-            tells how the heart moves. Our method's motion gate decides it (`ring/judgement.py`).
+            tells how the heart moves. In our method `ring/track_state.py` decides it.
     """
 
     INACTIVE = "INACTIVE"
@@ -43,6 +43,11 @@ class TrackerState(Enum):
     def has_pose(self) -> bool:
         """Whether `motion` is published in this state."""
         return self in (TrackerState.TRACKING, TrackerState.DEGRADED)
+
+    @classmethod
+    def tells_of_pose(cls, published: str) -> bool:
+        """Whether a word published on `state` tells of a pose; none that is unknown does, nor an empty one."""
+        return any(published == state.value for state in cls if state.has_pose)
 
 
 @dataclass(frozen=True)

@@ -190,7 +190,7 @@ class LiveStream:
     @property
     def has_pose(self) -> bool:
         """Whether the tracker says that there is a pose."""
-        return self._state in (TrackerState.TRACKING.value, TrackerState.DEGRADED.value)
+        return TrackerState.tells_of_pose(self._state)
 
     @property
     def state(self) -> str:
