@@ -9,6 +9,7 @@ import json
 import sys
 import threading
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -28,11 +29,26 @@ from msg_adapters.seeds import encode_polygon
 from msg_adapters.topics import CATHETER, MOTION, Topic, camera_info_topic, image_topic, seed_topic
 
 START_NS = 1_760_000_000 * NANOSECONDS
-BREATH_S = 2.0
-TICK_S = 0.02
-ANSWER_TICK_S = 0.002
-UNANSWERED_S = 2.0
-"""How long a pair may hold up the next: a pair whose loop is lost may have no answer."""
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """The stream, and how long is waited for what.
+
+    Attributes:
+        breath_s: period of the drawn breathing.
+        tick_s: between two looks for subscribers and for the first answer.
+        answer_tick_s: between two looks for an answer that holds up the stream.
+        unanswered_s: how long a pair may hold up the next: a pair whose loop is lost may have no answer.
+    """
+
+    breath_s: float = 2.0
+    tick_s: float = 0.02
+    answer_tick_s: float = 0.002
+    unanswered_s: float = 2.0
+
+
+TUNING = _Tuning()
 
 
 class BenchPublisher(Node):  # type: ignore[misc]
@@ -58,12 +74,12 @@ class BenchPublisher(Node):  # type: ignore[misc]
         self._pairs, self._notes, self._image_subscribers = pairs, notes, image_subscribers
         self._messages = RosMessages()
         generator = np.random.default_rng(0)
-        steps = max(1, round(BREATH_S * rate))
+        steps = max(1, round(TUNING.breath_s * rate))
         self._images: dict[Plane, list[bytearray]] = {plane: [] for plane in PLANES}
         self._infos: dict[Plane, bytearray] = {}
         for plane in PLANES:
             for step in range(min(steps, pairs + 1)):
-                displacement = breath_mm(step / rate, BREATH_S)
+                displacement = breath_mm(step / rate, TUNING.breath_s)
                 pixels = ring_image(plane, side, displacement, generator)
                 self._images[plane].append(self._serialised(image_topic(plane), encode_image(pixels, header_fields(0))))
             info = encode_camera_info(ring_projection(plane, side), header_fields(0))
@@ -99,7 +115,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
     def _publish_all(self) -> None:
         wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._publishers}
         while any(self._publishers[name].get_subscription_count() < count for name, count in wanted.items()):
-            if self._closing.wait(TICK_S):
+            if self._closing.wait(TUNING.tick_s):
                 return
         self._publish_pair(0)
         seed = ring_seed(self._side)
@@ -108,7 +124,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
             fields = encode_polygon(seed.points(plane), header_fields(START_NS))
             self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
         while not self._answered.is_set():
-            if self._closing.wait(TICK_S):
+            if self._closing.wait(TUNING.tick_s):
                 return
         published: dict[int, int] = {}
         began = time.monotonic()
@@ -125,9 +141,9 @@ class BenchPublisher(Node):  # type: ignore[misc]
     def _may_publish(self, number: int) -> bool:
         """Wait until enough of the earlier pairs are answered; False if the node closes meanwhile."""
         needed_ns = START_NS + (number - self._most_ahead) * self._period_ns
-        given_up_s = time.monotonic() + UNANSWERED_S
+        given_up_s = time.monotonic() + TUNING.unanswered_s
         while self._most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
-            if self._closing.wait(ANSWER_TICK_S):
+            if self._closing.wait(TUNING.answer_tick_s):
                 return False
         return True
 

@@ -12,13 +12,28 @@ import os
 import shutil
 import tempfile
 from collections.abc import MutableMapping
+from dataclasses import dataclass
 from pathlib import Path
 
 MIB = 1024 * 1024
-PREFERRED_SEGMENT_BYTES = 32 * MIB
-SMALLEST_SEGMENT_BYTES = 8 * MIB
-SHARERS = 4
-"""Processes that need room side by side: player, tracker, overlay, and a viewer."""
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How much shared memory is asked for.
+
+    Attributes:
+        preferred_segment_bytes: of each participant.
+        smallest_segment_bytes: with less, images are lost.
+        sharers: processes that need room side by side: player, tracker, overlay, and a viewer.
+    """
+
+    preferred_segment_bytes: int = 32 * MIB
+    smallest_segment_bytes: int = 8 * MIB
+    sharers: int = 4
+
+
+TUNING = _Tuning()
 
 PROFILE_VARIABLES = ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE")
 PROFILE_IN_CURRENT_DIRECTORY = "DEFAULT_FASTRTPS_PROFILES.xml"
@@ -60,7 +75,7 @@ _PROFILE = """\
 """
 
 
-def profile_xml(segment_bytes: int = PREFERRED_SEGMENT_BYTES) -> str:
+def profile_xml(segment_bytes: int = TUNING.preferred_segment_bytes) -> str:
     """The profile as text.
 
     Args:
@@ -78,9 +93,10 @@ def segment_bytes_for(free_bytes: int) -> int | None:
     Returns:
         Bytes between 8 and 32 MiB, or None where not even the smallest fits.
     """
-    if free_bytes < SMALLEST_SEGMENT_BYTES + MIB:
+    if free_bytes < TUNING.smallest_segment_bytes + MIB:
         return None
-    return max(SMALLEST_SEGMENT_BYTES, min(PREFERRED_SEGMENT_BYTES, free_bytes // SHARERS // MIB * MIB))
+    share = free_bytes // TUNING.sharers // MIB * MIB
+    return max(TUNING.smallest_segment_bytes, min(TUNING.preferred_segment_bytes, share))
 
 
 def use_image_profile(environment: MutableMapping[str, str] | None = None) -> str | None:
@@ -102,7 +118,8 @@ def use_image_profile(environment: MutableMapping[str, str] | None = None) -> st
     free = shutil.disk_usage(SHARED_MEMORY).free
     segment = segment_bytes_for(free)
     if segment is None:
-        return TOO_SMALL.format(directory=SHARED_MEMORY, free_mib=free // MIB, needed_mib=SMALLEST_SEGMENT_BYTES // MIB)
+        needed_mib = TUNING.smallest_segment_bytes // MIB
+        return TOO_SMALL.format(directory=SHARED_MEMORY, free_mib=free // MIB, needed_mib=needed_mib)
     descriptor, path = tempfile.mkstemp(prefix="lasso_motion_fastdds_", suffix=".xml")
     with os.fdopen(descriptor, "w", encoding="utf-8") as file:
         file.write(profile_xml(segment))

@@ -11,10 +11,22 @@ import numpy as np
 from msg_adapters.topics import LAST_LATENCY_KEY
 
 PERCENTILES = (50, 95, 99)
-REMEMBERED = 1024
-"""Pairs whose latency counts."""
-LONGEST_AGE_S = 60.0
-"""Stamps further from the clock are a recording's, or another clock's, and tell no latency."""
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """Which latencies count.
+
+    Attributes:
+        remembered: pairs whose latency counts.
+        longest_age_s: stamps further from the clock are a recording's, or another clock's, and tell no latency.
+    """
+
+    remembered: int = 1024
+    longest_age_s: float = 60.0
+
+
+TUNING = _Tuning()
 
 
 @dataclass
@@ -26,8 +38,8 @@ class Latencies:
         stamp_s: from the pair's stamp to the publication, where both are of one clock.
     """
 
-    receipt_s: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    stamp_s: deque[float] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    receipt_s: deque[float] = field(default_factory=lambda: deque(maxlen=TUNING.remembered))
+    stamp_s: deque[float] = field(default_factory=lambda: deque(maxlen=TUNING.remembered))
     _received_s: dict[int, float] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
@@ -40,7 +52,7 @@ class Latencies:
         """
         with self._lock:
             self._received_s[number] = now_s
-            while len(self._received_s) > REMEMBERED:
+            while len(self._received_s) > TUNING.remembered:
                 del self._received_s[next(iter(self._received_s))]
 
     def end(self, number: int, now_s: float, stamp_s: float) -> None:
@@ -56,7 +68,7 @@ class Latencies:
             if received_s is None:
                 return
             self.receipt_s.append(now_s - received_s)
-            if 0.0 <= stamp_s <= LONGEST_AGE_S:
+            if 0.0 <= stamp_s <= TUNING.longest_age_s:
                 self.stamp_s.append(stamp_s)
 
     def words(self) -> dict[str, str]:

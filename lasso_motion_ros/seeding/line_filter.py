@@ -7,12 +7,27 @@ features, the path between clicks and the curve along the wire, then choose betw
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 Image = npt.NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How exactly the filter is sampled.
+
+    Attributes:
+        kernel_sigmas: half the kernels' width, in units of their scale: beyond, a Gaussian has no weight to speak of.
+    """
+
+    kernel_sigmas: float = 3.5
+
+
+TUNING = _Tuning()
 
 
 def sato(image: npt.NDArray[np.generic], sigmas: Iterable[float]) -> Image:
@@ -49,7 +64,7 @@ def _largest_eigenvalue(image: Image, sigma: float) -> Image:
 
 def _gaussian_kernels(sigma: float) -> tuple[Image, Image, Image]:
     """Sampled Gaussian and its σ-normalised first and second derivatives, exact on polynomials."""
-    radius = int(np.ceil(3.5 * sigma))
+    radius = int(np.ceil(TUNING.kernel_sigmas * sigma))
     x = np.arange(-radius, radius + 1, dtype=np.float64)
     gauss = np.exp(-0.5 * (x / sigma) ** 2)
     gauss /= gauss.sum()

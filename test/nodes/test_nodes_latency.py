@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from lasso_motion_ros.nodes.latency import REMEMBERED, Latencies
+from lasso_motion_ros.nodes.latency import TUNING, Latencies
 
 
 def test_percentiles_of_the_last_pairs() -> None:
@@ -29,10 +29,10 @@ def test_several_pairs_wait_at_once_and_each_has_its_own_latency() -> None:
 
 def test_stamps_of_another_clock_tell_no_latency_and_memory_is_bounded() -> None:
     latencies = Latencies()
-    for number in range(4 * REMEMBERED):
+    for number in range(4 * TUNING.remembered):
         latencies.begin(number, 0.0)
         if number % 2:  # every other pair is dropped
             latencies.end(number, 0.01, 4e7 if number % 4 == 1 else -3.0)
     assert not any("stamp" in key for key in latencies.words())
-    assert len(latencies.receipt_s) == REMEMBERED
-    assert len(latencies._received_s) <= REMEMBERED
+    assert len(latencies.receipt_s) == TUNING.remembered
+    assert len(latencies._received_s) <= TUNING.remembered

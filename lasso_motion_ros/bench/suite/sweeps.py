@@ -19,10 +19,25 @@ from lasso_motion_ros.phantom.settings import (
     Scenario,
 )
 
-SECONDS = 4.0  # at least: a breath has to be in it
-START_PAUSE_S = 2.0  # longer than what the tracker takes for continuous film, so that its limit of speed is not asked
-START_TRIALS = 7  # a sequence of two pairs is cheap, and a share of 95 % needs many
-CAPTURED_SHARE = 0.95
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How long and how many the sequences are.
+
+    Attributes:
+        shortest_s: a breath has to be in a sequence.
+        start_pause_s: longer than what the tracker takes for continuous film, so that its limit of speed is not asked.
+        start_trials: a sequence of two pairs is cheap, and a share of 95 % needs many.
+        captured_share: of the sequences, in which the loop has to be found for a start to count as captured.
+    """
+
+    shortest_s: float = 4.0
+    start_pause_s: float = 2.0
+    start_trials: int = 7
+    captured_share: float = 0.95
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True)
@@ -66,7 +81,7 @@ def _amplitude(scenario: Scenario, value: float) -> Scenario:
 
 
 def _rate(scenario: Scenario, value: float) -> Scenario:
-    return altered(scenario, rate_hz=value, pairs=max(PAIRS, round(SECONDS * value)))
+    return altered(scenario, rate_hz=value, pairs=max(PAIRS, round(TUNING.shortest_s * value)))
 
 
 def _offset(scenario: Scenario, value: float) -> Scenario:
@@ -85,9 +100,10 @@ def _start(scenario: Scenario, value: float) -> Scenario:
     """Two pairs, and a pause of two seconds between them in which the patient breathed by `value`, in any direction."""
     direction = np.random.default_rng(scenario.seed).normal(size=3)
     # Half a breath of four seconds: from end-expiration to the deepest point.
-    breathing = BreathingSettings(amplitude_mm=value, direction=tuple(direction.tolist()), period_s=2.0 * START_PAUSE_S)
+    period_s = 2.0 * TUNING.start_pause_s
+    breathing = BreathingSettings(amplitude_mm=value, direction=tuple(direction.tolist()), period_s=period_s)
     still = HeartSettings(amplitude_mm=0.0)
-    return altered(scenario, pairs=2, rate_hz=1.0 / START_PAUSE_S, breathing=breathing, heart=still)
+    return altered(scenario, pairs=2, rate_hz=1.0 / TUNING.start_pause_s, breathing=breathing, heart=still)
 
 
 SWEEPS: Mapping[str, Sweep] = {
@@ -104,7 +120,7 @@ SWEEPS: Mapping[str, Sweep] = {
             "offset from where it was last seen (mm)",
             (0.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0),
             _start,
-            trials=START_TRIALS,
+            trials=TUNING.start_trials,
             is_capture=True,
         ),
         Sweep("tilt", "tilt of the ring with the heartbeat (deg)", (0.0, 2.0, 4.0, 6.0, 8.0), _tilt),
@@ -133,7 +149,7 @@ def capture_range(by_value: Mapping[float, Measures]) -> float | None:
     """
     reached = None
     for value, one in sorted(by_value.items()):
-        if one.expected == 0 or (one.expected - one.missing - one.silent) / one.expected < CAPTURED_SHARE:
+        if one.expected == 0 or (one.expected - one.missing - one.silent) / one.expected < TUNING.captured_share:
             break
         reached = value
     return reached

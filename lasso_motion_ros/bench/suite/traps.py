@@ -21,13 +21,21 @@ from lasso_motion_ros.phantom.settings import ClickSettings, Event, Scenario
 
 Array = npt.NDArray[np.float64]
 
-PAIRS = 14
-EVENT = 7  # the pair at which something happens, where it matters little which
-OTHER_SCENARIOS = 1000  # by which each trap starts further on in its seed: lassos and bodies that no other one has
-LOW_DOSE = 14.0  # quanta a pixel: where noise looks like a lasso, too
-SIGH_DEPTH = 1.4  # times the breaths before
-OTHER_SIDE_MM = 45.0  # from a left vein to a right one
-COLLIMATOR_MARGIN = 0.06  # of the field, between the loop's whole path and the collimator's edges
+
+@dataclass(frozen=True)
+class _Tuning:
+    """What the traps have in common."""
+
+    pairs: int = 14
+    event: int = 7  # the pair at which something happens, where it matters little which
+    other_scenarios: int = 1000  # each trap starts so much further on in its seed: lassos and bodies of its own
+    low_dose: float = 14.0  # quanta a pixel: where noise looks like a lasso, too
+    sigh_depth: float = 1.4  # times the breaths before
+    other_side_mm: float = 45.0  # from a left vein to a right one
+    collimator_margin: float = 0.06  # share of the field, between the loop's whole path and the collimator's edges
+
+
+TUNING = _Tuning()
 
 
 @dataclass(frozen=True)
@@ -53,7 +61,8 @@ class Trap:
 
 def _ghost(scenario: Scenario, number: int) -> Scenario:
     shift = as_vector(MOVE_MM * _direction(scenario))
-    events = (Event("remove", EVENT), Event("hide", EVENT, EVENT + 3), Event("move", EVENT, shift_mm=shift))
+    first = TUNING.event
+    events = (Event("remove", first), Event("hide", first, first + 3), Event("move", first, shift_mm=shift))
     # In noise a ghost is no lasso anyway: the pictures are clear.
     imaging = {"lag": (0.35, 0.3, 0.35)[number % 3], "quanta": 80.0}
     return altered(scenario, imaging=imaging, events=(events[number % 3],))
@@ -77,7 +86,7 @@ def _gantry(scenario: Scenario, number: int) -> Scenario:
     # Far from the iso-centre a turn is also a shift; near it, by both planes, the ring only lies otherwise.
     plane = "both" if variant == 5 else PLANES[variant % 2]
     lasso = {} if variant == 5 else {"centre_mm": (28.0, 12.0, 18.0)}
-    turn = Event("gantry_turn", EVENT, plane=plane, lao_deg=lao, cranial_deg=cranial, calibrated=False)
+    turn = Event("gantry_turn", TUNING.event, plane=plane, lao_deg=lao, cranial_deg=cranial, calibrated=False)
     return altered(scenario, lasso=lasso, events=(turn,))
 
 
@@ -86,13 +95,13 @@ def _table(scenario: Scenario, number: int) -> Scenario:
     shift = ((20.0, 0.0, 0.0), (0.0, 0.0, 20.0))[number % 3 % 2]
     if number % 3 == 2:
         scenario = altered(scenario, pairs=18, rate_hz=3.75, breathing={"period_s": 3.0})
-    first = (EVENT, EVENT, 13)[number % 3]
+    first = (TUNING.event, TUNING.event, 13)[number % 3]
     return altered(scenario, events=(Event("table_pan", first, shift_mm=shift, calibrated=False),))
 
 
 def _zoom(scenario: Scenario, number: int) -> Scenario:
     plane = ("both", "a")[number % 2]
-    return altered(scenario, events=(Event("zoom", EVENT, plane=plane, factor=1.25, calibrated=False),))
+    return altered(scenario, events=(Event("zoom", TUNING.event, plane=plane, factor=1.25, calibrated=False),))
 
 
 def _slow_move(scenario: Scenario, number: int) -> Scenario:
@@ -112,7 +121,7 @@ def _jump(scenario: Scenario, number: int) -> Scenario:
 def _moved_unseen(scenario: Scenario, number: int) -> Scenario:
     """Hidden while it is put elsewhere: back along the breath's way, where only how it lies tells; then far away."""
     along = unit(scenario.breathing.direction)
-    shift = (6.0 * along, -6.0 * along, OTHER_SIDE_MM * _direction(scenario))[number % 3]
+    shift = (6.0 * along, -6.0 * along, TUNING.other_side_mm * _direction(scenario))[number % 3]
     turn = (8.0, 12.0, 0.0)[number % 3] * _direction(scenario)
     moved = Event("move", 7, shift_mm=as_vector(shift), turn_deg=as_vector(turn))
     return altered(scenario, events=(Event("hide", 6, 8), moved))
@@ -125,9 +134,9 @@ def _hidden(scenario: Scenario, number: int) -> Scenario:
         pairs=16,
         rate_hz=3.0,
         breathing={"amplitude_mm": 25.0, "period_s": 4.0, "start": 0.3 * number % 1.0},
-        imaging={"quanta": LOW_DOSE},
+        imaging={"quanta": TUNING.low_dose},
         distractors={"second_ring": True, "sternal_wires": 5},
-        events=(Event("hide", EVENT, EVENT + 4),),
+        events=(Event("hide", TUNING.event, TUNING.event + 4),),
     )
 
 
@@ -135,9 +144,9 @@ def _two_rings(scenario: Scenario, number: int) -> Scenario:
     """Taken out for good, halfway or right after the first pairs; the other ring stays."""
     return altered(
         scenario,
-        imaging={"quanta": LOW_DOSE},
+        imaging={"quanta": TUNING.low_dose},
         distractors={"second_ring": True, "sternal_wires": 5, "ecg_leads": 3},
-        events=(Event("remove", (EVENT, 2)[number % 2]),),
+        events=(Event("remove", (TUNING.event, 2)[number % 2]),),
     )
 
 
@@ -155,7 +164,7 @@ def _has_sigh(scenario: Scenario) -> bool:
     breathing = Simulator(scenario).motion.breathing
     depths = [breathing.depth(pair / scenario.rate_hz) for pair in range(scenario.pairs)]
     half = scenario.pairs // 2
-    return max(depths[half:]) > SIGH_DEPTH * max(depths[:half])
+    return max(depths[half:]) > TUNING.sigh_depth * max(depths[:half])
 
 
 def _bright(scenario: Scenario, number: int) -> Scenario:
@@ -191,7 +200,7 @@ def _strong_edges(scenario: Scenario, number: int) -> Scenario:
         scenario,
         imaging={
             "quanta": 80.0,
-            "collimator": path_shutters(scenario, COLLIMATOR_MARGIN, 0.4),
+            "collimator": path_shutters(scenario, TUNING.collimator_margin, 0.4),
             "edge_enhancement": (1.0, 2.0, 3.0)[number % 3],
         },
         distractors={"sternal_wires": 5, "ecg_leads": 3, "oesophageal_probe": True},
@@ -211,7 +220,7 @@ def _alike(scenario: Scenario, number: int) -> Scenario:
         scenario,
         lasso={"normal": as_vector(normal - (normal @ along) * along)},
         breathing={"amplitude_mm": 25.0},
-        imaging={"quanta": LOW_DOSE},
+        imaging={"quanta": TUNING.low_dose},
         distractors={"second_ring": True, "sternal_wires": 5, "ecg_leads": 3, "oesophageal_probe": True},
     )
 
@@ -276,10 +285,10 @@ def trap_scenarios(trap: Trap, seed: int, sequences: int | None = None) -> tuple
         seed: of the suite that orientations, lassos and distractors are taken from.
         sequences: how many; None: as many as the trap has variants.
     """
-    first = OTHER_SCENARIOS * (1 + list(TRAPS).index(trap.name))
+    first = TUNING.other_scenarios * (1 + list(TRAPS).index(trap.name))
     moderate = islice(moderate_scenarios(seed, first), trap.sequences if sequences is None else sequences)
     return tuple(
-        altered(trap.apply(altered(scenario, pairs=PAIRS), number), name=f"{seed}/{trap.name}/{number}")
+        altered(trap.apply(altered(scenario, pairs=TUNING.pairs), number), name=f"{seed}/{trap.name}/{number}")
         for number, scenario in enumerate(moderate)
     )
 

@@ -7,7 +7,7 @@ import pytest
 from support.suite_inputs import score
 
 from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
-from lasso_motion_ros.bench.suite.sweeps import START_PAUSE_S, START_TRIALS, SWEEPS, capture_range, sweep_scenarios
+from lasso_motion_ros.bench.suite.sweeps import SWEEPS, TUNING, capture_range, sweep_scenarios
 from lasso_motion_ros.phantom import Simulator
 
 
@@ -30,12 +30,12 @@ def test_a_sweep_varies_one_property_of_the_same_sequences() -> None:
 
 def test_an_offset_start_is_a_breath_in_a_pause() -> None:
     scenarios = sweep_scenarios(SWEEPS["start"], 5, 1)
-    assert len(scenarios[25.0]) == START_TRIALS
+    assert len(scenarios[25.0]) == TUNING.start_trials
     directions = []
     for value in (0.0, 10.0, 25.0):
         simulator = Simulator(scenarios[value][2])
-        assert simulator.time_s(1, "a") == START_PAUSE_S
-        offset = simulator.motion.atrium(START_PAUSE_S)[:3, 3]
+        assert simulator.time_s(1, "a") == TUNING.start_pause_s
+        offset = simulator.motion.atrium(TUNING.start_pause_s)[:3, 3]
         assert 1e3 * np.linalg.norm(offset) == pytest.approx(value, abs=1e-6)
         directions.append(offset)
     np.testing.assert_allclose(directions[2], 2.5 * directions[1], atol=1e-9)

@@ -10,7 +10,7 @@ from support.suite_inputs import SMALL, result, score
 from lasso_motion_ros.bench.suite.moderate import altered, moderate, moderate_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg, suite_scenario
 from lasso_motion_ros.bench.suite.trap_measures import format_traps, trap_measures
-from lasso_motion_ros.bench.suite.traps import EVENT, TRAPS, trap_scenarios
+from lasso_motion_ros.bench.suite.traps import TRAPS, TUNING, trap_scenarios
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.gantry import published_projection, true_projection
@@ -94,7 +94,7 @@ def test_the_difficulties() -> None:
 def test_what_moves_unsaid_is_not_in_the_published_geometry(name: str) -> None:
     for one in scenarios(name):
         (event,) = one.events
-        assert event.first >= EVENT
+        assert event.first >= TUNING.event
         moved = set()
         for plane in PLANES:
             before = true_projection(one, plane, 0)
