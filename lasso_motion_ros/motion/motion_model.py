@@ -75,7 +75,7 @@ TUNING = MotionTuning()
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The centre's displacement since the reference, at one time.
+    """The centre's displacement since the seed pair, at one time.
 
     Attributes:
         displacement: (3,) metres, world frame.
@@ -131,7 +131,7 @@ class Spread:
     def learned(self, displacement: Array) -> Spread:
         """With one more displacement (3,) m."""
         count, delta = self.count + 1, displacement - self.mean
-        mean = self.mean + delta / (count + 1)  # the reference's zero counts, too
+        mean = self.mean + delta / (count + 1)  # the seed pair's zero counts, too
         return replace(self, count=count, mean=mean, scatter=self.scatter + np.outer(delta, displacement - mean))
 
     def moved(self, shift: Array) -> Spread:

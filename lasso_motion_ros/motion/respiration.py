@@ -69,10 +69,10 @@ class _Exposure:
 
 
 class RespiratoryMotion:
-    """Filter for the displacement of the loop's centre; at the reference's exposure in plane A it is zero.
+    """Filter for the displacement of the loop's centre; at the seed pair's exposure in plane A it is zero.
 
     Plane B's first exposure may be later: what the loop had moved until then is a part of the state
-    (`ORIGIN_B`), since plane B's appearance, and so its every measurement, refers to it.
+    (`ORIGIN_B`), since plane B's shift, and so its every measurement, refers to it.
     """
 
     def __init__(
@@ -84,13 +84,13 @@ class RespiratoryMotion:
         between: Observation | None = None,
         tuning: MotionTuning = TUNING,
     ) -> None:
-        """Start at the reference pair.
+        """Start at the seed pair.
 
         Args:
             time_a_s: plane A's exposure, seconds.
             time_b_s: plane B's, not earlier.
             shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
-            between: what the reference pair shows of the displacement at plane B's exposure.
+            between: what the seed pair shows of the displacement at plane B's exposure.
             tuning: what is expected of breathing and heart.
         """
         self._start_s = time_a_s, time_b_s

@@ -39,9 +39,6 @@ class _Tuning:
     # A plane that shows next to nothing is not waited for from the third look (counted from 0) on: it would cost them
     # all.
     first_sure_look: int = 2
-    # So far behind another alignment at the same look (the last for all that follow), and it is no rival of it: both
-    # start about as far off (docs/constants.md).
-    behind: tuple[float, ...] = (0.08, 0.06)
     afar_prior: float = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
     nothing_seen_m: float = 5e-3  # standard deviation of a place that was given up at once
 
@@ -69,9 +66,9 @@ class Alignment:
     Attributes:
         likeness: per plane that took part, its correlation relative to what is usual.
         turn: (3,) rotation vector of the ring about its centre since the seed pair, rad.
-        stretch: natural logarithm of the ring's size relative to the reference.
+        stretch: natural logarithm of the ring's size relative to the seed pair.
         correlations: mean of the planes' correlations, look by look on the way.
-        is_given_up: whether it was left before it was done, since no loop is there, or one that looks worse.
+        is_given_up: whether it was left before it was done, since no loop is there.
         views: the planes as last sampled; not looked at again.
         covariance: (N, N) of the parameters, prior included: planes' shifts, m, then turn, rad, and stretch.
     """
@@ -103,19 +100,17 @@ def align(
     prior: RingPrior,
     turn: Array | None = None,
     stretch: float = 0.0,
-    ahead: tuple[float, ...] = (),
 ) -> Alignment:
-    """Align the loop's appearance with the images.
+    """Align the ring's template with the images.
 
     Args:
         images: the planes that take part, one or two.
         template: what the ring looks like in them.
-        arms: (L, 3) the loop's curve about its centre at the reference, metres.
+        arms: (L, 3) the loop's curve about its centre at the seed pair, metres.
         starts: per plane, (3,) the centre to start from, within about half a millimetre in that plane's image.
         prior: of the ring's own motion.
         turn: (3,) rotation vector to start from.
         stretch: logarithm of size to start from.
-        ahead: `correlations` of an alignment that is good already, so that a worse one need not be finished.
     """
     planes = tuple(images)
     views = LoopViews(images, template, np.stack([starts[plane] for plane in planes]))
@@ -130,7 +125,7 @@ def align(
     for iteration in range(TUNING.iterations):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
         correlations += (float(views.correlation.mean()),)
-        if is_given_up := _is_hopeless(correlations, views.usual, ahead):
+        if is_given_up := _is_hopeless(correlations, views.usual):
             break
         # The derivative changes little on the way; the residual is what has to be exact.
         normal, gradient = views.equations(renew=iteration < 2)
@@ -189,12 +184,11 @@ def align_from_afar(
     )
 
 
-def _is_hopeless(correlations: tuple[float, ...], usual: Array, ahead: tuple[float, ...]) -> bool:
-    """Whether no loop is there, or one that looks worse than that which is ahead."""
+def _is_hopeless(correlations: tuple[float, ...], usual: Array) -> bool:
+    """Whether no loop is there."""
     look, now = len(correlations) - 1, correlations[-1]
-    if look < len(TUNING.hopeless_likeness) and now < TUNING.hopeless_likeness[look] * float(usual.mean()):
-        return True
-    return bool(ahead) and now < ahead[min(look, len(ahead) - 1)] - TUNING.behind[min(look, len(TUNING.behind) - 1)]
+    limits = TUNING.hopeless_likeness
+    return look < len(limits) and now < limits[look] * float(usual.mean())
 
 
 def _has_arrived(step: Array, limits: Array, views: LoopViews, look: int) -> bool:

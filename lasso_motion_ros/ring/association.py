@@ -31,9 +31,10 @@ Way = tuple[float, Callable[[], RespiratoryMotion]]
 class AssociationTuning:
     """What images and motion are worth as evidence."""
 
-    # The best that a pair shows elsewhere is about normal; what it shows at the ring may be anything over a range.
-    elsewhere_support: float = 1.0
-    elsewhere_sigma: float = 0.15
+    # The best of all else that looks like the ring (clutter) is about normal; what shows at the ring may be anything
+    # over a range.
+    clutter_support: float = 1.0
+    clutter_sigma: float = 0.15
     view_m: float = 0.04  # something else is found anywhere within this,
     agreement_m: float = 0.01  # and the two planes agree on it as well as this
     range_support: float = 1.6
@@ -51,7 +52,6 @@ class Hypothesis:
         detection: where the ring would be.
         motion: the filter after it.
         log_odds: for it, against the ring being out of view.
-        surprise: by how much its place is less likely for the ring than for anything else, natural logarithm.
         gap_mm: by which the planes disagree on its place, mm; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
         probability: of it, among all hypotheses.
@@ -60,14 +60,13 @@ class Hypothesis:
     detection: Detection
     motion: RespiratoryMotion
     log_odds: float
-    surprise: float
     gap_mm: float
     slack_mm: float
     probability: float = 0.0
 
     @property
     def displacement(self) -> Array:
-        """(3,) of the ring's centre since the reference, metres."""
+        """(3,) of the ring's centre since the seed pair, metres."""
         return self.motion.at_a.displacement
 
 
@@ -112,9 +111,9 @@ def associate(
     Args:
         detections: of the pair.
         motion: the filter before it; not changed.
-        time_s: of the pair: plane A's exposure, or what would have been it, seconds since the reference.
+        time_s: of the pair: plane A's exposure, or what would have been it, seconds since the seed pair.
         times: of the exposures, seconds.
-        model: the ring at the reference.
+        model: the ring at the seed pair.
         tuning: what images and motion are worth.
     """
     usual = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
@@ -146,12 +145,12 @@ def _hypothesis(
     tuning: AssociationTuning,
 ) -> Hypothesis:
     """What a detection is worth, by the ways in which the ring may have got there: log probability, and motion."""
-    elsewhere = _elsewhere_density(detection, tuning)
+    clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
     outcomes: list[RespiratoryMotion] = []
     for prior, motion in ways:
         after, likelihood = _observed(detection, motion(), time_s, times, model)
-        odds.append(prior + likelihood.density - elsewhere)
+        odds.append(prior + likelihood.density - clutter)
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
             break
@@ -160,7 +159,7 @@ def _hypothesis(
     # Something else that looks like the ring is often right beside it: being where it was foretold proves nothing.
     log_odds = _image_odds(detection.support, tuning) + min(motion_odds, 0.0)
     gap_mm, slack_mm = _disagreement(detection, ways[0][1](), times, model)
-    return Hypothesis(detection, after, log_odds, -motion_odds, gap_mm, slack_mm)
+    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm)
 
 
 def _disagreement(
@@ -176,7 +175,7 @@ def _disagreement(
     return 1e3 * abs(gap), 1e3 * float(np.sqrt(across @ between.covariance @ across))
 
 
-def _elsewhere_density(detection: Detection, tuning: AssociationTuning) -> float:
+def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:
     """Log probability density of finding something else there: anywhere in view, the planes nearly agreeing."""
     reach, gap = math.log(tuning.view_m), math.log(tuning.agreement_m)
     return -2.0 * reach if len(detection.planes) == 1 else -3.0 * reach - gap
@@ -184,8 +183,8 @@ def _elsewhere_density(detection: Detection, tuning: AssociationTuning) -> float
 
 def _image_odds(support: float, tuning: AssociationTuning) -> float:
     """Logarithm of how much more likely a support is where the ring is than where it is not."""
-    off = max(support - tuning.elsewhere_support, 0.0) / tuning.elsewhere_sigma
-    return 0.5 * off**2 + math.log(math.sqrt(2.0 * math.pi) * tuning.elsewhere_sigma / tuning.range_support)
+    off = max(support - tuning.clutter_support, 0.0) / tuning.clutter_sigma
+    return 0.5 * off**2 + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
 
 
 def _observed(

@@ -58,11 +58,6 @@ class Detection:
         support = evidence[0] + self.tuning.stronger_share * evidence[-1]
         return support if len(evidence) == len(PLANES) else support - self.tuning.alone_penalty
 
-    @property
-    def visible(self) -> float:
-        """Share of the ring's segments that look as expected, in the plane that shows fewer."""
-        return min((fit.visible for fit in self.planes.values()), default=0.0)
-
     def is_same(self, other: Detection) -> bool:
         """Whether another detection is of the same place."""
         if self.planes.keys() != other.planes.keys():
@@ -74,7 +69,7 @@ class Detection:
         )
 
     def observation(self, plane: Plane, centre: Array) -> Observation:
-        """A plane's fit as a measurement of the displacement from the ring's centre (3,) m at the reference."""
+        """A plane's fit as a measurement of the displacement from the ring's centre (3,) m at the seed pair."""
         fit = self.planes[plane]
         pulled_m = self.tuning.pulled_m * max(self.tuning.clear_support - self.support, 0.0)
         covariance = fit.covariance + (self.tuning.systematic_m**2 + pulled_m**2) * np.eye(2)

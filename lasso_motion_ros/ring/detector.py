@@ -60,9 +60,9 @@ class RingDetector:
     """Finds the ring of one model and template; keeps no state of its own.
 
     Args:
-        model: the ring at the reference.
+        model: the ring at the seed pair.
         template: what it looks like; the tracker goes on learning it.
-        start_ns: stamp of the reference pair, from which times are counted.
+        start_ns: stamp of the seed pair, from which times are counted.
         tuning: where the ring is looked for.
         worth: what the planes' evidence is worth.
         stages: told of each stage of the work on a pair.
@@ -81,7 +81,7 @@ class RingDetector:
         self._tuning, self._worth = tuning, worth
 
     def seconds(self, stamp_ns: int) -> float:
-        """A stamp as seconds since the reference pair."""
+        """A stamp as seconds since the seed pair."""
         return (stamp_ns - self._start_ns) * 1e-9
 
     def exposures(self, pair: FramePair) -> dict[Plane, float]:

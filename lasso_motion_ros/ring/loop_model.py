@@ -51,8 +51,7 @@ class _Tuning:
     bend_sigma_mm: float = 0.35  # of the spline coefficients' second differences
     snap_reach_mm: float = 1.0
     snap_step_mm: float = 0.1
-    # Contrast along the model in units of the local noise. Where there is no wire, what snapping makes of noise stays
-    # below 0.49 nearly always; a lasso at ten quanta a pixel is above 0.6, at the usual dose above 1.2.
+    # Contrast along the model in units of the local noise (docs/constants.md).
     smallest_contrast: float = 0.49
     doubtful_contrast: float = 1.0
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
@@ -63,7 +62,7 @@ TUNING = _Tuning()
 
 @dataclass(frozen=True, eq=False)
 class LoopModel:
-    """The loop at the reference.
+    """The loop at the seed pair.
 
     Attributes:
         points: (L, 3) along the loop from end to end, evenly spaced, world metres.

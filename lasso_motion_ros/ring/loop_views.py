@@ -79,7 +79,7 @@ class LoopViews:
         centres: (P, 3) where to start from.
 
     Attributes:
-        usual: (P,) correlation of strip and appearance where the loop is seen.
+        usual: (P,) correlation of strip and template where the loop is seen.
         correlation: (P,) the same, from the last look.
     """
 

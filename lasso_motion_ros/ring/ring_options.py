@@ -1,4 +1,4 @@
-"""All that decides how the ring is followed, beside the user's parameters: the modules' tuning, together.
+"""What may be changed of how the ring is followed, beside the user's parameters: tuning of several modules, together.
 
 An ablation switches an idea off by one value of it.
 """

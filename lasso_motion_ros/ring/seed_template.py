@@ -25,7 +25,7 @@ def seed_template(
     """Build the template, and register it with the seed pair as with any other.
 
     Without that, what the template lies off in the seed pair would be a constant error of every later pose. The planes'
-    poles come to lie on each other by it, too, so that the profile they share gets clearer from round to round.
+    electrodes come to lie on each other by it, too, so that the profile they share gets clearer from round to round.
 
     Args:
         model: the ring's curve from the clicks.

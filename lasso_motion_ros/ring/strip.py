@@ -74,7 +74,7 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
     """Lay a strip's values back into the image plane: the matched filter for a search.
 
     Args:
-        values: (L, 2·HALF_WIDTH + 1) appearance.
+        values: (L, 2·HALF_WIDTH + 1) the template's.
         strip: where it would lie.
         cell_px: size of a search cell, working pixels.
 

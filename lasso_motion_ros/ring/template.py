@@ -1,9 +1,9 @@
 """What the ring looks like: one profile of attenuation along its arc, which both planes share.
 
-A pole lies at one arc length, whichever plane looks at it. What only one plane shows along the clicked curve (an
+An electrode lies at one arc length, whichever plane looks at it. What only one plane shows along the clicked curve (an
 ablation tip, a rib, an ECG electrode) is something else. So the profile is the lesser of what the two planes show, arc
-length by arc length; later pairs refine it, since the poles stay on the ring and all else moves on. After that it is
-fixed: a template that goes on learning drifts with what it is aligned to.
+length by arc length; later pairs refine it, since the electrodes stay on the ring and all else moves on. After that it
+is fixed: a template that goes on learning drifts with what it is aligned to.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class TemplateTuning:
     """How the template is made and learned."""
 
     shared: bool = True  # the lesser of what the planes show; else the mean
-    smoothing_points: float = 0.8  # along the arc, of 120 points on some 60 mm: less than a pole's length
+    smoothing_points: float = 0.8  # along the arc, of 120 points on some 60 mm: less than an electrode's length
     ceiling: float = 2.5  # no stretch of the arc may outweigh all others
     pairs: int = 24  # learned from; then the profile is fixed
     smallest_usual: float = 0.3  # correlation; with less no ring is told from noise

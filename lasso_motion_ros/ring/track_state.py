@@ -1,8 +1,8 @@
-"""Whether the ring is in its place, elsewhere, or out of view: probabilities, and the state that follows from them.
+"""Whether the ring is in its place, elsewhere, or out of view: probabilities, and what a state asks of them.
 
 A hidden Markov model with three states, in place, displaced and absent, is told of each pair: how probable it is that
-what was detected is the ring, and how far off the breathing curve it lies. TRACKING, DEGRADED, LOST and DISPLACED
-follow by the few probabilities below, and by nothing else.
+what was detected is the ring, and how far from breathing it is. Whether it is in its place follows by the probabilities
+below; what else makes it LOST or DEGRADED: `ring/validation.py`.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ class StateTuning:
     elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place
     largest_sigmas: float = 6.0  # no one pair may say more
     # Of being in place, and the detection being the ring:
-    tracking: float = 0.97
-    degraded: float = 0.75
+    tracking: float = 0.97  # with less a pose is DEGRADED
+    pose: float = 0.75  # with less the ring is LOST, unless it is displaced
     displaced: float = 0.6  # of being elsewhere
     # Of the pose being off by more than this, along the direction known worst:
     misleading_mm: float = 2.0
-    misleads_tracking: float = 0.01
-    misleads_degraded: float = 0.1
+    misleads_tracking: float = 0.01  # with more a pose is DEGRADED,
+    misleads_pose: float = 0.1  # and with more than this there is none
 
 
 def probability_beyond(limit: float, sigma: float) -> float:

@@ -103,7 +103,7 @@ class RingTracker:
         track.see(best)
         if track.belief.elsewhere > options.state.displaced:
             return self._displaced(track, pair, best, departure)
-        if track.belief.in_place < options.state.degraded:
+        if track.belief.in_place < options.state.pose:
             return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
         # Update.
         state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
@@ -113,7 +113,7 @@ class RingTracker:
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         if misleads > options.state.misleads_tracking and not reason:
             state, reason = TrackerState.DEGRADED, f"its place is known to {sigma_mm:.1f} mm only"
-        if misleads > options.state.misleads_degraded:
+        if misleads > options.state.misleads_pose:
             track.displacement = None
             return without_pose(track, pair, TrackerState.LOST, f"its place is known to {sigma_mm:.1f} mm only")
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))

@@ -35,7 +35,7 @@ def refusal(
 ) -> str:
     """Why nothing in the pair is believed to be the ring, wherever it lies; empty if the best detection is."""
     best = association.best
-    if best is None or best.probability < states.degraded:
+    if best is None or best.probability < states.pose:
         return _unseen(association, pair)
     if best.gap_mm > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
         return f"the planes disagree by {best.gap_mm:.1f} mm: {MOVED_C_ARM}"

@@ -23,7 +23,7 @@ CELL_PX = 2  # of a search cell: half a millimetre at the loop
 
 @dataclass(frozen=True)
 class _Tuning:
-    """What is as fine as a catheter, as wide as a pole, and how noise is told from it."""
+    """What is as fine as a catheter, as wide as an electrode, and how noise is told from it."""
 
     fine_sigma_px: float = 0.8
     fine_kernel_px: tuple[int, int] = (5, 5)
@@ -66,10 +66,10 @@ class WorkingImage:
 
     @cached_property
     def evidence(self) -> Image:
-        """(h, w) float32: attenuation as wide as a pole, relative to its local root mean square, from -1 to 2.
+        """(h, w) float32: attenuation as wide as an electrode, relative to its local root mean square, from -1 to 2.
 
         In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device
-        to what a pole may count: a bigger or denser one is no better a pole.
+        to what an electrode may count: a bigger or denser one is no better an electrode.
         """
         grey = np.log(np.maximum(self.grey, 1).astype(np.float32))
         fine = cv2.GaussianBlur(grey, (0, 0), TUNING.evidence_fine_mm / PIXEL_MM)

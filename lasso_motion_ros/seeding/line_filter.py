@@ -1,7 +1,8 @@
 """Vesselness: how much each pixel looks like a point of a dark line, by the multi-scale filter of Sato et al.
 
 A second filter belongs here, with the same arguments and the same kind of response; its callers, the published method's
-features, the path between clicks and the curve along the wire, then choose between them.
+features, the polarity of the clicks, the path between them and the curve along the wire, then choose between them.
+There is no parameter for that yet. Our method uses a line filter at the seed only.
 """
 
 from __future__ import annotations

@@ -27,8 +27,8 @@ class TrackerState(Enum):
         TRACKING: both planes show the loop and agree, and its motion is breathing.
         DEGRADED: there is a pose, but with a doubt that the reason names and the covariance holds.
         LOST: the loop is not seen, or what is seen is not believed.
-        DISPLACED: both planes show the loop, but its motion cannot be breathing: the lasso was moved, and no longer
-            tells how the heart moves. In our method `ring/track_state.py` decides it.
+        DISPLACED: the loop is seen, but off its breathing: the lasso was moved, and no longer tells how the heart
+            moves. Our method's belief decides it (`ring/track_state.py`).
     """
 
     INACTIVE = "INACTIVE"

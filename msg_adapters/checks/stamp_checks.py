@@ -72,7 +72,7 @@ class PlaneStamps:
 
 
 def pairs_of(planes: Mapping[Plane, PlaneStamps]) -> tuple[list[Pair[int]], dict[str, int]]:
-    """The pairs that the tracker would make of these stamps, and how many images of each plane got a partner."""
+    """The pairs that the tracker would make of these stamps by default, and how many images of each plane got one."""
     synchroniser: PairSynchroniser[int] = PairSynchroniser(PartnerRule())
     entries = sorted(
         (arrival, plane, stamp)

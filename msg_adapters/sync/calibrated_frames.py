@@ -1,7 +1,8 @@
 """Gives each image of one plane its calibration, per frame or latched, whichever message arrives first.
 
 Per frame, an image uses the calibration with its own stamp and waits a little for it. Latched, the last calibration
-holds. The stamps tell which of the two it is, so a recording is read as the live stream was.
+holds. The stamps tell which of the two it is, so a recording is read as the live stream was; live, a publisher's
+durability tells it, too.
 """
 
 from __future__ import annotations

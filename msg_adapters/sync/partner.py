@@ -1,7 +1,8 @@
-"""Which image of plane B belongs to which image of plane A, by their stamps: the one rule that everybody applies.
+"""Which image of plane B belongs to which image of plane A, by their stamps: one rule, for everybody.
 
 A B belongs to the last A that is not later than it (jitter aside), up to half of A's frame period after it; or, where
-the time from A's to B's exposure is known, to the A nearest to it.
+the time from A's to B's exposure is known, to the A nearest to it. Tracker, overlay and page apply it as the parameters
+`sync.…` say; whatever only reads a recording (truth, annotation, `lasso-motion check`) with their defaults.
 """
 
 from __future__ import annotations

@@ -8,7 +8,7 @@ from support.method_inputs import biplane, draw_curve, flipped
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring.alignment import TUNING, RingPrior, align, align_from_afar
+from lasso_motion_ros.ring.alignment import RingPrior, align, align_from_afar
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
@@ -319,18 +319,6 @@ def test_the_starts_are_not_changed():
     align(images(clean_images((0.3e-3, 0, 0))), template(), ARMS, starts, PRIOR)
     for start in starts.values():
         np.testing.assert_array_equal(start, LOOP.centre)
-
-
-def test_what_looks_worse_than_another_at_the_same_look_is_given_up():
-    looked = images(clean_images(MOVED))
-    near = dict.fromkeys(START, LOOP.centre + 0.9 * MOVED)
-    best = align(looked, template(), ARMS, near, PRIOR)
-    again = align(looked, template(), ARMS, near, PRIOR, ahead=best.correlations)
-    assert again.correlations == best.correlations  # not behind itself
-    alone = align(looked, template(), ARMS, START, PRIOR)
-    assert len(alone.correlations) > 1
-    assert alone.correlations[0] < best.correlations[0] - TUNING.behind[0]
-    assert len(align(looked, template(), ARMS, START, PRIOR, ahead=best.correlations).correlations) == 1
 
 
 @pytest.mark.parametrize(("axis", "turn_deg"), [(1, 9.0), (2, 7.0), (2, 9.0)])

@@ -40,12 +40,6 @@ def test_support_by_hand(a, b, support):
 def test_a_plane_that_could_not_show_the_ring_is_no_witness():
     assert set(seen((1.5, 0.3), (1.5, 1.0)).planes) == {"b"}
     assert set(seen((1.5, 0.6), (1.5, 1.0)).planes) == {"a", "b"}
-    assert seen((1.5, 0.3), (1.5, 0.3)).visible == 0.0
-
-
-def test_the_visible_share_is_that_of_the_plane_that_shows_less():
-    fits = {"a": plane_fit("a", HERE, visible=0.9), "b": plane_fit("b", HERE, visible=0.4)}
-    assert detection_of(fits).visible == 0.4
 
 
 def test_the_gap_is_what_lifts_one_planes_centre_off_the_others_by_hand():

@@ -70,7 +70,7 @@ def test_peaks_are_found_to_a_fraction_of_a_cell(name):
         found = find_peaks(image_of(CURVE + translation, name, seed), TEMPLATE, LOOP.centre, ARMS)
         errors.append(found.pixels[0] - found.image.projection.project(LOOP.centre + translation))
     # A peak taken to the whole cell would be off by 0.58 pixels (root mean square), with a bias of half a pixel.
-    # The poles that the planes share are fewer samples than all that one of them shows.
+    # The electrodes that the planes share are fewer samples than all that one of them shows.
     assert np.sqrt(np.mean(np.square(errors))) < 0.45
     assert np.abs(np.mean(errors, axis=0)).max() < 0.25
 

@@ -12,11 +12,11 @@ COLUMNS, ROWS = 2 * HALF_WIDTH + 1, 120
 ACROSS = np.exp(-0.5 * (np.arange(-HALF_WIDTH, HALF_WIDTH + 1) / 2.0) ** 2)
 # Without smoothing along the arc, so that rows can be counted.
 SHARP = TemplateTuning(smoothing_points=1e-3)
-POLES = {20: 1.0, 60: 1.5, 100: 1.2}
+ELECTRODES = {20: 1.0, 60: 1.5, 100: 1.2}
 
 
 def strip_of(heights):
-    """A strip with a pole of a height at each of some rows, as wide across as a pole."""
+    """A strip with an electrode of a height at each of some rows, as wide across as an electrode."""
     strip = np.zeros((ROWS, COLUMNS), np.float32)
     for row, height in heights.items():
         strip[row] = height * ACROSS
@@ -27,7 +27,7 @@ def template_of(a, b, tuning=SHARP):
     return RingTemplate({"a": a, "b": b}, tuning)
 
 
-# The mean of the middle three columns: what a pole of height 1 shows on the curve itself.
+# The mean of the middle three columns: what an electrode of height 1 shows on the curve itself.
 ON_CURVE = ACROSS[HALF_WIDTH - 1 : HALF_WIDTH + 2].mean()
 
 
@@ -42,24 +42,24 @@ def test_the_profile_is_the_lesser_of_what_the_planes_show_by_hand():
 
 @pytest.mark.parametrize("plane", ["a", "b"])
 def test_what_one_plane_alone_shows_is_not_in_the_profile(plane):
-    strips = {name: strip_of(POLES) for name in "ab"}
+    strips = {name: strip_of(ELECTRODES) for name in "ab"}
     plain = RingTemplate(dict(strips), SHARP)
-    strips[plane] = strip_of(POLES | dict.fromkeys(range(75, 85), 2.0))  # an ablation tip along the clicks
+    strips[plane] = strip_of(ELECTRODES | dict.fromkeys(range(75, 85), 2.0))  # an ablation tip along the clicks
     beside_a_tip = RingTemplate(strips, SHARP)
     np.testing.assert_allclose(beside_a_tip.profile, plain.profile, atol=1e-6)
     np.testing.assert_allclose(beside_a_tip.values[75:85], 0.0, atol=1e-6)
 
 
 def test_with_the_mean_of_the_planes_it_would_be():
-    tip = strip_of(POLES | {80: 2.0})
-    mean = template_of(tip, strip_of(POLES), dataclasses.replace(SHARP, shared=False))
+    tip = strip_of(ELECTRODES | {80: 2.0})
+    mean = template_of(tip, strip_of(ELECTRODES), dataclasses.replace(SHARP, shared=False))
     assert mean.profile[80] == pytest.approx(1.0 * ON_CURVE, rel=1e-5)
 
 
 def test_a_bright_blob_in_one_plane_outweighs_nothing():
-    # Ten times a pole, on a pole: the other plane tells what the pole is worth.
-    blob = template_of(strip_of(POLES | {60: 15.0}), strip_of(POLES))
-    np.testing.assert_allclose(blob.profile, template_of(strip_of(POLES), strip_of(POLES)).profile, atol=1e-6)
+    # Ten times an electrode, on an electrode: the other plane tells what the electrode is worth.
+    blob = template_of(strip_of(ELECTRODES | {60: 15.0}), strip_of(ELECTRODES))
+    np.testing.assert_allclose(blob.profile, template_of(strip_of(ELECTRODES), strip_of(ELECTRODES)).profile, atol=1e-6)
 
 
 def test_no_stretch_of_the_arc_outweighs_all_others_though_both_planes_show_it():
@@ -74,24 +74,24 @@ def test_where_the_planes_have_nothing_in_common_all_of_the_arc_counts_alike():
     assert apart.usual == {"a": SHARP.smallest_usual, "b": SHARP.smallest_usual}
 
 
-def test_darker_than_the_background_does_not_count_against_a_pole():
-    # A gap in one plane is nothing, not a negative pole; the profile is never below zero.
+def test_darker_than_the_background_does_not_count_against_an_electrode():
+    # A gap in one plane is nothing, not a negative electrode; the profile is never below zero.
     gap = template_of(strip_of({20: 1.0, 60: -3.0}), strip_of({20: 1.0, 60: -3.0}))
     assert gap.profile.min() == 0.0
     assert gap.profile[60] == 0.0
 
 
 def test_the_values_are_the_profile_times_one_cross_section_that_has_no_side():
-    skew = strip_of(POLES)
+    skew = strip_of(ELECTRODES)
     skew[:, HALF_WIDTH + 2] *= 1.5  # a wire beside the curve in plane A
-    here = template_of(skew, strip_of(POLES))
+    here = template_of(skew, strip_of(ELECTRODES))
     np.testing.assert_allclose(here.values, here.values[:, ::-1], atol=1e-6)
     np.testing.assert_allclose(here.values[:, HALF_WIDTH], here.profile, rtol=1e-5)
     # Rank one: every row is the same cross-section.
     assert np.linalg.matrix_rank(here.values, tol=1e-4) == 1
 
 
-def test_the_strips_are_smoothed_along_the_arc_by_less_than_a_pole():
+def test_the_strips_are_smoothed_along_the_arc_by_less_than_an_electrode():
     one = strip_of({60: 1.0})
     profile = template_of(one, one, TemplateTuning(smoothing_points=0.8)).profile
     assert profile.sum() == pytest.approx(ON_CURVE, rel=1e-4)
@@ -115,8 +115,8 @@ def test_later_pairs_refine_the_profile_as_a_mean():
 
 def test_after_its_pairs_the_profile_is_fixed():
     tuning = dataclasses.replace(SHARP, pairs=3)
-    here = template_of(strip_of(POLES), strip_of(POLES), tuning)
-    moved = strip_of({row + 1: height for row, height in POLES.items()})
+    here = template_of(strip_of(ELECTRODES), strip_of(ELECTRODES), tuning)
+    moved = strip_of({row + 1: height for row, height in ELECTRODES.items()})
     for _ in range(2):
         here.learn({"a": moved, "b": moved}, {"a": 0.9, "b": 0.9})
     profile, values = here.profile.copy(), here.values.copy()
@@ -127,7 +127,7 @@ def test_after_its_pairs_the_profile_is_fixed():
 
 
 def test_one_plane_alone_teaches_no_profile_but_what_correlation_is_usual():
-    here = template_of(strip_of(POLES), strip_of(POLES))
+    here = template_of(strip_of(ELECTRODES), strip_of(ELECTRODES))
     profile = here.profile.copy()
     here.learn({"a": strip_of({30: 2.0})}, {"a": 0.6})
     np.testing.assert_array_equal(here.profile, profile)
@@ -137,7 +137,7 @@ def test_one_plane_alone_teaches_no_profile_but_what_correlation_is_usual():
 
 
 def test_what_is_usual_follows_the_dose_and_never_falls_to_noise():
-    here = template_of(strip_of(POLES), strip_of(POLES))
+    here = template_of(strip_of(ELECTRODES), strip_of(ELECTRODES))
     for _ in range(60):
         here.learn({}, {"a": 0.6, "b": -0.2})
     assert here.usual["a"] == pytest.approx(0.6, abs=1e-3)
@@ -162,7 +162,7 @@ def test_the_planes_mean_nothing_by_their_names():
 
 
 def test_the_template_does_not_alias_its_input_nor_its_softened_self():
-    strip = strip_of(POLES)
+    strip = strip_of(ELECTRODES)
     here = template_of(strip, strip)
     before, soft = here.values.copy(), here.softened()
     assert soft.usual == {"a": SHARP.usual_softened, "b": SHARP.usual_softened}
@@ -170,5 +170,5 @@ def test_the_template_does_not_alias_its_input_nor_its_softened_self():
     np.testing.assert_array_equal(here.values, before)
     assert here.usual["a"] == pytest.approx(1.0, abs=1e-4)
     strip[:] = 0.0
-    here.learn({"a": strip_of(POLES), "b": strip_of(POLES)}, {"a": 1.0, "b": 1.0})
+    here.learn({"a": strip_of(ELECTRODES), "b": strip_of(ELECTRODES)}, {"a": 1.0, "b": 1.0})
     np.testing.assert_allclose(here.values, before, atol=1e-5)

@@ -25,7 +25,7 @@ def is_displaced(belief):
 
 
 def has_pose(belief):
-    return belief.in_place >= TUNING.degraded
+    return belief.in_place >= TUNING.pose
 
 
 def test_the_probability_of_being_off_by_hand():
@@ -119,7 +119,7 @@ def test_out_of_view_it_is_neither_here_nor_there():
 def test_a_place_that_is_hardly_the_ring_moves_no_belief():
     # Of 60 % nothing follows: neither that it was displaced, nor that it returned.
     belief = after(TrackBelief(), *[(0.6, 8.0)] * 1)
-    assert belief.in_place < TUNING.degraded
+    assert belief.in_place < TUNING.pose
     assert after(TrackBelief(0.0, 1.0, 0.0), (0.6, 0.3)).in_place < TUNING.tracking
 
 

@@ -34,7 +34,7 @@ def best(a=1.8, b=1.8, *, probability=0.999, turn_deg=0.0, contrast=0.2, **of_hy
     shown = {"a": a, "b": b}
     fits = {p: plane_fit(p, HERE, evidence=e, contrast=contrast) for p, e in shown.items() if e is not None}
     detection = detection_of(fits, turn=np.radians([turn_deg, 0.0, 0.0]))
-    values = {"log_odds": 9.0, "surprise": -1.0, "gap_mm": 0.1, "slack_mm": 0.05} | of_hypothesis
+    values = {"log_odds": 9.0, "gap_mm": 0.1, "slack_mm": 0.05} | of_hypothesis
     return Hypothesis(detection, None, probability=probability, **values)
 
 
@@ -66,8 +66,8 @@ def test_a_plane_that_shows_nothing_contradicts(a, b, plane):
 
 
 def test_the_probability_that_a_pose_asks_for():
-    assert refused(best(probability=STATES.degraded)) == ""
-    assert refused(best(probability=STATES.degraded - 0.01)) != ""
+    assert refused(best(probability=STATES.pose)) == ""
+    assert refused(best(probability=STATES.pose - 0.01)) != ""
 
 
 def test_other_places_that_look_alike_are_said():

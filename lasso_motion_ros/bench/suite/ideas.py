@@ -109,7 +109,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("pulled", "doubt where the template fits badly", options=_with(detection=DetectionTuning(pulled_m=0.0))),
         # Which of the detections it is.
         Idea("weaker", "the weaker plane's say", options=_with(detection=DetectionTuning(stronger_share=1.0))),
-        Idea("images", "the images' evidence", options=_with(association=AssociationTuning(elsewhere_sigma=OFF))),
+        Idea("images", "the images' evidence", options=_with(association=AssociationTuning(clutter_sigma=OFF))),
         Idea("motion", "the motion's evidence", options=_with(association=AssociationTuning(view_m=OFF))),
         Idea(
             "surge",
@@ -130,6 +130,6 @@ IDEAS: Mapping[str, Idea] = {
         ),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
         Idea("turn", "limits of the ring's turn", {"judgement.degraded_turn_deg": OFF, "judgement.lost_turn_deg": OFF}),
-        Idea("doubtful", "withholding what is known badly", options=_with(state=StateTuning(misleads_degraded=1.0))),
+        Idea("doubtful", "withholding what is known badly", options=_with(state=StateTuning(misleads_pose=1.0))),
     )
 }
