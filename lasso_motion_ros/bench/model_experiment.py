@@ -12,7 +12,8 @@ from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.seeding.reconstruction import Ellipse3D, reconstruct_ellipse
+from lasso_motion_ros.seeding.cones import Ellipse3D
+from lasso_motion_ros.seeding.reconstruction import reconstruct_ellipse
 
 Array = npt.NDArray[np.float64]
 

@@ -1,4 +1,4 @@
-"""Both planes' images and calibrations, for the nodes that only watch."""
+"""Both planes' images, calibrations and overlays, for the nodes that only watch."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ from functools import partial
 from typing import Any
 
 from rclpy.node import Node
+from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.nodes.qos import IMAGE_DEPTH
+from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
-from msg_adapters.topics import camera_info_topic, image_topic
+from msg_adapters.topics import camera_info_topic, image_topic, overlay_topic
 
 CALIBRATION_DEPTH = 32
 
@@ -41,3 +42,30 @@ class PlaneInputs:
             )
             for plane in PLANES
         ]
+
+
+class OverlayInputs:
+    """Both planes' overlays, listened to only while somebody looks: the overlay node draws for listeners alone.
+
+    Args:
+        node: the node.
+        on_overlay: called with each plane's pictures.
+    """
+
+    def __init__(self, node: Node, on_overlay: Callable[[Plane, Any], None]) -> None:
+        self._node, self._on_overlay = node, on_overlay
+        self._subscriptions: list[Subscription] = []
+
+    def listen(self, wanted: bool) -> None:
+        """Begin to listen, or end it."""
+        if wanted and not self._subscriptions:
+            self._subscriptions = [
+                self._node.create_subscription(
+                    Image, overlay_topic(plane).name, partial(self._on_overlay, plane), qos(depth=1)
+                )
+                for plane in PLANES
+            ]
+        elif not wanted:
+            for one in self._subscriptions:
+                self._node.destroy_subscription(one)
+            self._subscriptions = []

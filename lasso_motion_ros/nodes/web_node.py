@@ -11,19 +11,16 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import GetParameters, SetParameters
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
-from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.config.web import WebConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
-from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
+from lasso_motion_ros.nodes.page_services import DRAWINGS, TRIGGERS, PageServices
+from lasso_motion_ros.nodes.plane_inputs import OverlayInputs, PlaneInputs
 from lasso_motion_ros.nodes.qos import qos, topic_publisher, topic_subscription
 from lasso_motion_ros.nodes.running import guarded
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -43,9 +40,6 @@ from msg_adapters.topics import (
     tracking_topic,
 )
 
-DRAWINGS = ("outline", "fill", "both")
-DRAWING = "style.drawing"
-
 
 @dataclass(frozen=True)
 class _Waits:
@@ -53,7 +47,6 @@ class _Waits:
 
     Attributes:
         graph_s: between two looks at which nodes there are.
-        service_s: for a service's answer.
         hold_s: for the tracker's picture of the pair that it holds.
         held_after_seed_s: how long the tracker goes on holding the clicked pair; clicks travel on topics, and may come
             after the service call that lets the pair go.
@@ -62,7 +55,6 @@ class _Waits:
     """
 
     graph_s: float = 0.25
-    service_s: float = 3.0
     hold_s: float = 1.5
     held_after_seed_s: float = 3.0
     pairs_before_clicks: int = 3
@@ -86,11 +78,8 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
         self._seeds = {plane: topic_publisher(self, self.messages, seed_topic(plane)) for plane in PLANES}
-        self._trigger_clients = {name: self.create_client(Trigger, f"{config.tracker}/{name}") for name in _TRIGGERS}
-        self._freeze = self.create_client(SetBool, f"{config.tracker}/freeze")
-        self._set_style = self.create_client(SetParameters, f"{config.overlay}/set_parameters")
-        self._get_style = self.create_client(GetParameters, f"{config.overlay}/get_parameters")
-        self._overlays: dict[Plane, Subscription] = {}
+        self._page_services = PageServices(self, config.tracker, config.overlay)
+        self._overlays = OverlayInputs(self, self._on_overlay)
         self._graph: dict[str, Any] = {"tracker": False, "overlay": False, "drawing": None}
         self._wanted: frozenset[PageView] = frozenset()
         self._holding = threading.Lock()
@@ -168,7 +157,7 @@ class WebNode(ConfiguredNode[WebConfig]):
             return self._seed(body)
         if name == "style":
             return self._change_style(protocol.text("drawing", body, DRAWINGS))
-        if name in _TRIGGERS:
+        if name in TRIGGERS:
             return self._trigger(name)
         raise TrackingError(f"{name} belongs to the drawing of centrelines")
 
@@ -176,7 +165,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         """Hold a pair here, the one that the tracker holds if it can hold one."""
         with self._holding:
             self._unfreeze_at = None
-            if not self._freeze.service_is_ready():
+            if not self._page_services.can_freeze:
                 self._stream.hold(self._stream.whole_pairs())
                 return ""
             stamps: dict[Plane, int] = {}
@@ -196,10 +185,10 @@ class WebNode(ConfiguredNode[WebConfig]):
             ]
             before = self._stream.whole_pairs()
             try:
-                answer = self._call(self._freeze, SetBool.Request(data=True), "freeze")
+                is_held = self._page_services.freeze()
                 frozen.set()
                 pairs = list(dict.fromkeys([*before, *self._stream.whole_pairs()]))
-                if answer.success:
+                if is_held:
                     complete.wait(_WAITS.hold_s)
                 self._stream.hold(pairs, stamps if complete.is_set() else None)
             finally:
@@ -232,31 +221,15 @@ class WebNode(ConfiguredNode[WebConfig]):
     def _trigger(self, name: str) -> str:
         if name == "reset":
             self._sent, self._again, self._waits_for_answer, self._taken = {}, False, False, False
-        answer = self._call(self._trigger_clients[name], Trigger.Request(), name)
-        if not answer.success:
-            raise TrackingError(answer.message or f"the tracker refused {name}")
-        return _TRIGGERS[name]
+        return self._page_services.trigger(name)
 
     def _change_style(self, drawing: str) -> str:
-        value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=drawing)
-        request = SetParameters.Request(parameters=[Parameter(name=DRAWING, value=value)])
-        (result,) = self._call(self._set_style, request, "the overlay's style").results
-        if not result.successful:
-            raise TrackingError(result.reason)
-        self._graph["drawing"] = drawing
+        self._page_services.set_drawing(drawing)
+        self._show_drawing(drawing)
         return ""
 
-    def _call(self, client: Any, request: Any, what: str) -> Any:
-        """Call a service from one of the server's threads; the executor's own must not wait here."""
-        if not client.service_is_ready():
-            raise TrackingError(f"{what}: nobody offers {client.srv_name}; is the node running?")
-        answered = threading.Event()
-        future = client.call_async(request)
-        future.add_done_callback(lambda _: answered.set())
-        if not answered.wait(_WAITS.service_s):
-            client.remove_pending_request(future)
-            raise TrackingError(f"{what}: {client.srv_name} has not answered within {_WAITS.service_s:g} s")
-        return future.result()
+    def _show_drawing(self, drawing: str) -> None:
+        self._graph["drawing"] = drawing
 
     # What comes in.
 
@@ -312,39 +285,13 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._graph["overlay"] = all(self.count_publishers(overlay_topic(plane).name) for plane in PLANES)
         if not self._graph["overlay"]:
             self._graph["drawing"] = None
-        elif self._graph["drawing"] is None and self._get_style.service_is_ready():
-            self._get_style.call_async(GetParameters.Request(names=[DRAWING])).add_done_callback(self._on_style)
-        self._listen_to_overlays("overlay" in self._wanted and self._graph["overlay"])
+        elif self._graph["drawing"] is None:
+            self._page_services.ask_drawing(self._show_drawing)
+        self._overlays.listen("overlay" in self._wanted and self._graph["overlay"])
         if self._unfreeze_at is not None and time.monotonic() >= self._unfreeze_at and self._stream.held is None:
             self._unfreeze_at = None
-            if self._freeze.service_is_ready():
-                self._freeze.call_async(SetBool.Request(data=False))
-
-    def _on_style(self, future: Any) -> None:
-        answer = future.result()
-        if answer is not None and answer.values and answer.values[0].string_value in DRAWINGS:
-            self._graph["drawing"] = answer.values[0].string_value
-
-    def _listen_to_overlays(self, wanted: bool) -> None:
-        """The overlay node draws only while somebody listens."""
-        if wanted and not self._overlays:
-            self._overlays = {
-                plane: self.create_subscription(
-                    Image, overlay_topic(plane).name, partial(self._on_overlay, plane), qos(depth=1)
-                )
-                for plane in PLANES
-            }
-        elif not wanted and self._overlays:
-            for one in self._overlays.values():
-                self.destroy_subscription(one)
-            self._overlays = {}
+            self._page_services.unfreeze()
 
     def _complain(self, plane: Plane, complaints: list[str]) -> None:
         for complaint in complaints:
             self.complaints.complain(f"plane_{plane}", complaint)
-
-
-_TRIGGERS = {
-    "reset": "The tracker has forgotten the catheter.",
-    "set_reference": "The present phase is the reference now.",
-}

@@ -22,6 +22,7 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
+from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.line_filter import sato
 from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.seeding.outlines import (
@@ -31,7 +32,7 @@ from lasso_motion_ros.seeding.outlines import (
     require_both_planes,
     require_lasso_size,
 )
-from lasso_motion_ros.seeding.reconstruction import Ellipse3D, epipolar_shift, reconstruct_ellipse
+from lasso_motion_ros.seeding.reconstruction import epipolar_shift, reconstruct_ellipse
 
 Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.curves import resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.seeding.reconstruction import Ellipse3D
+from lasso_motion_ros.seeding.cones import Ellipse3D
 
 Array = npt.NDArray[np.float64]
 

@@ -1,8 +1,6 @@
 """The 3-D ellipse from two outlines: cone against cone (Quan), or plane against cone when seen edge-on.
 
-Each image ellipse C and its source span the cone Q = Pᵀ C P. A space conic on both cones lies in a plane
-of the degenerate quadric Q_A + η Q_B of rank two (L. Quan, "Conic reconstruction and correspondence from
-two views", IEEE PAMI 18(2), 1996). Two such planes remain; a lasso being nearly a circle, the more
+The conic that both image ellipses show lies in one of two planes (`cones`); a lasso being nearly a circle, the more
 circular conic is the one (Brost et al., MICCAI 2009). Edge-on in both planes, where both cones have collapsed, a circle
 between the four rays that touch the loop is the fourth candidate.
 """
@@ -16,10 +14,11 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import EllipseError, GeometryError, ReconstructionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.ellipse import ellipse_from_conic, fit_ellipse, fit_line
+from lasso_motion_ros.geometry.ellipse import fit_ellipse, fit_line
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.triangulation import triangulate
+from lasso_motion_ros.seeding.cones import Ellipse3D, cone, cut, quan_planes
 
 Array = npt.NDArray[np.float64]
 
@@ -35,7 +34,6 @@ class _Tuning:
         largest_reprojection_share: of the outline's radius; a candidate that reprojects worse does not explain it.
         open_share: of the ellipse, which an open loop's outline leaves uncovered.
         edge_on_in_both_deg: where the planes through line and source differ by less, both may be the loop's own.
-        most_refinements: of η: thirty halvings, and some steps between them.
     """
 
     smallest_view_angle_deg: float = 5.0
@@ -44,41 +42,9 @@ class _Tuning:
     largest_reprojection_share: float = 0.25
     open_share: float = 0.15
     edge_on_in_both_deg: float = 15.0
-    most_refinements: int = 200
 
 
 TUNING = _Tuning()
-
-
-@dataclass(frozen=True, eq=False)
-class Ellipse3D:
-    """An ellipse in space, world metres.
-
-    Attributes:
-        centre: (3,).
-        semi_major: (3,) vector to an end of the major axis.
-        semi_minor: (3,) vector to an end of the minor axis.
-    """
-
-    centre: Array
-    semi_major: Array
-    semi_minor: Array
-
-    @property
-    def circularity(self) -> float:
-        """Minor by major axis, in (0, 1]: 1 for a circle."""
-        return float(np.linalg.norm(self.semi_minor) / np.linalg.norm(self.semi_major))
-
-    @property
-    def normal(self) -> Array:
-        """(3,) unit normal of the ellipse's plane; its sign has no meaning."""
-        normal = np.cross(self.semi_major, self.semi_minor)
-        return np.asarray(normal / np.linalg.norm(normal))
-
-    def points(self, count: int) -> Array:
-        """(count, 3) points, evenly spaced in the eccentric angle."""
-        angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)[:, None]
-        return np.asarray(self.centre + np.cos(angles) * self.semi_major + np.sin(angles) * self.semi_minor)
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +101,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     refusals = []
     for plane in PLANES:
         try:
-            conics[plane] = _cone(fit_ellipse(outlines[plane]).conic, scaled[plane])
+            conics[plane] = cone(fit_ellipse(outlines[plane]).conic, scaled[plane])
         except EllipseError as error:
             refusals.append(f"plane {plane.upper()}: {error}")
 
@@ -146,7 +112,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     if len(conics) == 2:
         for space_plane in quan_planes(conics["a"], conics["b"]):
             # Under noise one plane cuts the two cones a little differently: the cut that reprojects better is kept.
-            cuts = [candidate(e, ()) for p in PLANES for e in _cut(conics[p], space_plane, frame)]
+            cuts = [candidate(e, ()) for p in PLANES for e in cut(conics[p], space_plane, frame)]
             cone_cone += sorted(cuts, key=lambda c: c.reprojection_px)[:1]
     line_planes: dict[Plane, Array] = {}
     for plane in PLANES:
@@ -159,7 +125,7 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
     pairs: tuple[tuple[Plane, Plane], ...] = (("a", "b"), ("b", "a"))
     for edge_on, other in pairs:
         if other in conics and edge_on in line_planes:
-            as_line += [candidate(e, (edge_on,)) for e in _cut(conics[other], line_planes[edge_on], frame)]
+            as_line += [candidate(e, (edge_on,)) for e in cut(conics[other], line_planes[edge_on], frame)]
     if len(line_planes) == 2:
         circles = _circle_between_rays(projections, outlines, line_planes, frame[:3, 3])
         as_line += [candidate(circle, PLANES) for circle in circles]
@@ -176,51 +142,6 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
             f"expected under {limit_px:.1f} px; do both show the same loop at once?"
         )
     return Reconstruction(chosen, tuple(candidates))
-
-
-def quan_planes(cone_a: Array, cone_b: Array) -> list[Array]:
-    """The planes (4,) on which two cones (4, 4) share a conic: at most two (Quan 1996).
-
-    det(Q_A + ηQ_B) = η (c₁ + c₂η + c₃η²) has a double root, which noise splits or turns complex; its
-    midpoint η = −c₂ / (2 c₃) is robust. Only a quadric whose two leading eigenvalues differ in sign splits
-    into real planes; then λ₊ u₊u₊ᵀ − λ₋ u₋u₋ᵀ = 0 are the planes √λ₊ u₊ ± √λ₋ u₋.
-    """
-    cone_a = cone_a / np.linalg.norm(cone_a)
-    cone_b = cone_b / np.linalg.norm(cone_b)
-    # The cubic's coefficients from three values of the determinant: η = 1, −1, 2.
-    value = {eta: float(np.linalg.det(cone_a + eta * cone_b)) / eta for eta in (1.0, -1.0, 2.0)}
-    c2 = (value[1.0] - value[-1.0]) / 2.0
-    c1_plus_c3 = (value[1.0] + value[-1.0]) / 2.0
-    c3 = (value[2.0] - c1_plus_c3 - 2.0 * c2) / 3.0
-    if c3 == 0.0:
-        return []
-    eta = _most_nearly_rank_two(cone_a, cone_b, -c2 / (2.0 * c3))
-    values, vectors = np.linalg.eigh(cone_a + eta * cone_b)
-    if not values[0] < 0.0 < values[3]:
-        return []
-    low, high = np.sqrt(-values[0]) * vectors[:, 0], np.sqrt(values[3]) * vectors[:, 3]
-    return [high + low, high - low]
-
-
-def _most_nearly_rank_two(cone_a: Array, cone_b: Array, eta: float) -> float:
-    """Refine η so that the two middle eigenvalues of Q_A + ηQ_B are smallest beside the outer two."""
-
-    def rank_excess(candidate: float) -> float:
-        values = np.linalg.eigvalsh(cone_a + candidate * cone_b)
-        if not values[0] < 0.0 < values[3]:
-            return np.inf
-        return float(max(abs(values[1]), abs(values[2])) / min(-values[0], values[3]))
-
-    step, best = 0.05 * abs(eta), rank_excess(eta)
-    for _ in range(TUNING.most_refinements):
-        if step <= 1e-9 * abs(eta):
-            break
-        trials = [(rank_excess(eta + s), eta + s) for s in (-step, step)]
-        if min(trials)[0] < best:
-            best, eta = min(trials)
-        else:
-            step /= 2.0
-    return eta
 
 
 def _well_scaled_frame(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Array:
@@ -247,31 +168,6 @@ def _well_scaled_frame(projections: dict[Plane, Projection], outlines: dict[Plan
     frame[:3] *= max(sizes)
     frame[:3, 3] = centre
     return frame
-
-
-def _cone(conic: Array, matrix: Array) -> Array:
-    cone = matrix.T @ conic @ matrix
-    return np.asarray(cone / np.linalg.norm(cone))
-
-
-def _cut(cone: Array, space_plane: Array, frame: Array) -> list[Ellipse3D]:
-    """The ellipse that a plane (4,) cuts from a cone, moved to the world; none where the cut is no ellipse."""
-    size = np.linalg.norm(space_plane[:3])
-    if size == 0.0:
-        return []
-    normal, offset = space_plane[:3] / size, space_plane[3] / size
-    _, _, directions = np.linalg.svd(normal[None])
-    # Columns take plane coordinates (u, v, 1) to space, so the third coordinate along n is zero by design.
-    basis = np.zeros((4, 3))
-    basis[:3, 0], basis[:3, 1] = directions[1], directions[2]
-    basis[:3, 2], basis[3, 2] = -offset * normal, 1.0
-    try:
-        flat = ellipse_from_conic(basis.T @ cone @ basis)
-    except EllipseError:
-        return []
-    in_plane = frame[:3, :3] @ basis[:3, :2]
-    centre = (frame @ basis @ np.append(flat.centre, 1.0))[:3]
-    return [Ellipse3D(centre, in_plane @ flat.semi_major, in_plane @ flat.semi_minor)]
 
 
 def _circle_between_rays(

@@ -27,6 +27,8 @@ from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import read_calibration_file, read_seeds_file
 from msg_adapters.topics import camera_info_topic, seed_topic
 
+Given = Mapping[str, Mapping[str, Any]]
+"""Per plane, the fields of a message."""
 DEFAULT_CONFIG = "config/tracker.yaml"
 
 
@@ -131,13 +133,7 @@ def track_recording(
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
         run = _Run(pipeline, writer)
         run.write(pipeline.session.initial_outputs())
-        for plane in PLANES:
-            if given_calibration is not None:
-                info = messages.make(camera_info_topic(plane).type_name, given_calibration[plane])
-                run.take(pipeline.intake.add_camera_info(plane, info))
-            if given_seeds is not None:
-                clicks = messages.make(seed_topic(plane).type_name, given_seeds[plane])
-                run.take(pipeline.intake.add_seed(plane, clicks))
+        run.take_given(messages, given_calibration, given_seeds)
         handlers = topic_handlers(pipeline.intake, reader.topics, seeds=seeds is None, calibrations=calibration is None)
         for recorded in progress(reader.messages(handlers), None, "tracking (messages)", quiet):
             run.take(handlers[recorded.topic](recorded.message))
@@ -158,6 +154,17 @@ class _Run:
         self._unstamped: list[Output] = []
         self._time_ns = 0
         self.problems: Counter[Problem] = Counter()
+
+    def take_given(self, messages: RecordedMessages, calibration: Given | None, seeds: Given | None) -> None:
+        """Take what files give in place of the recording."""
+        intake = self._pipeline.intake
+        for plane in PLANES:
+            if calibration is not None:
+                info = messages.make(camera_info_topic(plane).type_name, calibration[plane])
+                self.take(intake.add_camera_info(plane, info))
+            if seeds is not None:
+                clicks = messages.make(seed_topic(plane).type_name, seeds[plane])
+                self.take(intake.add_seed(plane, clicks))
 
     def take(self, tasks: list[PairTask]) -> None:
         self.write(self._pipeline.pending_outputs())

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import rclpy
@@ -21,6 +20,7 @@ from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.tools.later_stamps import is_stamped, with_later_stamp
 from lasso_motion_ros.tools.raw_topics import message_class_of
+from lasso_motion_ros.tools.read_ahead import ReadAhead
 from msg_adapters.messages import NANOSECONDS, ns_to_stamp
 from msg_adapters.recordings.reader import RawMessage, RecordingReader
 from msg_adapters.topics import (
@@ -256,48 +256,6 @@ class Player:
         data = with_later_stamp(message.data, self._later_ns) if later else message.data
         self._publishers[message.topic].publish(data)
         self._summary.published[message.topic] = self._summary.published.get(message.topic, 0) + 1
-
-
-class ReadAhead:
-    """Reads messages in a thread of its own, a few ahead, so that unpacking a chunk delays no message.
-
-    Args:
-        messages: what to read.
-        depth: how many to keep ready.
-    """
-
-    def __init__(self, messages: Iterable[RawMessage], depth: int) -> None:
-        self._messages = messages
-        self._ready: queue.Queue[RawMessage | Exception | None] = queue.Queue(depth)
-        self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._read, name="read-ahead", daemon=True)
-
-    def __enter__(self) -> ReadAhead:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._stop.set()
-        while self._thread.is_alive():
-            while not self._ready.empty():
-                self._ready.get_nowait()
-            self._thread.join(0.01)
-
-    def __iter__(self) -> Iterator[RawMessage]:
-        while (item := self._ready.get()) is not None:
-            if isinstance(item, Exception):
-                raise item
-            yield item
-
-    def _read(self) -> None:
-        try:
-            for message in self._messages:
-                self._ready.put(message)
-                if self._stop.is_set():
-                    return
-        except Exception as error:
-            self._ready.put(error)
-        self._ready.put(None)
 
 
 def play(

@@ -8,7 +8,7 @@ import pytest
 from lasso_motion_ros.bench import model_experiment
 from lasso_motion_ros.bench.model_experiment import PAPER_DISTANCE_MM, curve_distance, run_model_experiment
 from lasso_motion_ros.core.errors import ReconstructionError
-from lasso_motion_ros.seeding.reconstruction import Ellipse3D
+from lasso_motion_ros.seeding.cones import Ellipse3D
 
 
 def test_papers_experiment(record_property):

@@ -10,7 +10,8 @@ from lasso_motion_ros.brost2009.model import most_circular, reconstruct_model, s
 from lasso_motion_ros.config.brost2009 import ModelConfig
 from lasso_motion_ros.core.errors import ReconstructionError
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.seeding.reconstruction import Candidate, Ellipse3D, Reconstruction
+from lasso_motion_ros.seeding.cones import Ellipse3D
+from lasso_motion_ros.seeding.reconstruction import Candidate, Reconstruction
 
 VIEWS = biplane()
 NORMAL = np.array([0.3, -0.5, 0.8])

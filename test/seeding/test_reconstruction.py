@@ -6,10 +6,9 @@ from support.method_inputs import angle_deg, biplane, flip_pixels, flipped, plan
 
 from lasso_motion_ros.core.errors import ReconstructionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.ellipse import fit_ellipse
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import apply, inverse, rigid
-from lasso_motion_ros.seeding.reconstruction import epipolar_shift, quan_planes, reconstruct_ellipse
+from lasso_motion_ros.seeding.reconstruction import epipolar_shift, reconstruct_ellipse
 
 VIEWS = biplane()
 NORMAL = np.array([0.3, -0.5, 0.8])
@@ -86,26 +85,6 @@ def test_misfit_by_hand():
     # (reprojection / 1.5 px)² + ((1 − circularity) / 0.15)²
     expected = (candidate.reprojection_px / 1.5) ** 2 + ((1 - candidate.ellipse.circularity) / 0.15) ** 2
     assert candidate.misfit == pytest.approx(expected)
-
-
-def test_candidates_lie_in_the_planes_of_the_rank_two_quadric():
-    loop = ring(NORMAL, CENTRE)
-    cones = []
-    for name, view in VIEWS.items():
-        # Metres about the ring, so that the cones are well scaled.
-        frame = np.diag([0.01, 0.01, 0.01, 1.0])
-        frame[:3, 3] = CENTRE
-        matrix = view.matrix @ frame
-        cones.append(matrix.T @ fit_ellipse(outlines(loop)[name]).conic @ matrix)
-    planes = quan_planes(*cones)
-    assert len(planes) == 2
-    # In these coordinates the ring's plane passes through the origin with its own normal.
-    space_plane = min(planes, key=lambda p: angle_deg(p[:3], NORMAL))
-    assert angle_deg(space_plane[:3], NORMAL) < 1e-4
-    assert abs(space_plane[3]) / np.linalg.norm(space_plane[:3]) < 1e-6
-    # The order and the scale of the cones mean nothing.
-    for other in (quan_planes(cones[1], cones[0]), quan_planes(-3.0 * cones[0], 1e5 * cones[1])):
-        assert min(angle_deg(p[:3], NORMAL) for p in other) < 1e-4
 
 
 @pytest.mark.parametrize("edge_on", ["a", "b"])

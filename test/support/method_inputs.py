@@ -6,7 +6,7 @@ import numpy as np
 
 from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.seeding.reconstruction import Ellipse3D
+from lasso_motion_ros.seeding.cones import Ellipse3D
 
 SOURCE_DETECTOR_M = 1.2
 SOURCE_OBJECT_M = 0.785

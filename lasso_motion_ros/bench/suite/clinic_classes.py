@@ -7,18 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from lasso_motion_ros.bench.suite import scenario_changes as changes
 from lasso_motion_ros.bench.suite.moderate import altered
-from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
+from lasso_motion_ros.bench.suite.vectors import as_vector, direction
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.settings import Event, Scenario
 
 Random = np.random.Generator
 
-SHUTTER_MARGIN = 0.05  # of the field, between the loop's whole path and the shutters
-SHUTTER_MOST = 0.38
-MOST_PAIRS = 60
 START = 0.0  # a class that holds from the first pair on
 
 
@@ -37,49 +34,6 @@ class EventClass:
     label: str
     apply: Callable[[Random, Scenario], tuple[Scenario, float]]
     group: str = ""
-
-
-def lasting(scenario: Scenario, seconds: float) -> Scenario:
-    """The scenario made long enough to go on for a time; slower rather than of very many pairs."""
-    rate_hz = min(scenario.rate_hz, MOST_PAIRS / seconds)
-    return altered(scenario, rate_hz=rate_hz, pairs=max(scenario.pairs, int(np.ceil(seconds * rate_hz))))
-
-
-def edge_on_normal(scenario: Scenario, plane: int, off_deg: float) -> tuple[float, ...]:
-    """An axis near the scenario's own with which the loop is seen `off_deg` from edge-on in a plane."""
-    viewing = true_projection(scenario, PLANES[plane], 0).viewing_direction
-    normal = np.asarray(scenario.lasso.normal)
-    normal = normal - (normal @ viewing) * viewing
-    return as_vector(normal / np.linalg.norm(normal) + np.sin(np.radians(off_deg)) * viewing)
-
-
-def path_shutters(scenario: Scenario, margin: float = SHUTTER_MARGIN, most: float = SHUTTER_MOST) -> tuple[float, ...]:
-    """What shutters may cover at left, top, right and bottom without covering the loop at any phase of a breath.
-
-    Args:
-        scenario: where the loop lies and how it breathes.
-        margin: left open about it, of the field.
-        most: covered on one side, of the field.
-    """
-    centre = 1e-3 * np.asarray(scenario.lasso.centre_mm)
-    radius = 0.5e-3 * scenario.lasso.diameter_mm
-    breath = 1e-3 * scenario.breathing.amplitude_mm * unit(scenario.breathing.direction)
-    sides = (*np.eye(3), *-np.eye(3))
-    points = np.array([centre + part * breath + radius * side for part in (-1, 0, 1) for side in sides])
-    size = scenario.geometry.size_px
-    shares = np.vstack([true_projection(scenario, plane, 0).project(points) / size for plane in PLANES])
-    covered = np.concatenate([shares.min(axis=0), 1.0 - shares.max(axis=0)]) - margin
-    return as_vector(np.clip(covered, 0.0, most))
-
-
-def with_incidents(scenario: Scenario, *incidents: Incident) -> Scenario:
-    """The scenario with more incidents."""
-    return altered(scenario, incidents=(*scenario.incidents, *incidents))
-
-
-def with_events(scenario: Scenario, *events: Event) -> Scenario:
-    """The scenario with more events."""
-    return altered(scenario, events=(*scenario.events, *events))
 
 
 def _core(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -105,7 +59,7 @@ def _ablation(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
 
 
 def _edge_on(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
-    normal = edge_on_normal(scenario, int(random.integers(2)), float(random.uniform(-6.0, 6.0)))
+    normal = changes.edge_on_normal(scenario, int(random.integers(2)), float(random.uniform(-6.0, 6.0)))
     return altered(scenario, lasso={"normal": normal}), START
 
 
@@ -132,24 +86,24 @@ def _one_plane(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
         last = at + int(random.integers(0, 3))
         events.append(Event("drop", at, min(last, scenario.pairs - 2), plane=str(random.choice(PLANES))))
         at = last + int(random.integers(2, 6))
-    return with_events(scenario, *events), first / scenario.rate_hz
+    return changes.with_events(scenario, *events), first / scenario.rate_hz
 
 
 def _plane_off(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start, length = float(random.uniform(3.0, 6.0)), float(random.uniform(3.0, 20.0))
-    scenario = lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0]))), start + length + 3.0)
+    scenario = changes.lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0]))), start + length + 3.0)
     off = Incident("off", start, length, plane=str(random.choice(PLANES)))
-    return with_incidents(scenario, off), start
+    return changes.with_incidents(scenario, off), start
 
 
 def _cough(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
-    scenario = lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0, 3.75, 7.5]))), 8.0)
+    scenario = changes.lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0, 3.75, 7.5]))), 8.0)
     start = float(random.uniform(2.5, 4.0))
     coughs = [
         Incident("cough", start + 1.3 * number, float(random.uniform(0.6, 1.0)), float(random.uniform(6.0, 12.0)))
         for number in range(int(random.integers(1, 3)))
     ]
-    return with_incidents(scenario, *coughs), start
+    return changes.with_incidents(scenario, *coughs), start
 
 
 def _sigh(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -158,7 +112,7 @@ def _sigh(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start = float(random.uniform(3.0, 6.0))
     pause = Incident(str(random.choice(["apnoea", "breath_hold"], p=[0.75, 0.25])), start, float(random.uniform(6, 10)))
     sigh = Incident("sigh", start + pause.duration_s + 4.5, amount=float(random.uniform(25.0, 30.0)))
-    return with_incidents(lasting(scenario, sigh.start_s + 8.5), pause, sigh), start
+    return changes.with_incidents(changes.lasting(scenario, sigh.start_s + 8.5), pause, sigh), start
 
 
 def _jet(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -178,14 +132,14 @@ def _deep(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
 
 def _slide(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start = float(random.uniform(3.0, 5.0))
-    scenario = lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0]))), start + 11.0)
-    return with_incidents(scenario, Incident("slide", start, 0.0, float(random.uniform(0.3, 1.0)))), start
+    scenario = changes.lasting(altered(scenario, rate_hz=float(random.choice([2.0, 3.0]))), start + 11.0)
+    return changes.with_incidents(scenario, Incident("slide", start, 0.0, float(random.uniform(0.3, 1.0)))), start
 
 
 def _withdraw(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start = float(random.uniform(3.0, 5.0))
-    scenario = lasting(scenario, start + 4.0)
-    return with_incidents(scenario, Incident("withdraw", start, float(random.uniform(0.8, 3.0)))), start
+    scenario = changes.lasting(scenario, start + 4.0)
+    return changes.with_incidents(scenario, Incident("withdraw", start, float(random.uniform(0.8, 3.0)))), start
 
 
 def _jump(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -195,24 +149,24 @@ def _jump(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     shift = float(random.uniform(14.0, 30.0)) * direction(random)
     last = first + int(random.integers(0, 4))
     move = Event("move", first, last, shift_mm=as_vector(shift), turn_deg=as_vector(turn))
-    return with_events(scenario, move), first / scenario.rate_hz
+    return changes.with_events(scenario, move), first / scenario.rate_hz
 
 
 def _shift(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start = float(random.uniform(3.0, 5.0))
-    scenario = lasting(scenario, start + 4.0)
+    scenario = changes.lasting(scenario, start + 4.0)
     # A patient slides on the table rather than through it.
     way = direction(random) * np.array([1.0, 0.35, 1.0])
     amount, over = float(random.uniform(5.0, 15.0)), float(random.uniform(0.3, 1.2))
-    return with_incidents(scenario, Incident("shift", start, over, amount, as_vector(way))), start
+    return changes.with_incidents(scenario, Incident("shift", start, over, amount, as_vector(way))), start
 
 
 def _hidden(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     scenario = altered(scenario, pairs=max(scenario.pairs, 20))
     first = int(random.integers(4, 9))
-    if random.integers(4) == 0:
-        return with_events(scenario, Event("remove", first)), first / scenario.rate_hz
-    return with_events(scenario, Event("hide", first, first + int(random.integers(2, 8)))), first / scenario.rate_hz
+    for_good = random.integers(4) == 0
+    event = Event("remove", first) if for_good else Event("hide", first, first + int(random.integers(2, 8)))
+    return changes.with_events(scenario, event), first / scenario.rate_hz
 
 
 def _ghost(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -223,7 +177,8 @@ def _contrast(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     vessel = str(random.choice(["vein", "coronary"], p=[0.7, 0.3]))
     amount = float(random.uniform(30.0, 75.0) if vessel == "vein" else random.uniform(150.0, 300.0))
     start, length = float(random.uniform(1.5, 3.0)), float(random.uniform(1.0, 2.5))
-    return with_incidents(lasting(scenario, 8.0), Incident("contrast", start, length, amount, vessel=vessel)), start
+    scenario, contrast = changes.lasting(scenario, 8.0), Incident("contrast", start, length, amount, vessel=vessel)
+    return changes.with_incidents(scenario, contrast), start
 
 
 def _twin(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -249,17 +204,18 @@ def _ecg(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
 def _dose(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     """Fluoroscopy to cine or back, and a jump of the grey level."""
     start = float(random.uniform(1.5, 3.0))
-    scenario = lasting(altered(scenario, imaging={"quanta": float(random.uniform(15.0, 30.0))}), start + 5.0)
+    scenario = changes.lasting(altered(scenario, imaging={"quanta": float(random.uniform(15.0, 30.0))}), start + 5.0)
     factor = float(random.uniform(3.0, 8.0) if random.integers(2) else random.uniform(0.4, 0.6))
     plane = str(random.choice(["a", "b", "both"]))
     window = Incident("window", start + 1.5, 100.0, float(random.choice([0.75, 1.25])), plane=plane)
-    return with_incidents(scenario, Incident("dose", start, 3.0, factor, plane=plane), window), start
+    return changes.with_incidents(scenario, Incident("dose", start, 3.0, factor, plane=plane), window), start
 
 
 def _shutter(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     start = float(random.uniform(1.5, 3.0))
-    covered = as_vector(np.asarray(path_shutters(scenario)) * random.uniform(0.7, 1.0))
-    return with_incidents(lasting(scenario, start + 4.0), Incident("shutter", start, 1.5, covered=covered)), start
+    covered = as_vector(np.asarray(changes.path_shutters(scenario)) * random.uniform(0.7, 1.0))
+    scenario = changes.lasting(scenario, start + 4.0)
+    return changes.with_incidents(scenario, Incident("shutter", start, 1.5, covered=covered)), start
 
 
 def _geometry(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -275,7 +231,7 @@ def _geometry(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
         event = Event("gantry_turn", first, last, plane=plane, lao_deg=lao, cranial_deg=0.4 * cranial)
     else:
         event = Event("table_pan", first, last, shift_mm=as_vector(random.uniform(-18.0, 18.0, 3) * (1.0, 0.2, 1.0)))
-    return with_events(scenario, event), first / scenario.rate_hz
+    return changes.with_events(scenario, event), first / scenario.rate_hz
 
 
 def _calibration(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
@@ -299,7 +255,7 @@ def _loop(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     if random.integers(3):
         return altered(scenario, lasso=shape), START
     resize = Incident("resize", float(random.uniform(2.0, 4.0)), 1.5, float(random.choice([0.85, 1.12])))
-    return with_incidents(altered(lasting(scenario, 8.0), lasso={"turns": 1.0}), resize), resize.start_s
+    return changes.with_incidents(altered(changes.lasting(scenario, 8.0), lasso={"turns": 1.0}), resize), resize.start_s
 
 
 def _low_dose(random: Random, scenario: Scenario) -> tuple[Scenario, float]:

@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.bench.suite.clinic_classes import edge_on_normal, with_incidents
 from lasso_motion_ros.bench.suite.moderate import altered
+from lasso_motion_ros.bench.suite.scenario_changes import edge_on_normal, with_incidents
 from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
 from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.settings import CalibrationSettings, Event, Scenario

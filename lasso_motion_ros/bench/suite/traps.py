@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.bench.suite import lab_traps
-from lasso_motion_ros.bench.suite.clinic_classes import path_shutters
 from lasso_motion_ros.bench.suite.moderate import altered, moderate_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import MOVE_MM
+from lasso_motion_ros.bench.suite.scenario_changes import path_shutters
 from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Simulator

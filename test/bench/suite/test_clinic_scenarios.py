@@ -8,9 +8,10 @@ from functools import cache
 import numpy as np
 from support.clinic_inputs import STILL
 
-from lasso_motion_ros.bench.suite.clinic_classes import CLASSES, path_shutters
+from lasso_motion_ros.bench.suite.clinic_classes import CLASSES
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario, clinic_scenario, clinic_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg
+from lasso_motion_ros.bench.suite.scenario_changes import path_shutters
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 
