@@ -151,7 +151,7 @@ def join_peaks(
 def _correlation(cells: Image, kernel: Image) -> Image:
     """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
 
-    What OpenCV's `matchTemplate` gives, in two thirds of its time: one transform of the whole instead of blocks.
+    What `cv2.matchTemplate` gives, in two thirds of its time: one transform of the whole instead of blocks.
     """
     (height, width), (rows, columns) = cells.shape, kernel.shape
     down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)

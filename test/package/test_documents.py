@@ -1,9 +1,10 @@
-"""The documents name what is there: files, functions, links, commands, states; so do citation and CI."""
+"""Documents, docstrings and comments name what is there: files, links, commands, states; so do citation and CI."""
 
 from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
+from support.named import dotted_names, is_known, members, parts_of, sources, wrong_names
 from support.paths import ROOT
 
 from lasso_motion_ros.cli.main import COMMANDS
@@ -27,8 +29,8 @@ def text_of(path: Path) -> str:
 
 
 def prose_of(path: Path) -> str:
-    """A document without its blocks of code."""
-    return re.sub(r"```.*?```", "", text_of(path), flags=re.DOTALL)
+    """A document without its blocks of code; a Python file's docstrings and comments."""
+    return parts_of(path)[0] if path.suffix == ".py" else re.sub(r"```.*?```", "", text_of(path), flags=re.DOTALL)
 
 
 def found(name: str, document: Path) -> bool:
@@ -50,20 +52,30 @@ def test_links_lead_somewhere(document: Path) -> None:
             assert anchor in {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}, target
 
 
+def missing_files(path: Path) -> list[str]:
+    """The files and folders that a text names between backticks, in docstrings also without, and that are not there."""
+    words = re.findall(r"`([\w./\-]+)`", prose_of(path))
+    if path.suffix == ".py":
+        words += re.findall(r"(?<![\w./`~<-])[\w\-]+(?:/[\w\-]+)+\.(?:py|md)\b", prose_of(path))
+    missing = []
+    for word in words:
+        name = word.rstrip("/")
+        is_path = "/" in name and (
+            word.endswith("/") or re.search(r"\.(py|yaml|md|txt|xml|toml|mcap|rviz|json|png)$", name)
+        )
+        if is_path and not STANDS_FOR.search(name) and name.split("/")[0] not in WRITTEN_BY_RUNS | {"~", ""}:
+            missing += [] if found(name, path) else [word]
+    return missing
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_files_that_are_named_are_there(document: Path) -> None:
-    for word in re.findall(r"`([\w./\-]+)`", prose_of(document)):
-        path = word.rstrip("/")
-        is_path = "/" in path and (
-            word.endswith("/") or re.search(r"\.(py|yaml|md|txt|xml|toml|mcap|rviz|json|png)$", path)
-        )
-        if is_path and not STANDS_FOR.search(path) and path.split("/")[0] not in WRITTEN_BY_RUNS | {"~", ""}:
-            assert found(path, document), word
+    assert missing_files(document) == []
 
 
 @cache
 def definitions(path: Path) -> frozenset[str]:
-    """Functions, classes, methods (`Class.method`) and constants of a file."""
+    """Functions, classes and methods (`Class.method`) of a file."""
     names: set[str] = set()
     for node in ast.parse(text_of(path)).body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -73,14 +85,67 @@ def definitions(path: Path) -> frozenset[str]:
     return frozenset(names)
 
 
+def missing_definitions(path: Path) -> list[str]:
+    """What a text says to be in a file, as `path.py` (`name`, `Class.method`), and is not."""
+    missing = []
+    for file, names in re.findall(r"`([\w/]+\.py)`[,:]?\s\(?((?:`[\w.]+`(?:,\s)?)+)", prose_of(path)):
+        (there,) = [base / file for base in (ROOT, PACKAGE) if (base / file).exists()]
+        for name in re.findall(r"`([\w.]+)`", names):
+            if "/" not in name and not name.endswith(".py") and name not in definitions(there):
+                missing.append(f"{file}: {name}")
+    return missing
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
 def test_what_is_said_to_be_in_a_file_is_there(document: Path) -> None:
-    """`path.py` (`name`, `Class.method`)."""
-    for path, names in re.findall(r"`([\w/]+\.py)`[,:]? \(?((?:`[\w.]+`(?:, )?)+)", prose_of(document)):
-        (file,) = [base / path for base in (ROOT, PACKAGE) if (base / path).exists()]
-        for name in re.findall(r"`([\w.]+)`", names):
-            if "/" not in name and not name.endswith(".py"):
-                assert name in definitions(file), f"{path}: {name}"
+    assert missing_definitions(document) == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=lambda path: path.name)
+def test_classes_have_the_members_that_are_named(document: Path) -> None:
+    names = dotted_names(prose_of(document))
+    ours = [name for name in names if name.split(".")[0] in members()]
+    assert [name for name in ours if not is_known(name)] == []
+
+
+def wrong_in_code(check: Callable[[Path], list[str]]) -> dict[str, list[str]]:
+    """File → what is wrong in its docstrings and comments; without the files in which nothing is."""
+    return {str(path.relative_to(ROOT)): wrong for path in sources() if (wrong := check(path))}
+
+
+def test_docstrings_and_comments_name_files_that_are_there() -> None:
+    assert wrong_in_code(missing_files) == {}
+
+
+def test_docstrings_and_comments_name_what_is_in_a_file() -> None:
+    assert wrong_in_code(missing_definitions) == {}
+
+
+def test_docstrings_and_comments_name_what_the_code_has() -> None:
+    assert wrong_in_code(lambda path: wrong_names(prose_of(path))) == {}
+
+
+def test_a_rooms_docstring_names_its_modules() -> None:
+    def strangers(path: Path) -> list[str]:
+        words = re.findall(r"`([a-z_]+)`", prose_of(path)) if path.name == "__init__.py" else []
+        return [word for word in words if not (path.parent / f"{word}.py").exists()]
+
+    assert wrong_in_code(strangers) == {}
+
+
+@pytest.mark.parametrize(
+    "prose",
+    [
+        "`loop_finder`",
+        "`OldTracker`",
+        "`RingTracker.follow`",
+        "`ring.loop_finder`",
+        "`judgement.lost_gap_cm`",
+        "`np.rad`",
+    ],
+)
+def test_a_name_that_is_none_is_noticed(prose: str) -> None:
+    assert wrong_names(f"Done by {prose}, as ever.") == [prose.strip("`")]
 
 
 def test_constants_that_are_explained_are_there() -> None:
