@@ -134,18 +134,10 @@ def test_a_rooms_docstring_names_its_modules() -> None:
 
 
 @pytest.mark.parametrize(
-    "prose",
-    [
-        "`loop_finder`",
-        "`OldTracker`",
-        "`RingTracker.follow`",
-        "`ring.loop_finder`",
-        "`judgement.lost_gap_cm`",
-        "`np.rad`",
-    ],
+    "name", ["loop_finder", "OldTracker", "RingTracker.follow", "ring.loop_finder", "judgement.lost_gap_cm", "np.rad"]
 )
-def test_a_name_that_is_none_is_noticed(prose: str) -> None:
-    assert wrong_names(f"Done by {prose}, as ever.") == [prose.strip("`")]
+def test_a_name_that_is_none_is_noticed(name: str) -> None:
+    assert wrong_names(f"Done by `{name}`, as ever.") == [name]
 
 
 def test_constants_that_are_explained_are_there() -> None:
