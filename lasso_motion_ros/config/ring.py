@@ -36,6 +36,16 @@ class JudgementConfig:
         0.8, "DEGRADED where the planes disagree by more than this", unit="mm", minimum=0.05
     )
     lost_gap_mm: float = tuning(1.6, "LOST where the planes disagree by more than this", unit="mm", minimum=0.1)
+    seed_degraded_gap_mm: float = parameter(
+        2.0,
+        "DEGRADED where the planes disagree by more than this at the seed; a plane B that is exposed later may disagree"
+        " by a breath's motion besides",
+        unit="mm",
+        minimum=0.1,
+    )
+    seed_refused_gap_mm: float = parameter(
+        8.0, "clicks are refused where the planes disagree by more than this", unit="mm", minimum=0.1
+    )
     degraded_turn_deg: float = parameter(
         6.0,
         "DEGRADED where the ring seems turned by this since the seed, as when a C-arm moves and its calibration does"

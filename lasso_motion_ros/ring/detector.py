@@ -154,7 +154,7 @@ class RingDetector:
                     pair.frames[plane],
                     expected[plane],
                     bright=model.bright,
-                    shift=model.shifts[plane],
+                    shift=model.shift(plane, pair.frames[plane].projection),
                     reach_mm=reach_mm if near else None,
                 )
             with self._stages("search"):

@@ -7,6 +7,7 @@ once more to the lines found in the images beside it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -70,24 +71,31 @@ class LoopModel:
         centre: (3,) centre of the circle nearest to the points, world metres: where the ring tilts and stretches
             about. (The points' mean lies nearer to where an overlapping loop is double.)
         bright: True where the catheter is brighter than its background.
-        shifts: per plane, (2,) pixels by which its images lie off its calibration (and, where plane B is
-            exposed later, off plane A's phase).
+        offsets: per plane, (2,) metres at the ring, along the image's rows and columns, by which it lies off its
+            calibration (and, where plane B is exposed later, off plane A's phase): a place of source and detector, so
+            that it stays what it is when the gantry turns or the read-out changes.
         between: what the pair shows of the loop's motion between the planes' exposures; None if exposed together.
         depth_directions: (3,) unit vector of plane A's ray through the centre, along which only plane B sees, and
             (3,) the unit vector along which plane B measures it, across its own ray and the epipolar plane's normal.
+        normal: (3,) unit normal of the epipolar plane through the centre.
     """
 
     points: Array
     centre: Array
     bright: bool
-    shifts: dict[Plane, Array]
+    offsets: dict[Plane, Array]
     between: Observation | None
     depth_directions: tuple[Array, Array]
+    normal: Array
 
     @property
     def arms(self) -> Array:
         """(L, 3) the points about the centre, metres."""
         return self.points - self.centre
+
+    def shift(self, plane: Plane, projection: Projection) -> Array:
+        """(2,) pixels by which a plane's images lie off a calibration of its: project, then add."""
+        return np.asarray(self.offsets[plane] * _pixels_per_metre(projection, self.centre))
 
     @property
     def radius_mm(self) -> float:
@@ -133,7 +141,8 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points:
 
 def _contrast(pair: FramePair, model: LoopModel) -> float:
     """How far the model's curve stands out from what lies beside it, mean of both planes, in units of local noise."""
-    return float(_contrasts(pair, model.points, model.bright, model.shifts).mean())
+    shifts = {plane: model.shift(plane, frame.projection) for plane, frame in pair.frames.items()}
+    return float(_contrasts(pair, model.points, model.bright, shifts).mean())
 
 
 def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, Array]) -> Array:
@@ -187,7 +196,20 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
     normal /= np.linalg.norm(normal)
     lateral = np.cross(normal, ray_b)
     between = None if simultaneous else _between(normal, moved["b"], projections["b"].jacobian(centre))
-    return LoopModel(points, centre, bright, moved, between, (ray_a, lateral))
+    offsets = offsets_of(moved, projections, centre)
+    return LoopModel(points, centre, bright, offsets, between, (ray_a, lateral), normal)
+
+
+def offsets_of(
+    shifts: Mapping[Plane, Array], projections: Mapping[Plane, Projection], centre: Array
+) -> dict[Plane, Array]:
+    """Shifts in pixels of each plane's images as metres at a world point (3,) m."""
+    return {plane: shift / _pixels_per_metre(projections[plane], centre) for plane, shift in shifts.items()}
+
+
+def _pixels_per_metre(projection: Projection, centre: Array) -> Array:
+    """(2,) along the image's rows and columns; with unequal binning they differ."""
+    return np.asarray(np.linalg.norm(projection.jacobian(centre), axis=1))
 
 
 def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:

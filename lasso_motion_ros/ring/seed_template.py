@@ -9,7 +9,7 @@ import numpy as np
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
 from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
-from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.loop_model import LoopModel, offsets_of
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
@@ -34,9 +34,10 @@ def seed_template(
         worth: what the planes' evidence is worth.
 
     Returns:
-        The model with its planes' shifts corrected, the template, and the ring as it is seen in the seed pair.
+        The model with its planes' offsets corrected, the template, and the ring as it is seen in the seed pair.
     """
-    shifts = dict(model.shifts)
+    projections = {plane: frame.projection for plane, frame in frames.items()}
+    shifts = {plane: model.shift(plane, projections[plane]) for plane in PLANES}
     for _ in range(ROUNDS):
         images = {
             plane: working_image(frames[plane], model.centre, bright=model.bright, shift=shifts[plane])
@@ -46,6 +47,6 @@ def seed_template(
         template = RingTemplate(strips, tuning)
         seen = Detection(align(images, template, model.arms, dict.fromkeys(PLANES, model.centre), STILL), worth)
         for plane, fit in seen.alignment.planes.items():
-            project = frames[plane].projection.project
+            project = projections[plane].project
             shifts[plane] = shifts[plane] + np.asarray(project(fit.centre) - project(model.centre))
-    return replace(model, shifts=shifts), template, seen
+    return replace(model, offsets=offsets_of(shifts, projections, model.centre)), template, seen

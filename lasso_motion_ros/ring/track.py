@@ -14,6 +14,7 @@ from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.track_state import TrackBelief
 
@@ -34,6 +35,7 @@ class Track:
         motion: of its centre, filtered.
         curve: where breathing has taken it.
         start_ns: stamp of the seed pair.
+        agreement: of the planes at the seed: what the calibration is worth.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
@@ -59,6 +61,7 @@ class Track:
     motion: RespiratoryMotion
     curve: BreathingCurve
     start_ns: int
+    agreement: SeedAgreement
     seed_support: float
     usual_support: float
     contrast: dict[Plane, float]

@@ -22,7 +22,9 @@ RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more 
 
 def without_pose(track: Track, pair: FramePair, state: TrackerState, reason: str) -> TrackResult:
     """A result without a pose and without the ring's curve."""
-    return TrackResult(pair.stamp_ns, state, reason, None, None, None, track.reference_ns)
+    return TrackResult(
+        pair.stamp_ns, state, reason, None, None, None, track.reference_ns, seed_gap_mm=track.agreement.gap_mm
+    )
 
 
 def with_curve(
@@ -75,7 +77,8 @@ def with_pose(result: TrackResult, track: Track, position: Array, best: Hypothes
     # About the ring's centre at the reference, which goes where the ring's centre has gone.
     centre = track.centre + track.reference
     motion[:3, 3] = centre + displacement - track.reference - motion[:3, :3] @ centre
-    position = position + track.reference_covariance + calibration_covariance(displacement - track.reference)
+    calibration = calibration_covariance(displacement - track.reference, track.agreement.gap_mm)
+    position = position + track.reference_covariance + calibration
     if best is not None:
         position = position + pivot_covariance(best.detection.alignment.turn, best.detection.alignment.stretch)
     covariance = at_world_origin(track.centre + displacement, position, rotation.covariance)

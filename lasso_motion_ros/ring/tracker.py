@@ -15,6 +15,7 @@ from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.loop_model import build_loop_model
 from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.seed_agreement import seed_agreement
 from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
@@ -44,12 +45,14 @@ class RingTracker:
         """Build model and template from the clicks on `pair`; its motion is the identity.
 
         Raises:
-            SeedError: clicks that are too few or outside the image, or a pair that lacks a plane.
+            SeedError: clicks that are too few or outside the image, a pair that lacks a plane, or planes that disagree
+                by more than any usable calibration.
             ReconstructionError: no 3-D loop explains the clicks.
         """
         options, frames = self._options, pair.frames
         model = build_loop_model(pair, seed, self._config, options.points)
         model, template, seen = seed_template(model, frames, options.template, options.detection)
+        agreement = seed_agreement(model, pair, self._config.judgement)
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)
         projections = {plane: frame.projection for plane, frame in frames.items()}
         motion = RespiratoryMotion(
@@ -66,12 +69,14 @@ class RingTracker:
             motion=motion,
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
+            agreement=agreement,
             seed_support=seen.support,
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
             reference_ns=pair.stamp_ns,
         )
-        result = without_pose(track, pair, TrackerState.TRACKING, "")
+        state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING
+        result = without_pose(track, pair, state, agreement.doubt)
         result = with_pose(result, track, track.motion.at_a.covariance, None)
         return result.with_loop(track.model.points + track.depth_correction)
 

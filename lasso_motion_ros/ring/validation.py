@@ -73,6 +73,8 @@ def quality(
         return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
     if best.gap_mm > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
         return TrackerState.DEGRADED, f"the planes disagree by {best.gap_mm:.1f} mm"
+    if track.agreement.doubt:
+        return TrackerState.DEGRADED, track.agreement.doubt
     if track.belief.in_place < states.tracking:
         return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
     if best.probability < states.tracking:

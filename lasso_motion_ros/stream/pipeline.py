@@ -81,6 +81,7 @@ class TrackingPipeline:
             last_pose_ns=session.last_pose_ns,
             residual_px={} if result is None else dict(result.residual_px),
             ring=None if result is None else result.ring,
+            seed_gap_mm=None if result is None else result.seed_gap_mm,
             heartbeat=session.heartbeat.status,
             offset_ns=intake.offset_ns,
             calibrated=intake.calibrated,

@@ -80,6 +80,7 @@ class TrackResult:
         reference_stamp_ns: the pair whose phase is the reference.
         residual_px: per plane, mean distance of the projected model to the lines found; empty where none.
         ring: what the ring does by itself; None where it is not seen or not told apart.
+        seed_gap_mm: by which the planes disagreed on the ring's place at the seed, mm; None where that is not judged.
     """
 
     stamp_ns: int
@@ -91,6 +92,7 @@ class TrackResult:
     reference_stamp_ns: int
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
+    seed_gap_mm: float | None = None
 
     def with_loop(self, loop: Array) -> TrackResult:
         """The same with the catheter's curve (N, 3), world metres."""

@@ -145,12 +145,14 @@ def test_a_shift_between_the_planes_is_absorbed():
     plain = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
     model = build_loop_model(pair, clicks(lasso_curve(1.0)), CONFIG)
     # Half each; together what makes the planes meet again (up and down is across the epipolar lines here).
-    apart = (model.shifts["b"] - model.shifts["a"]) - (plain.shifts["b"] - plain.shifts["a"])
+    apart = (model.shift("b", low) - model.shift("a", VIEWS["a"])) - (
+        plain.shift("b", view_b) - plain.shift("a", VIEWS["a"])
+    )
     assert abs(apart[1]) == pytest.approx(4.0, abs=0.4)
-    assert model.shifts["a"] @ model.shifts["b"] < 0.0
+    assert model.offsets["a"] @ model.offsets["b"] < 0.0
     for name, view in (("a", VIEWS["a"]), ("b", low)):
         truth = VIEWS[name].project(lasso_curve(1.0))
-        model_px = view.project(model.points) + model.shifts[name]
+        model_px = view.project(model.points) + model.shift(name, view)
         assert distance_to_curve(truth, model_px).mean() < 0.8
     # The loop keeps its shape and lies between where the two planes have it.
     assert angle_deg(np.linalg.svd(model.arms)[2][2], LOOP.normal) < 4.0
@@ -160,9 +162,9 @@ def test_a_shift_between_the_planes_is_absorbed():
 def test_planes_exposed_one_after_the_other_leave_plane_a_where_it_is():
     late = FramePair(0, drawn().a, dataclasses.replace(drawn().b, stamp_ns=100_000_000))
     model = build_loop_model(late, clicks(lasso_curve(1.0)), CONFIG)
-    np.testing.assert_array_equal(model.shifts["a"], 0.0)
+    np.testing.assert_array_equal(model.offsets["a"], 0.0)
     together = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
-    assert np.linalg.norm(together.shifts["a"]) > 0.0
+    assert np.linalg.norm(together.offsets["a"]) > 0.0
 
 
 def test_depth_directions_are_as_described():

@@ -9,6 +9,7 @@ from support.ring_fits import detection_of, plane_fit
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
+from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import TrackBelief
 
@@ -28,6 +29,7 @@ def track(late_s=0.0):
         motion=RespiratoryMotion(0.0, late_s),
         curve=BreathingCurve(np.zeros(3), 0.0, CURVE),
         start_ns=0,
+        agreement=SeedAgreement(0.0, ""),
         seed_support=2.2,
         usual_support=2.2,
         contrast={"a": 0.2, "b": 0.2},

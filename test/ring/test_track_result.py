@@ -11,6 +11,7 @@ from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.ring.association import Hypothesis
+from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.uncertainty import CALIBRATION_SHARE, PIVOT_M
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -39,6 +40,7 @@ def track(**changed):
         "seen_at": MOVED,
         "reference": REFERENCE,
         "reference_ns": 3,
+        "agreement": SeedAgreement(0.0, ""),
         "reference_covariance": np.zeros((3, 3)),
         "rotation": rotation(),
     }

@@ -8,7 +8,11 @@ RANDOM = np.random.default_rng(8)
 
 def test_a_displacement_is_known_to_its_share():
     # 3-4-0 mm: 5 mm long, of which 0.15 % are 7.5 µm.
-    np.testing.assert_allclose(calibration_covariance(np.array([3e-3, 4e-3, 0.0])), 7.5e-6**2 * np.eye(3), rtol=1e-12)
+    moved = np.array([3e-3, 4e-3, 0.0])
+    np.testing.assert_allclose(calibration_covariance(moved, 0.0), 7.5e-6**2 * np.eye(3), rtol=1e-12)
+    # Planes that disagree by 3 mm at 750 mm from the source are off by 4 mrad: 20 µm of 5 mm, besides.
+    expected = (7.5e-6**2 + 20e-6**2) * np.eye(3)
+    np.testing.assert_allclose(calibration_covariance(moved, 3.0), expected, rtol=1e-12)
 
 
 def test_a_pivot_that_is_off_moves_the_centre_by_hand_and_by_sampling():

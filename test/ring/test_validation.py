@@ -11,6 +11,7 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
+from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
 from lasso_motion_ros.ring.validation import ValidationTuning, fading, quality, refusal
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -24,9 +25,14 @@ HERE = np.array([0.010, -0.020, 0.015])
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
-def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001)):  # noqa: B008
+def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001), doubt=""):  # noqa: B008
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
-    return SimpleNamespace(contrast={"a": contrast, "b": contrast}, home_turn=home_turn, belief=belief)
+    return SimpleNamespace(
+        contrast={"a": contrast, "b": contrast},
+        home_turn=home_turn,
+        belief=belief,
+        agreement=SeedAgreement(0.0, doubt),
+    )
 
 
 def best(a=1.8, b=1.8, *, probability=0.999, turn_deg=0.0, contrast=0.2, **of_hypothesis):
