@@ -10,6 +10,9 @@ unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV LD_LIBRARY_PATH LD_PREL
 	AMENT_PYTHON_EXECUTABLE _ROS_WHEELS_BOOTSTRAP_COMPLETE CMAKE_PREFIX_PATH COLCON_PREFIX_PATH COLCON_PYTHON_EXECUTABLE COLCON_CURRENT_PREFIX
 unexport $(filter ROS_% RMW_% RCUTILS_% RCL_% FASTRTPS_% FASTDDS_% CYCLONEDDS_%,$(.VARIABLES))
 
+# Tests run beside each other, one process a core; those that start processes themselves one after the other.
+BESIDE = -n auto --dist loadgroup
+
 PACKAGE = setup.py setup.cfg pyproject.toml package.xml
 RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
@@ -23,10 +26,10 @@ demo: $(RUN) ## the whole system, live, on the bundled recording; writes demo_ou
 	$(VENV)/bin/lasso-motion demo $(ARGS)
 
 test: $(DEV) ## all tests, with real ROS processes
-	$(VENV)/bin/python -m pytest $(ARGS)
+	$(VENV)/bin/python -m pytest $(BESIDE) $(ARGS)
 
 test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions of Ubuntu 24.04
-	$(UBUNTU_VENV)/bin/python -m pytest -m "not ros and not packaging" $(ARGS)
+	$(UBUNTU_VENV)/bin/python -m pytest $(BESIDE) -m "not ros and not packaging" $(ARGS)
 
 soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
 	$(VENV)/bin/python -m lasso_motion_ros.bench.soak $(ARGS)

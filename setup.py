@@ -66,6 +66,7 @@ setup(
             "pre-commit-hooks",
             "pytest",
             "pytest-timeout",
+            "pytest-xdist",
             "ruff",
             "selenium",
             "types-PyYAML",

@@ -24,6 +24,13 @@ settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Where tests run side by side, those with processes of their own stay in one row: each has the machine's pace."""
+    for item in items:
+        if item.get_closest_marker("ros") or item.get_closest_marker("packaging"):
+            item.add_marker(pytest.mark.xdist_group("processes"))
+
+
 @pytest.fixture(autouse=True)
 def the_locale_is_kept() -> Iterator[None]:
     """GDCM leaves the process's locale at C, after which any later test would take text files for ASCII."""
