@@ -59,6 +59,8 @@ def tracker_status(
             values["planes' disagreement at the seed (mm)"] = f"{statistics.seed_gap_mm:.2f}"
         for plane, residual in statistics.residual_px.items():
             values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
+        for plane, share in statistics.temporal_filter.items():
+            values[f"temporal filter, plane {plane.upper()}"] = f"{share:.2f}"
         if (ring := statistics.ring) is not None:
             values["ring's own tilt (deg)"] = f"{math.degrees(ring.tilt_rad):.1f}"
             if ring.spin_rad is not None:

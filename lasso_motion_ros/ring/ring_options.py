@@ -11,6 +11,7 @@ from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
+from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.loop_model import POINTS
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
@@ -22,6 +23,7 @@ class RingOptions:
     """Every option of the tracker, by the part that it belongs to.
 
     Attributes:
+        display: when images are taken to be filtered over time, and that is undone.
         template: how the template is made and learned.
         detection: what the evidence of two planes is worth.
         detector: where the ring is looked for.
@@ -34,6 +36,7 @@ class RingOptions:
         points: of the model's curve.
     """
 
+    display: DisplayChainTuning = field(default_factory=DisplayChainTuning)
     template: TemplateTuning = field(default_factory=TemplateTuning)
     detection: DetectionTuning = field(default_factory=DetectionTuning)
     detector: DetectorTuning = field(default_factory=DetectorTuning)

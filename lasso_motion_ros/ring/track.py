@@ -13,6 +13,7 @@ from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import RingDetector
+from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.template import RingTemplate
@@ -32,6 +33,7 @@ class Track:
         model: the ring at the seed pair.
         template: what it looks like.
         detector: finds it.
+        display: undoes the display's filter over time.
         motion: of its centre, filtered.
         curve: where breathing has taken it.
         start_ns: stamp of the seed pair.
@@ -44,6 +46,8 @@ class Track:
         last_s: time of the last pair, seconds since the seed pair.
         interval_s: between the last two pairs, seconds.
         displacement: (3,) m of its centre in the last pair, in its place or displaced; None where it is not believed.
+        seen_before: (3,) m, the displacement in the last pair before it in which the ring was believed to be seen.
+        seen_before_s: time of that pair, seconds since the seed pair.
         turn: (3,) rotation vector, rad, to start the next alignment from.
         stretch: logarithm of its size, likewise.
         last_turn: (3,) rotation vector of the ring when last seen, rad.
@@ -58,6 +62,7 @@ class Track:
     model: LoopModel
     template: RingTemplate
     detector: RingDetector
+    display: DisplayChain
     motion: RespiratoryMotion
     curve: BreathingCurve
     start_ns: int
@@ -70,6 +75,8 @@ class Track:
     last_s: float = 0.0
     interval_s: float = 0.0
     displacement: Array | None = field(default_factory=lambda: np.zeros(3))
+    seen_before: Array = field(default_factory=lambda: np.zeros(3))
+    seen_before_s: float = 0.0
     turn: Array = field(default_factory=lambda: np.zeros(3))
     stretch: float = 0.0
     last_turn: Array = field(default_factory=lambda: np.zeros(3))
@@ -83,8 +90,19 @@ class Track:
     def begin(self, stamp_ns: int) -> float:
         """Go on to the next pair; returns its time, seconds since the seed pair."""
         time_s = self.detector.seconds(stamp_ns)
+        if self.displacement is not None:
+            self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
         return time_s
+
+    def way(self, displacement: Array) -> Array:
+        """(3,) m that the ring has come since the last pair; where that did not show it, its share of the way by time.
+
+        Args:
+            displacement: (3,) m of the ring now.
+        """
+        since_s = self.last_s - self.seen_before_s
+        return np.asarray((displacement - self.seen_before) * (self.interval_s / since_s if since_s > 0.0 else 1.0))
 
     def see(self, best: Hypothesis) -> None:
         """Take note of how a ring looks that is believed to be this one, wherever it lies."""

@@ -23,7 +23,15 @@ RESOLVED_SHARE = 0.5  # of the prior's standard deviation: the images tell more 
 def without_pose(track: Track, pair: FramePair, state: TrackerState, reason: str) -> TrackResult:
     """A result without a pose and without the ring's curve."""
     return TrackResult(
-        pair.stamp_ns, state, reason, None, None, None, track.reference_ns, seed_gap_mm=track.agreement.gap_mm
+        pair.stamp_ns,
+        state,
+        reason,
+        None,
+        None,
+        None,
+        track.reference_ns,
+        seed_gap_mm=track.agreement.gap_mm,
+        temporal_filter=track.display.filters,
     )
 
 

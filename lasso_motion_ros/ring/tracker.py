@@ -13,6 +13,7 @@ from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Association, Hypothesis, associate
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
+from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.loop_model import build_loop_model
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
@@ -66,6 +67,7 @@ class RingTracker:
             model=model,
             template=template,
             detector=detector,
+            display=DisplayChain(options.display),
             motion=motion,
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
@@ -75,6 +77,7 @@ class RingTracker:
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
             reference_ns=pair.stamp_ns,
         )
+        track.display.undone(pair)  # the seed pair is used as it is: its filter's state before is not there
         state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING
         result = without_pose(track, pair, state, agreement.doubt)
         result = with_pose(result, track, track.motion.at_a.covariance, None)
@@ -88,6 +91,7 @@ class RingTracker:
         """
         track, options, config = self._require_track(), self._options, self._config
         time_s = track.begin(pair.stamp_ns)
+        pair = track.display.undone(pair)
         # Predict, and detect all places that show something like the ring.
         expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)
         detections = track.detector.detect(pair, expected, config)
@@ -113,6 +117,7 @@ class RingTracker:
         # Update.
         state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         position = self._update(track, best, association, time_s, state)
+        position = position + track.display.covariance(track.way(best.displacement))
         # Report.
         sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)

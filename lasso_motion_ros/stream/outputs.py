@@ -47,6 +47,7 @@ class PipelineStatistics:
         residual_px: per plane, the last result's residual.
         ring: what the ring did by itself in the last pair.
         seed_gap_mm: by which the planes disagreed at the seed, mm; None without a seed, or where that is not judged.
+        temporal_filter: per plane, the last result's.
         offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
         calibrated: the planes whose last calibration is valid.
         heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
@@ -66,6 +67,7 @@ class PipelineStatistics:
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None
+    temporal_filter: dict[Plane, float] = field(default_factory=dict)
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
     heartbeat: HeartbeatStatus | None = None

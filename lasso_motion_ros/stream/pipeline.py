@@ -80,6 +80,7 @@ class TrackingPipeline:
             last_pair_ns=None if pair is None else pair.stamp_ns,
             last_pose_ns=session.last_pose_ns,
             residual_px={} if result is None else dict(result.residual_px),
+            temporal_filter={} if result is None else dict(result.temporal_filter),
             ring=None if result is None else result.ring,
             seed_gap_mm=None if result is None else result.seed_gap_mm,
             heartbeat=session.heartbeat.status,

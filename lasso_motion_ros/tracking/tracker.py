@@ -81,6 +81,8 @@ class TrackResult:
         residual_px: per plane, mean distance of the projected model to the lines found; empty where none.
         ring: what the ring does by itself; None where it is not seen or not told apart.
         seed_gap_mm: by which the planes disagreed on the ring's place at the seed, mm; None where that is not judged.
+        temporal_filter: per plane, the share of the last image that the display's filter over time keeps in the next;
+            empty where none is recognised.
     """
 
     stamp_ns: int
@@ -93,6 +95,7 @@ class TrackResult:
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None
+    temporal_filter: dict[Plane, float] = field(default_factory=dict)
 
     def with_loop(self, loop: Array) -> TrackResult:
         """The same with the catheter's curve (N, 3), world metres."""

@@ -1,4 +1,4 @@
-"""What the tracker node says of the heartbeat on /diagnostics."""
+"""What the tracker node says on /diagnostics of the heartbeat, and of a filter over time in the images."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ from support.message_inputs import MESSAGES, FakeTracker
 
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status
+from lasso_motion_ros.nodes.diagnostics import OK, WARN, heartbeat_status, tracker_status
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.stream.outputs import PipelineStatistics
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.tracking.tracker import TrackerState
 
 
 def statistics(**values: Any) -> PipelineStatistics:
@@ -32,3 +33,9 @@ def test_a_heartbeat_that_cannot_be_told_is_a_warning_with_its_reason(works: boo
     assert status["level"] == level
     assert status["message"] == "2.0 pairs/s are too few"
     assert status["values"] == [{"key": "R peaks", "value": "3"}]
+
+
+def test_a_filter_over_time_is_told_of_the_plane_that_has_it() -> None:
+    told = dataclasses.replace(statistics(), temporal_filter={"a": 0.3456})
+    values = tracker_status("/lasso_tracker", TrackerState.TRACKING, told)["values"]
+    assert [one for one in values if "temporal" in one["key"]] == [{"key": "temporal filter, plane A", "value": "0.35"}]

@@ -9,6 +9,7 @@ from support.ring_fits import detection_of, plane_fit
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
+from lasso_motion_ros.ring.display_chain import DisplayChain, DisplayChainTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import TrackBelief
@@ -26,6 +27,7 @@ def track(late_s=0.0):
         model=model,
         template=None,
         detector=detector,
+        display=DisplayChain(DisplayChainTuning()),
         motion=RespiratoryMotion(0.0, late_s),
         curve=BreathingCurve(np.zeros(3), 0.0, CURVE),
         start_ns=0,
@@ -55,6 +57,15 @@ def seen(one, stamp_ns, place, **of_hypothesis):
     one.motion, one.displacement = best.motion, best.displacement
     one.learn_motion(best, time_s)
     return best
+
+
+def test_the_way_since_the_last_pair_is_a_share_of_that_since_it_was_seen():
+    one = track()
+    seen(one, 1_000_000_000, np.array([0.0, 0.0, -0.003]))
+    one.begin(2_000_000_000)
+    np.testing.assert_allclose(one.way(one.seen_before - np.array([0.0, 0.0, 0.004])), [0.0, 0.0, -0.004], atol=1e-12)
+    one.begin(3_000_000_000)
+    np.testing.assert_allclose(one.way(one.seen_before - np.array([0.0, 0.0, 0.004])), [0.0, 0.0, -0.002], atol=1e-12)
 
 
 def test_a_pair_begins_with_nothing_seen():

@@ -43,6 +43,7 @@ def track(**changed):
         "agreement": SeedAgreement(0.0, ""),
         "reference_covariance": np.zeros((3, 3)),
         "rotation": rotation(),
+        "display": SimpleNamespace(filters={"a": 0.3}),
     }
     return SimpleNamespace(**(values | changed))
 
@@ -61,6 +62,7 @@ def test_without_a_pose_there_is_no_pose():
     assert (result.state, result.reason) == (TrackerState.LOST, "why")
     assert (result.stamp_ns, result.reference_stamp_ns) == (7, 3)
     assert result.motion is result.covariance is result.loop is None
+    assert result.temporal_filter == {"a": 0.3}
 
 
 def test_the_pose_is_the_motion_since_the_reference():

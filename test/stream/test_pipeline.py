@@ -219,6 +219,7 @@ def test_statistics_count_what_came_and_what_became_of_it() -> None:
     assert statistics.frames["b"].images == 5
     assert statistics.last_pose_ns == stamp(4)
     assert statistics.residual_px == {"a": 0.5, "b": 0.4}
+    assert statistics.temporal_filter == {"a": 0.35}
 
 
 def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_none() -> None:

@@ -116,5 +116,13 @@ class FakeTracker:
         motion = rigid((0, 0, 0), (1e-3 * self.count, 0, 0))
         covariance = np.eye(6) * 1e-8
         return TrackResult(
-            pair.stamp_ns, self.state, "", motion, covariance, loop, self.reference_ns, {"a": 0.5, "b": 0.4}
+            pair.stamp_ns,
+            self.state,
+            "",
+            motion,
+            covariance,
+            loop,
+            self.reference_ns,
+            residual_px={"a": 0.5, "b": 0.4},
+            temporal_filter={"a": 0.35},
         )

@@ -22,6 +22,7 @@ from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
+from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
@@ -96,6 +97,8 @@ OFF = 1e6  # a limit that nothing reaches
 IDEAS: Mapping[str, Idea] = {
     idea.name: idea
     for idea in (
+        # What is looked at.
+        Idea("unlagged", "undoing a filter over time", options=_with(display=DisplayChainTuning(undo=False))),
         # Where it is looked for.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("near", "looking near the prediction first", options=_with(detector=DetectorTuning(near_first=False))),
