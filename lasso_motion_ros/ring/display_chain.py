@@ -77,6 +77,7 @@ class DisplayChainTuning:
     sigma_floor: float = 0.01  # of λ: what a display curve does to the noise
     interval_slack: float = 0.25  # of the period: jitter of the stamps
     longest_gap: int = 3  # periods
+    ghost_reach_m: float = 1e-3  # a wire's and an electrode's width: a ghost further off pulls at no alignment
 
 
 QUANTISATION = 1.0 / 12.0  # variance of rounding, grey values²
@@ -129,7 +130,10 @@ class PlaneChain:
         self._period_ns = 0
         self._sums: Array = np.zeros((3, tuning.groups))  # of C, E1, E0 by group
         self.filter, self.sigma = 0.0, np.inf  # λ, and its standard deviation
-        self.left = 0.0
+        self.error, self.ghost = (
+            0.0,
+            0.0,
+        )  # of the last image in what was made of this one: unsure, and known to be left
 
     @property
     def is_filtered(self) -> bool:
@@ -140,9 +144,9 @@ class PlaneChain:
     def undone(self, frame: Frame) -> Frame:
         """The frame as it was before the filter; the same frame where there is none, or where it cannot be undone.
 
-        `left` says afterwards what share of the way since the last image the ring may lag by: its standard deviation.
+        `error` and `ghost` say afterwards what is left of images before, as a share of the image's own.
         """
-        self.left = 0.0
+        self.error, self.ghost = 0.0, 0.0
         sample = sampled(frame.pixels, self._tuning)
         last = self._last
         if last is None or self._sample is None or not self._is_comparable(frame, last, sample, self._sample):
@@ -225,13 +229,12 @@ class PlaneChain:
     def _undo(self, pixels: Pixels, before: Pixels, periods: int) -> Pixels:
         """(H, W) without what is left of the image so many periods before."""
         if periods == 0:
-            self.left = self.filter / (1.0 - self.filter)
+            self.ghost = self.filter / (1.0 - self.filter)
             return pixels
         share = self.filter**periods
-        # By how much the share is off, and, of the images that did not come, what is still in it.
-        error = periods * self.filter ** (periods - 1) * self.sigma / (1.0 - share)
-        missed = (self.filter - share) / (1.0 - share)
-        self.left = float(np.hypot(error, missed))
+        self.error = periods * self.filter ** (periods - 1) * self.sigma / (1.0 - share)
+        # The images that did not come have λ − λⁿ, the image itself 1 − λ.
+        self.ghost = (self.filter - share) / (1.0 - self.filter)
         return unfiltered(pixels, before, share)
 
 
@@ -245,14 +248,15 @@ class DisplayChain:
     def __init__(self, tuning: DisplayChainTuning) -> None:
         self._tuning = tuning
         self._planes: dict[Plane, PlaneChain] = {plane: PlaneChain(tuning) for plane in PLANES}
-        self.left = 0.0  # of the way since the last pair, by which the ring may lag: standard deviation, worse plane
+        self.error, self.ghost = 0.0, 0.0  # of the worse plane
 
     def undone(self, pair: FramePair) -> FramePair:
         """The pair as it was before the display's filter; the very pair where there is none."""
         if not self._tuning.undo:
             return pair
         frames = {plane: self._planes[plane].undone(frame) for plane, frame in pair.frames.items()}
-        self.left = max((self._planes[plane].left for plane in frames), default=0.0)
+        self.error = max((self._planes[plane].error for plane in frames), default=0.0)
+        self.ghost = max((self._planes[plane].ghost for plane in frames), default=0.0)
         if all(frame is pair.frame(plane) for plane, frame in frames.items()):
             return pair
         return replace(pair, a=frames.get("a"), b=frames.get("b"))
@@ -263,8 +267,14 @@ class DisplayChain:
         return {plane: chain.filter for plane, chain in self._planes.items() if chain.is_filtered}
 
     def covariance(self, way: Array) -> Array:
-        """(3, 3) m² of the displacement, by the lag that is left of a ring that came (3,) m since the last pair."""
-        return np.asarray(self.left**2 * np.outer(way, way))
+        """(3, 3) m² of the displacement, by the lag that is left of a ring that came (3,) m since the last pair.
+
+        An error σ of λ leaves a share σ/(1−λ) of the last image, and puts the ring off by that share of its way at
+        most. A ghost that is known to be left pulls likewise, but only while it overlaps the ring.
+        """
+        length = float(np.linalg.norm(way))
+        near = min(1.0, self._tuning.ghost_reach_m / length) if length > 0.0 else 0.0
+        return np.asarray((self.error**2 + (near * self.ghost) ** 2) * np.outer(way, way))
 
 
 def unfiltered(pixels: Pixels, before: Pixels, share: float) -> Pixels:

@@ -120,7 +120,7 @@ def test_without_a_filter_the_very_images_come_back():
     for found, image in zip(fed(chain, shown), shown, strict=True):
         assert found is image
     assert not chain.is_filtered
-    assert chain.left == 0.0
+    assert chain.error == chain.ghost == 0.0
     assert chain.filter == pytest.approx(0.0, abs=0.05)
 
 
@@ -136,8 +136,9 @@ def test_the_first_three_images_tell_and_the_third_is_undone():
 def test_what_is_left_of_the_lag_is_lambda_s_error():
     chain, images, shown = filtering(0.5)
     (found,) = fed(chain, shown[:1], [6])
-    assert chain.left == pytest.approx(chain.sigma / (1.0 - chain.filter), rel=1e-6)
-    assert 0.01 < chain.left < 0.1
+    assert chain.error == pytest.approx(chain.sigma / (1.0 - chain.filter), rel=1e-6)
+    assert 0.01 < chain.error < 0.1
+    assert chain.ghost == 0.0
     assert np.std(found.astype(float) - images[0]) < 3.0
 
 
@@ -182,7 +183,7 @@ def test_of_what_did_not_come_so_much_is_undone_as_the_last_image_tells():
     (found,) = fed(chain, shown[1:2], [7])  # number 6 is missing
     # Of y7 = ½x7 + ¼x6 + ¼y5 a third of x6 is left and nothing of y5.
     np.testing.assert_allclose(found, (2.0 * images[1] + 1.0 * images[0]) / 3.0, atol=6.0)
-    assert chain.left == pytest.approx(1.0 / 3.0, abs=0.05)
+    assert chain.ghost == pytest.approx(1.0 / 2.0, abs=0.05)
     (found,) = fed(chain, shown[2:3], [8])
     assert np.std(found.astype(float) - images[2]) < 3.0
 
@@ -275,14 +276,19 @@ def test_each_plane_has_its_own_filter_and_a_missing_one_is_borne():
     assert chain.filters.keys() == {"a"}
     alone = FramePair(5 * PERIOD_NS, None, frame(shown["b"][5], 5, VIEWS["b"]))
     assert chain.undone(alone) is alone
-    assert chain.left == 0.0
+    assert chain.error == chain.ghost == 0.0
 
 
 def test_the_lag_that_is_left_lies_along_the_ring_s_way():
     chain = DisplayChain(TUNING)
-    chain.left = 0.1
+    chain.error = 0.1
     np.testing.assert_allclose(chain.covariance(np.array([0.0, 0.0, 5e-3])), np.diag([0.0, 0.0, 0.25e-6]))
-    chain.left = 0.0
+    # A ghost of a half pulls by half its distance, up to a millimetre of that.
+    chain.error, chain.ghost = 0.0, 0.5
+    np.testing.assert_allclose(chain.covariance(np.array([0.0, 0.0, 0.4e-3])), np.diag([0.0, 0.0, 0.04e-6]))
+    np.testing.assert_allclose(chain.covariance(np.array([0.0, 0.0, 5e-3])), np.diag([0.0, 0.0, 0.25e-6]))
+    assert not chain.covariance(np.zeros(3)).any()
+    chain.ghost = 0.0
     assert not chain.covariance(np.ones(3)).any()
 
 
