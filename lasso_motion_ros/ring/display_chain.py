@@ -67,9 +67,7 @@ class DisplayChainTuning:
     contradiction: float = 0.2  # of λ, by one triple against all before it: another filter
     contradiction_sigmas: float = 5.0  # of that triple's
     projection_step: float = 1e-3  # of the focal length: the C-arm turned by 0.06°, or moved by 1 mm
-    grey_step: float = (
-        0.1  # relative change of the grey between two images, in most blocks: another window, no hunting exposure
-    )
+    grey_step: float = 0.1  # relative change of the grey between two images: another window, no hunting exposure
     memory: float = 0.9  # weight of the sums so far against a new triple
     smallest: float = 0.1  # λ below it is not undone: the lag is a ninth of the way between two images at most
     largest: float = 0.8  # λ above it is not believed

@@ -23,6 +23,7 @@ class ValidationTuning:
     degraded_slacks: float = 2.5  # the planes may disagree so many times by what moved between their exposures
     lost_slacks: float = 4.0
     ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
+    # Where the filter is undone no ghost is left, but before it is recognised, and after an image that did not come.
 
 
 def refusal(
