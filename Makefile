@@ -11,7 +11,7 @@ unexport PYTHONPATH PYTHONHOME PYTHONSTARTUP VIRTUAL_ENV LD_LIBRARY_PATH LD_PREL
 unexport $(filter ROS_% RMW_% RCUTILS_% RCL_% FASTRTPS_% FASTDDS_% CYCLONEDDS_%,$(.VARIABLES))
 
 # Tests run beside each other, one process a core; those that start processes themselves one after the other.
-BESIDE = -n auto --dist loadgroup
+BESIDE = -n auto
 
 PACKAGE = setup.py setup.cfg pyproject.toml package.xml
 RUN = $(VENV)/.installed-run

@@ -6,6 +6,7 @@ import locale
 import os
 import signal
 from collections.abc import Iterator
+from typing import Any
 
 # Before numpy and rclpy are imported by any test; child processes inherit them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -24,11 +25,12 @@ settings.register_profile("project", deadline=None, derandomize=True)
 settings.load_profile("project")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Where tests run side by side, those with processes of their own stay in one row: each has the machine's pace."""
-    for item in items:
-        if item.get_closest_marker("ros") or item.get_closest_marker("packaging"):
-            item.add_marker(pytest.mark.xdist_group("processes"))
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """How tests are shared out where pytest-xdist runs them beside each other (`-n`)."""
+    from support.beside import OneRowOfProcesses
+
+    return OneRowOfProcesses(config, log)
 
 
 @pytest.fixture(autouse=True)
