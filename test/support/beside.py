@@ -1,4 +1,4 @@
-"""How tests run beside each other: those that start processes of their own one after the other, at the machine's pace."""
+"""How tests run beside each other: those that start processes one after the other, at the machine's pace."""
 
 from __future__ import annotations
 
