@@ -38,6 +38,8 @@ class AssociationTuning:
     view_m: float = 0.04  # something else is found anywhere within this,
     agreement_m: float = 0.01  # and the two planes agree on it as well as this
     range_support: float = 1.6
+    # Being where it was foretold proves so much (log odds) and no more: what looks like the ring is often right beside it.
+    foretold: float = 2.0
     surge_probability: float = 0.1  # that a breath has set in unforeseen
     jump_probability: float = 0.02  # that it was moved by hand
     jump_reach_m: float = 0.024  # then it may be anywhere within this
@@ -156,8 +158,7 @@ def _hypothesis(
             break
     motion_odds = float(logsumexp(odds))
     after = outcomes[int(np.argmax(odds))]
-    # Something else that looks like the ring is often right beside it: being where it was foretold proves nothing.
-    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, 0.0)
+    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold)
     gap_mm, slack_mm = _disagreement(detection, ways[0][1](), times, model)
     return Hypothesis(detection, after, log_odds, gap_mm, slack_mm)
 

@@ -35,6 +35,7 @@ class CurveTuning:
     smallest_sigma_m: float = 0.0004  # however well breaths repeat
     along_sigma_m: float = 0.010  # beyond the deepest breath so far
     widening: float = 0.08  # across, per metre beyond it: the direction is known only so well
+    hidden_axis: float = 1.5  # likewise before a breath is complete: times the heartbeat's share of what was seen
     reversal_share: float = 0.3  # of the range so far: a turn of the breathing, not a jitter
     smallest_reversal_m: float = 1.5e-3
     fastest_m_s: float = 0.065  # of a breath or a cough
@@ -42,6 +43,7 @@ class CurveTuning:
     longest_interval_s: float = 1.5  # after a longer pause speed tells nothing
     too_fast_sigmas: float = 4.0  # what just exceeds it
     slide_memory_s: float = 60.0
+    slide_spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     slide_points: int = 10  # before, nothing tells a slide from breathing
     longest_gap: float = 1.8  # of the usual interval
     slide_starts: int = 8
@@ -66,6 +68,8 @@ class BreathingCurve:
         self._tuning = tuning
         self._points, self._times_s = first[None], np.array([time_s])
         self._last, self._last_s = np.array(first), time_s
+        # All places where it was seen, in its place or not: a slide shows in all of them together.
+        self._seen, self._seen_s = first[None], np.array([time_s])
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
 
@@ -86,8 +90,16 @@ class BreathingCurve:
         total = self._tuning.repeated_sigma_m**2 * self._tuning.repeated_pairs + float(recent.sum())
         return float(max(np.sqrt(total / (self._tuning.repeated_pairs + len(recent))), self._tuning.smallest_sigma_m))
 
+    def see(self, time_s: float, displacement: Array) -> None:
+        """Take note of a displacement (3,) m where the ring was seen, of breathing or not."""
+        if time_s - self._seen_s[-1] < self._tuning.slide_spacing_s:
+            return
+        self._seen = np.vstack([self._seen, displacement])[-self._tuning.points :]
+        self._seen_s = np.append(self._seen_s, time_s)[-self._tuning.points :]
+
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m for one of breathing."""
+        self.see(time_s, displacement)
         self._last, self._last_s = np.array(displacement), time_s
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
@@ -111,8 +123,8 @@ class BreathingCurve:
         Returns:
             Metres slid by now, and the natural logarithm of the odds.
         """
-        recent = self._times_s > time_s - self._tuning.slide_memory_s
-        points, times = self._points[recent], self._times_s[recent]
+        recent = self._seen_s > time_s - self._tuning.slide_memory_s
+        points, times = self._seen[recent], self._seen_s[recent]
         _, odds = self._change_point(points, times)
         if odds == 0.0:  # one place proves nothing, the newest least of all
             return 0.0, 0.0
@@ -195,11 +207,13 @@ class BreathingCurve:
         across, beyond = self._across(displacement, time_s)
         drift_m = self._tuning.drift_m_s * min(time_s - self._times_s[0], self._tuning.drift_s)
         wider_m = self._tuning.widening * beyond
+        if not self.is_complete:  # a strong heart hides where breathing is going to
+            wider_m = max(wider_m, self._tuning.hidden_axis * sigma_m / spread * float(np.hypot(across, beyond)))
         scale = float(np.sqrt(self.sigma_m**2 + sigma_m**2 + wider_m**2 + drift_m**2))
         return float(np.hypot(across / scale, beyond / self._tuning.along_sigma_m))
 
     def _across(self, displacement: Array, time_s: float) -> tuple[float, float]:
-        """(across, beyond): distance off the curve, and how far along the axis beyond its ends, metres."""
+        """(across, beyond): distance off the curve, and how far along its axis beyond its ends, metres."""
         if self._complete_s is None:
             old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
             curve = self._points if old.sum() < 4 else self._points[old]

@@ -17,16 +17,17 @@ from scipy.interpolate import BSpline
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
-from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, resample, slope
+from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, distance_to_curve, quarter_turn, resample, slope
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
-from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
+from lasso_motion_ros.ring.strip import HALF_WIDTH, evidence_along, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.line_filter import sato
 from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.seeding.outlines import (
+    curves_through_clicks,
     is_bright,
     line_sigma_px,
     outlines,
@@ -56,6 +57,10 @@ class _Tuning:
     # Contrast along the model in units of the local noise (docs/constants.md).
     smallest_contrast: float = 0.49
     doubtful_contrast: float = 1.0
+    doubtful_misfit: float = 5.0  # ellipses that fit worse than the best by this are not tried
+    click_spread_mm: float = 0.35  # of clicks about the wire
+    click_penalty: float = 0.05  # of what the planes have in common, for each such variance
+    ellipses: int = 2  # at most, of each kind of outline
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
 
 
@@ -157,14 +162,72 @@ def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, 
 
 
 def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool) -> LoopModel:
+    """The model whose planes have most in common along the arc, of all that the clicks allow.
+
+    An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
+    ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
+    """
     projections = require_both_planes(pair)
+    share_of_a, models, failure = _share_of_a(pair), list[LoopModel](), None
+    for paths in (outlines(pair, seed, config, bright=bright), curves_through_clicks(seed, projections)):
+        shifts = epipolar_shift(projections, paths, share_of_a)
+        try:
+            candidates = reconstruct_ellipse(_shifted(projections, shifts), paths).candidates
+        except ReconstructionError as error:
+            failure = failure or error
+            continue
+        limit = candidates[0].misfit + TUNING.doubtful_misfit
+        for candidate in candidates[: TUNING.ellipses]:
+            if candidate.misfit <= limit:
+                try:
+                    models.append(_around(candidate.ellipse, pair, paths, shifts, config, count, bright=bright))
+                except ReconstructionError as error:
+                    failure = failure or error
+    if not models:
+        raise failure or ReconstructionError("no 3-D loop explains the clicks")
+    return max(models, key=lambda model: _in_common(pair, model) - TUNING.click_penalty * _beside(model, pair, seed))
+
+
+def _beside(model: LoopModel, pair: FramePair, seed: Seed) -> float:
+    """Mean squared distance of the clicks from the model's curve, in units of how well people click."""
+    squares = []
+    for plane, frame in pair.frames.items():
+        curve = frame.projection.project(model.points) + model.shift(plane, frame.projection)
+        unit = frame.projection.millimetres_per_pixel(model.centre) / TUNING.click_spread_mm
+        squares.append((unit * distance_to_curve(seed.points(plane), curve)) ** 2)
+    return float(np.mean([square.mean() for square in squares]))
+
+
+def _share_of_a(pair: FramePair) -> float:
+    """What plane A's images take of a shift between the planes: half, or none where plane B is exposed later."""
     frames = pair.frames
-    paths = outlines(pair, seed, config, bright=bright)
     simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < TUNING.simultaneous_s * 1e9
-    share_of_a = 0.5 if simultaneous else 0.0
-    shifts = epipolar_shift(projections, paths, share_of_a)
+    return 0.5 if simultaneous else 0.0
+
+
+def _in_common(pair: FramePair, model: LoopModel) -> float:
+    """Mean along the arc of the lesser of the two planes' evidence, as far as it speaks for a ring."""
+    shown = []
+    for plane, frame in pair.frames.items():
+        shift = model.shift(plane, frame.projection)
+        image = working_image(frame, model.centre, bright=model.bright, shift=shift)
+        shown.append(evidence_along(image, image.projection.project(model.points)))
+    return float(np.maximum(np.minimum(*shown), 0.0).mean())
+
+
+def _around(
+    ellipse: Ellipse3D,
+    pair: FramePair,
+    paths: dict[Plane, Array],
+    shifts: dict[Plane, Array],
+    config: TrackerConfig,
+    count: int,
+    *,
+    bright: bool,
+) -> LoopModel:
+    """The model whose curve follows the wire in both planes, from an ellipse of the clicks' paths and their shifts."""
+    projections, frames, share_of_a = require_both_planes(pair), pair.frames, _share_of_a(pair)
     shifted = _shifted(projections, shifts)
-    ellipse = reconstruct_ellipse(shifted, paths).chosen.ellipse
     outline = LoopOutline(ellipse, shifted, paths)
 
     def fitted(low: float, high: float) -> tuple[_Curve, dict[Plane, Array]]:
@@ -188,15 +251,27 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
         if inside < TUNING.open_contrast * whole:
             low, high = gap[1] - TURN, gap[0]
             curve, moved = fitted(low, high)
-    shifted = _shifted(projections, moved)
     points = resample(curve(np.linspace(low, high, 8 * count)), count)
+    return _model(points, bright, moved, projections, simultaneous=share_of_a > 0.0)
+
+
+def _model(
+    points: Array,
+    bright: bool,
+    shifts: dict[Plane, Array],
+    projections: dict[Plane, Projection],
+    *,
+    simultaneous: bool,
+) -> LoopModel:
+    """The model of a curve (L, 3) and the planes' shifts, pixels."""
+    shifted = _shifted(projections, shifts)
     centre = _circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (shifted["a"], shifted["b"]))
     normal = np.cross(ray_a, ray_b)
     normal /= np.linalg.norm(normal)
     lateral = np.cross(normal, ray_b)
-    between = None if simultaneous else _between(normal, moved["b"], projections["b"].jacobian(centre))
-    offsets = offsets_of(moved, projections, centre)
+    between = None if simultaneous else _between(normal, shifts["b"], projections["b"].jacobian(centre))
+    offsets = offsets_of(shifts, projections, centre)
     return LoopModel(points, centre, bright, offsets, between, (ray_a, lateral), normal)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.ring.strip import HALF_WIDTH, sample_at, strip_about, upper_median
+from lasso_motion_ros.ring.strip import HALF_WIDTH, evidence_along, sample_at, strip_about, upper_median
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
@@ -55,6 +55,7 @@ class PlaneFit:
         visible: share of the loop's segments that look as expected.
         residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
         strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the template from.
+        shown: (L,) the evidence along the curve, likewise.
     """
 
     centre: Array
@@ -68,6 +69,7 @@ class PlaneFit:
     visible: float
     residual_mm: float
     strip: Image
+    shown: Image
 
 
 class LoopViews:
@@ -219,7 +221,7 @@ class LoopViews:
         step = beside / (gain * np.maximum(steep, 1e-9))
         distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
         residual_px = distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        evidence, coverage = self._evidence()
+        shown, evidence, coverage = self._evidence()
         return [
             PlaneFit(
                 self._centres[i],
@@ -233,21 +235,22 @@ class LoopViews:
                 float(visible[i]),
                 PIXEL_MM * float(residual_px[i]),
                 self._samples[i],
+                shown[i],
             )
             for i in range(len(self._images))
         ]
 
-    def _evidence(self) -> tuple[list[float], list[float]]:
-        """Evidence and coverage of each plane, where it was last sampled."""
-        evidence, coverage = [], []
+    def _evidence(self) -> tuple[list[Image], list[float], list[float]]:
+        """Each plane's evidence along the curve where it was last sampled, its weighted mean, and its coverage."""
+        shown, evidence, coverage = [], [], []
         for pixels, image in zip(self._strip.pixels, self._images, strict=True):
-            at = pixels.astype(np.float32)
-            values = cv2.remap(image.evidence, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            values = evidence_along(image, pixels)
             inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
             share = float(self._profile @ inside)
-            evidence.append(float(self._profile @ values.reshape(-1)) / max(share, 1e-6) if share > 0.0 else 0.0)
+            shown.append(values)
+            evidence.append(float(self._profile @ values) / max(share, 1e-6) if share > 0.0 else 0.0)
             coverage.append(share)
-        return evidence, coverage
+        return shown, evidence, coverage
 
     def _derivative(self) -> Array:
         """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.

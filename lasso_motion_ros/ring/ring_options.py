@@ -44,6 +44,6 @@ class RingOptions:
     curve: CurveTuning = field(default_factory=CurveTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
-    learning_share: float = 0.8
+    learning_share: float = 0.6
     rotation: bool = True
     points: int = POINTS

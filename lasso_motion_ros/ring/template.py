@@ -35,6 +35,7 @@ class TemplateTuning:
     smallest_usual: float = 0.3  # correlation; with less no ring is told from noise
     usual_softened: float = 0.9  # where noise is blurred away
     memory: int = 8  # pairs over which what is usual follows the dose
+    between: float = 0.4  # evidence: less is shown by the wire between electrodes, and by noise
 
 
 class RingTemplate:
@@ -42,35 +43,41 @@ class RingTemplate:
 
     Args:
         strips: per plane, (L, 2·HALF_WIDTH + 1) samples of the working image along the ring.
+        shown: per plane, (L,) the evidence along it.
         tuning: how it is made and learned.
 
     Attributes:
         profile: (L,) float32, not negative: by how much each point of the arc stands out in both planes.
-        weights: (L,) the same, of sum 1.
+        weights: (L,) of sum 1: where the electrodes are, by the evidence of both planes; what it is weighted by.
         values: (L, 2·HALF_WIDTH + 1) float32, the profile times the cross-section.
         slopes: of `values`, along the arc and across it.
         usual: per plane, correlation with it where the ring is seen.
     """
 
-    def __init__(self, strips: Mapping[Plane, Image], tuning: TemplateTuning) -> None:
+    def __init__(self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], tuning: TemplateTuning) -> None:
         self._tuning = tuning
         self._means = {plane: strips[plane].astype(np.float32) for plane in PLANES}
+        self._shown = {plane: shown[plane].astype(np.float32) for plane in PLANES}
         self._count = 1
         self._renew()
         self.usual = {
             plane: max(_correlation(self.values, strips[plane]), self._tuning.smallest_usual) for plane in PLANES
         }
 
-    def learn(self, strips: Mapping[Plane, Image], correlations: Mapping[Plane, float]) -> None:
-        """Take in one pair that surely shows the ring: its strips, and how well they correlated."""
+    def learn(
+        self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], correlations: Mapping[Plane, float]
+    ) -> None:
+        """Take in one pair that surely shows the ring: its strips and evidence, and how well they correlated."""
         for plane, correlation in correlations.items():
             step = (correlation - self.usual[plane]) / self._tuning.memory
             self.usual[plane] = max(self.usual[plane] + step, self._tuning.smallest_usual)
         if self._count >= self._tuning.pairs or len(strips) < len(PLANES):
             return
         self._count += 1
+        share = np.float32(1.0 / self._count)
         for plane, strip in strips.items():
-            self._means[plane] = self._means[plane] + (strip - self._means[plane]) * np.float32(1.0 / self._count)
+            self._means[plane] = self._means[plane] + (strip - self._means[plane]) * share
+            self._shown[plane] = self._shown[plane] + (shown[plane] - self._shown[plane]) * share
         self._renew()
 
     def softened(self) -> RingTemplate:
@@ -86,7 +93,12 @@ class RingTemplate:
         self.profile: Image = join(profiles["a"], profiles["b"])
         if not self.profile.any():  # the planes have nothing in common: all of the arc counts alike
             self.profile = np.full_like(self.profile, 1e-3)
-        self.weights: Image = self.profile / np.float32(self.profile.sum())
+        # What little the wire shows is left out: noise would outweigh it.
+        shown = join(self._shown["a"], self._shown["b"])
+        electrodes: Image = np.maximum(shown - np.float32(self._tuning.between), np.float32(0.0))
+        if not electrodes.any():
+            electrodes = self.profile
+        self.weights: Image = electrodes / np.float32(electrodes.sum())
         cross: Image = self.profile @ self._means["a"] + self.profile @ self._means["b"]
         cross = 0.5 * (cross + cross[::-1])
         self._show(self.profile[:, None] * (cross / max(float(cross[HALF_WIDTH]), 1e-6)).astype(np.float32))

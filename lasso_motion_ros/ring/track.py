@@ -137,7 +137,9 @@ class Track:
         """Learn how it looks."""
         fits = best.detection.planes
         self.template.learn(
-            {plane: fit.strip for plane, fit in fits.items()}, {plane: fit.correlation for plane, fit in fits.items()}
+            {plane: fit.strip for plane, fit in fits.items()},
+            {plane: fit.shown for plane, fit in fits.items()},
+            {plane: fit.correlation for plane, fit in fits.items()},
         )
 
     def learn_rotation(self, best: Hypothesis, time_s: float) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.interpolate import splev, splprep
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
@@ -28,6 +30,8 @@ class _Tuning:
         largest_radius_mm: likewise.
         click_reach_px: a click may be this far beside the line.
         smallest_sigma_px: scale of the line filter; below it the sampled kernel is no Gaussian.
+        click_spread_mm: standard deviation of clicks about the loop, each way.
+        curve_points: of a smooth curve through the clicks.
     """
 
     fewest_clicks: int = 6
@@ -35,6 +39,8 @@ class _Tuning:
     largest_radius_mm: float = 30.0
     click_reach_px: int = 4
     smallest_sigma_px: float = 0.8
+    click_spread_mm: float = 0.25
+    curve_points: int = 200
 
 
 TUNING = _Tuning()
@@ -127,3 +133,22 @@ def outlines(pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
                 f"{2.0 * TUNING.smallest_radius_mm:g} mm: were they set along the whole lasso?"
             )
     return paths
+
+
+def curves_through_clicks(seed: Seed, projections: Mapping[Plane, Projection]) -> dict[Plane, Array]:
+    """The loop in each plane, (M, 2) pixels from the first click to the last, as a smooth curve.
+
+    Where noise outweighs the wire, a minimal path wanders from click to click, and the clicks alone tell more. (A
+    smoothing spline: Dierckx, "Curve and Surface Fitting with Splines", 1993.)
+
+    Args:
+        seed: the clicks, six or more a plane.
+        projections: world metres to pixels: what the smoothing is, in pixels.
+    """
+    curves: dict[Plane, Array] = {}
+    for plane in PLANES:
+        clicks = seed.points(plane)
+        spread_px = TUNING.click_spread_mm / projections[plane].millimetres_per_pixel(np.zeros(3))
+        spline, _ = splprep(clicks.T, s=len(clicks) * spread_px**2, k=3)
+        curves[plane] = np.stack(splev(np.linspace(0.0, 1.0, TUNING.curve_points), spline), axis=1)
+    return curves
