@@ -86,6 +86,11 @@ class Alignment:
         """(3, 3) rad²."""
         return self.covariance[-4:-1, -4:-1]
 
+    @property
+    def centres(self) -> dict[Plane, Array]:
+        """Per plane that took part, (3,) a world point on the ray on which the loop's centre was seen."""
+        return dict(zip(self.likeness, self.views.centres, strict=True))
+
     @cached_property
     def planes(self) -> dict[Plane, PlaneFit]:
         """Fit of each plane that took part, worked out when asked for: most candidates are discarded unread."""
@@ -177,7 +182,7 @@ def align_from_afar(
         images,
         template,
         arms,
-        {plane: fit.centre for plane, fit in first.planes.items()},
+        first.centres,
         prior,
         first.turn,
         first.stretch,

@@ -21,7 +21,7 @@ from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, distance_to_curve
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
-from lasso_motion_ros.ring.strip import HALF_WIDTH, evidence_along, strip_along
+from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.line_filter import sato
@@ -211,7 +211,7 @@ def _in_common(pair: FramePair, model: LoopModel) -> float:
     for plane, frame in pair.frames.items():
         shift = model.shift(plane, frame.projection)
         image = working_image(frame, model.centre, bright=model.bright, shift=shift)
-        shown.append(evidence_along(image, image.projection.project(model.points)))
+        shown.append(image.evidence_at(image.projection.project(model.points)))
     return float(np.maximum(np.minimum(*shown), 0.0).mean())
 
 

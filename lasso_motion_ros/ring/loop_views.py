@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.ring.strip import HALF_WIDTH, evidence_along, sample_at, strip_about, upper_median
+from lasso_motion_ros.ring.strip import HALF_WIDTH, sample_at, strip_about, upper_median
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
@@ -81,6 +80,7 @@ class LoopViews:
         centres: (P, 3) where to start from.
 
     Attributes:
+        centres: (P, 3) where it is taken to be by now.
         usual: (P,) correlation of strip and template where the loop is seen.
         correlation: (P,) the same, from the last look.
     """
@@ -97,7 +97,7 @@ class LoopViews:
         self._sideways = np.broadcast_to(template.slopes[1], self._patterns.shape)
         self._profile = template.weights
         self.usual = np.array([template.usual[plane] for plane in planes])
-        self._centres = centres
+        self.centres = centres
         rays = centres - np.array([p.source for p in projections])
         self._rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
         self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
@@ -116,7 +116,7 @@ class LoopViews:
 
     def shift(self, step: Array) -> None:
         """Move each plane's centre across its ray: (P, 2) metres."""
-        self._centres = self._centres + np.einsum("pi,pij->pj", step, self._across)
+        self.centres = self.centres + np.einsum("pi,pij->pj", step, self._across)
 
     def look(self, arms: Array) -> None:
         """Sample the images along the loop where it is taken to be, and tell how well that looks as expected.
@@ -125,7 +125,7 @@ class LoopViews:
             arms: (L, 3) the loop about its centre, turned and stretched.
         """
         self._arms, self._correlation_before = arms, self.correlation
-        homogeneous = (self._centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
+        homogeneous = (self.centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
         self._depth = homogeneous[..., 2]
         step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.mean(axis=1))
         self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
@@ -224,11 +224,11 @@ class LoopViews:
         shown, evidence, coverage = self._evidence()
         return [
             PlaneFit(
-                self._centres[i],
+                self.centres[i],
                 self._rays[i],
                 self._across[i],
                 covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
-                float(self._gains[i]) * self._images[i].contrast_unit(self._centres[i]),
+                float(self._gains[i]) * self._images[i].contrast_unit(self.centres[i]),
                 float(self.correlation[i]),
                 evidence[i],
                 coverage[i],
@@ -244,7 +244,7 @@ class LoopViews:
         """Each plane's evidence along the curve where it was last sampled, its weighted mean, and its coverage."""
         shown, evidence, coverage = [], [], []
         for pixels, image in zip(self._strip.pixels, self._images, strict=True):
-            values = evidence_along(image, pixels)
+            values = image.evidence_at(pixels)
             inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
             share = float(self._profile @ inside)
             shown.append(values)

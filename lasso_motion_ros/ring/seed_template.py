@@ -10,7 +10,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
 from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel, offsets_of
-from lasso_motion_ros.ring.strip import evidence_along, strip_along
+from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
 
@@ -45,7 +45,7 @@ def seed_template(
         }
         along = {plane: strip_along(model.points, image.projection) for plane, image in images.items()}
         strips = {plane: along[plane].sample(image) for plane, image in images.items()}
-        shown = {plane: evidence_along(image, along[plane].pixels) for plane, image in images.items()}
+        shown = {plane: image.evidence_at(along[plane].pixels) for plane, image in images.items()}
         template = RingTemplate(strips, shown, tuning)
         seen = Detection(align(images, template, model.arms, dict.fromkeys(PLANES, model.centre), STILL), worth)
         for plane, fit in seen.alignment.planes.items():

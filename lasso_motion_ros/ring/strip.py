@@ -53,13 +53,6 @@ def sample_at(coordinates: npt.NDArray[np.float32], image: WorkingImage) -> Imag
     return np.asarray(cv2.remap(image.values, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
 
 
-def evidence_along(image: WorkingImage, pixels: Array) -> Image:
-    """(L,) evidence of a working image at pixels (L, 2), bilinear; zero outside it."""
-    at = pixels.astype(np.float32)
-    values = cv2.remap(image.evidence, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-    return np.asarray(values.reshape(-1))
-
-
 def strip_along(curve: Array, projection: Projection) -> Strip:
     """The strip along a curve (L, 3) of world metres under a projection to working pixels."""
     return strip_about(projection.project(curve), PIXEL_MM / projection.millimetres_per_pixel(curve.mean(axis=0)))

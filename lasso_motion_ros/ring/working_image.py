@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import cv2
 import numpy as np
@@ -32,9 +31,13 @@ class _Tuning:
     coarse_kernel_cells: tuple[int, int] = (9, 9)
     noise_window_cells: tuple[int, int] = (31, 31)
     clip: float = 4.0  # in units of the local noise: what is denser is no better a catheter
-    evidence_fine_mm: float = 0.45
-    evidence_coarse_mm: float = 1.35
-    evidence_window_mm: float = 8.0
+    # Of evidence: differences of Gaussians as wide as an electrode, with kernels to three standard deviations.
+    evidence_fine_px: float = 1.8
+    evidence_fine_kernel_px: tuple[int, int] = (11, 11)
+    # With the cells' own width and the interpolation between them 5.4 working pixels in all.
+    evidence_coarse_cells: float = 2.65
+    evidence_coarse_kernel_cells: tuple[int, int] = (17, 17)
+    evidence_window_px: tuple[int, int] = (33, 33)
     evidence_range: tuple[float, float] = (-1.0, 2.0)
     soft_box_px: tuple[int, int] = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
 
@@ -42,6 +45,10 @@ class _Tuning:
 TUNING = _Tuning()
 NOISE_WINDOW_PX = CELL_PX * TUNING.noise_window_cells[0]
 SOFT_REACH_MM = 2 * (TUNING.soft_box_px[0] // 2) * PIXEL_MM
+# How far from a pixel the grey values lie on which its evidence rests: window, coarse kernel, interpolation.
+EVIDENCE_REACH_PX = (
+    TUNING.evidence_window_px[0] // 2 + CELL_PX * (TUNING.evidence_coarse_kernel_cells[0] // 2 + 1) + CELL_PX
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,20 +71,23 @@ class WorkingImage:
     grey: npt.NDArray[np.uint8 | np.uint16]
     bright: bool = False
 
-    @cached_property
-    def evidence(self) -> Image:
-        """(h, w) float32: attenuation as wide as an electrode, relative to its local root mean square, from -1 to 2.
+    def evidence_at(self, pixels: Array) -> Image:
+        """(N,) attenuation as wide as an electrode at pixels (N, 2), relative to its local root mean square; -1 to 2.
 
-        In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device
-        to what an electrode may count: a bigger or denser one is no better an electrode.
+        Bilinear, and zero outside the image. Worked out for the pixels' surroundings only, on which it rests.
         """
-        grey = np.log(np.maximum(self.grey, 1).astype(np.float32))
-        fine = cv2.GaussianBlur(grey, (0, 0), TUNING.evidence_fine_mm / PIXEL_MM)
-        band = cv2.GaussianBlur(grey, (0, 0), TUNING.evidence_coarse_mm / PIXEL_MM) - fine
-        window = 2 * round(0.5 * TUNING.evidence_window_mm / PIXEL_MM) + 1
-        power = cv2.blur(np.square(band), (window, window), borderType=cv2.BORDER_REFLECT)
-        band *= np.float32(-1.0 if self.bright else 1.0) / np.sqrt(np.maximum(power, np.float32(1e-8)))
-        return np.asarray(np.clip(band, *TUNING.evidence_range, out=band))
+        if not np.isfinite(pixels).all():
+            return np.zeros(len(pixels), dtype=np.float32)
+        size = np.array(self.grey.shape[::-1])
+        # Whole cells of the image's grid: a part of it shows what the whole does.
+        low = np.floor((pixels.min(axis=0) - EVIDENCE_REACH_PX) / CELL_PX).astype(int) * CELL_PX
+        high = np.ceil((pixels.max(axis=0) + EVIDENCE_REACH_PX + 1) / CELL_PX).astype(int) * CELL_PX
+        (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, size)
+        if left >= right or top >= bottom:
+            return np.zeros(len(pixels), dtype=np.float32)
+        x, y = (pixels - (left, top)).astype(np.float32).T
+        evidence = _evidence(self.grey[top:bottom, left:right], self.bright)
+        return np.asarray(cv2.remap(evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)).reshape(-1)
 
     def about(self, points: Array, reach_mm: float) -> WorkingImage:
         """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
@@ -165,6 +175,22 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     noise = cv2.resize(cv2.sqrt(cv2.max(power, floor)), size, dst=coarse, interpolation=cv2.INTER_LINEAR)
     np.divide(band, noise, out=band)
     return np.clip(band, -TUNING.clip, TUNING.clip, out=band), np.asarray(noise)
+
+
+def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
+    """(h, w) attenuation as wide as an electrode, relative to its local root mean square.
+
+    In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device to
+    what an electrode may count: a bigger or denser one is no better an electrode.
+    """
+    logarithm = np.log(np.maximum(grey, 1), dtype=np.float32)
+    fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
+    slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
+    coarse = cv2.resize(slow, grey.shape[::-1], dst=logarithm, interpolation=cv2.INTER_LINEAR)
+    band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
+    power = cv2.blur(cv2.multiply(band, band, dst=coarse), TUNING.evidence_window_px, borderType=cv2.BORDER_REFLECT)
+    band /= np.sqrt(np.maximum(power, np.float32(1e-8)))
+    return np.asarray(np.clip(band, *TUNING.evidence_range, out=band))
 
 
 def _local_mean(cells: Image) -> Image:

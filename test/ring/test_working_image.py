@@ -1,10 +1,19 @@
+import dataclasses
+
+import cv2
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from support.method_inputs import biplane, plane
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.ring.working_image import NOISE_WINDOW_PX, TUNING, reduction_factor, working_image
+from lasso_motion_ros.ring.working_image import (
+    EVIDENCE_REACH_PX,
+    NOISE_WINDOW_PX,
+    TUNING,
+    reduction_factor,
+    working_image,
+)
 
 NO_SHIFT = np.zeros(2)
 POINT = np.array([0.004, -0.006, 0.009])
@@ -193,3 +202,50 @@ def test_the_part_about_points_at_the_border_ends_there():
     # Columns 0 to ceil(2 + 10.5), rows 0 to ceil(3 + 10.5).
     assert part.values.shape == (15, 14)
     np.testing.assert_array_equal(part.values, whole.values[:15, :14])
+
+
+def evidence_of_the_whole(image):
+    """Evidence (h, w) as its definition has it: differences of whole Gaussians, over the window's root mean square."""
+    grey = np.log(np.maximum(image.grey, 1).astype(np.float32))
+    band = cv2.GaussianBlur(grey, (0, 0), 5.4) - cv2.GaussianBlur(grey, (0, 0), 1.8)
+    power = cv2.blur(band * band, (33, 33), borderType=cv2.BORDER_REFLECT)
+    return np.clip((-band if image.bright else band) / np.sqrt(power), -1.0, 2.0)
+
+
+@pytest.mark.parametrize("bright", [False, True])
+def test_evidence_is_that_of_the_definition(bright):
+    frame = lasso_frame()
+    image = working_image(frame, LOOP.centre, bright=bright, shift=NO_SHIFT)
+    pixels = image.projection.project(CURVE)
+    x, y = pixels.astype(np.float32).T
+    expected = cv2.remap(evidence_of_the_whole(image), x, y, cv2.INTER_LINEAR).reshape(-1)
+    np.testing.assert_allclose(image.evidence_at(pixels), expected, atol=0.03)
+    assert np.std(image.evidence_at(pixels) - expected) < 0.01
+
+
+def test_evidence_rests_on_the_surroundings_only():
+    image = working_image(lasso_frame(), LOOP.centre, bright=False, shift=NO_SHIFT)
+    pixels = image.projection.project(CURVE)
+    together = image.evidence_at(pixels)
+    apart = np.concatenate([image.evidence_at(one) for one in np.array_split(pixels, 7)])
+    np.testing.assert_allclose(apart, together, atol=2e-4)
+    # Nothing beyond them has a say.
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    rows, columns = np.mgrid[: image.grey.shape[0], : image.grey.shape[1]]
+    reach = EVIDENCE_REACH_PX + 4
+    is_near = (columns > low[0] - reach) & (columns < high[0] + reach) & (rows > low[1] - reach)
+    is_near &= rows < high[1] + reach
+    other = dataclasses.replace(image, grey=np.where(is_near, image.grey, 7).astype(np.uint8))
+    np.testing.assert_allclose(other.evidence_at(pixels), together, atol=2e-4)
+
+
+def test_there_is_no_evidence_outside_the_image():
+    image = working_image(lasso_frame(), LOOP.centre, bright=False, shift=NO_SHIFT)
+    width, height = image.values.shape[::-1]
+    outside = np.array([[-40.0, 30.0], [width + 500.0, 30.0], [30.0, height + 1.0], [-1e9, -1e9]])
+    np.testing.assert_array_equal(image.evidence_at(outside), 0.0)
+    np.testing.assert_array_equal(image.evidence_at(outside[:1]), 0.0)
+    np.testing.assert_array_equal(image.evidence_at(np.full((3, 2), np.nan)), 0.0)
+    inside = np.array([[30.0, 30.0]])
+    mixed = image.evidence_at(np.concatenate([outside[:3], inside]))
+    np.testing.assert_allclose(mixed, [0.0, 0.0, 0.0, image.evidence_at(inside)[0]], atol=2e-4)
