@@ -146,7 +146,8 @@ class RingDetector:
         if "b" in times:
             expected["b"] = model.centre + motion.expected_between(times["b"]).displacement
         uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
-        reach_mm = model.radius_mm + self._tuning.band_margin_mm + config.search.near_mm + min(uncertainty_mm, 20.0)
+        search_mm = config.search.near_mm + min(uncertainty_mm, 20.0)
+        reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
         images, peaks = {}, {}
         for plane in times:
             with self._stages("working image"):
@@ -158,7 +159,13 @@ class RingDetector:
                     reach_mm=reach_mm if near else None,
                 )
             with self._stages("search"):
-                peaks[plane] = find_peaks(images[plane], self._template.values, expected[plane], model.arms)
+                peaks[plane] = find_peaks(
+                    images[plane],
+                    self._template.values,
+                    expected[plane],
+                    model.arms,
+                    reach_mm=search_mm if near else None,
+                )
         slack_m = self._tuning.unforeseen_speed_m_s * (times["b"] - times["a"]) if len(times) == len(PLANES) else 0.0
         covariance = foreseen.covariance + self._tuning.expectation_m**2 * np.eye(3)
         count = config.search.candidates // (2 if near else 1)

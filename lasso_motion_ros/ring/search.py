@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -65,7 +66,9 @@ class SearchCandidate:
         return all(float(np.abs(c - other.centres[plane]).max()) < TUNING.same_m for plane, c in self.centres.items())
 
 
-def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array) -> Peaks:
+def find_peaks(
+    image: WorkingImage, template: Image, centre: Array, arms: Array, reach_mm: float | None = None
+) -> Peaks:
     """Correlate a plane's working image with the ring's template and take the highest local maxima.
 
     Args:
@@ -73,15 +76,19 @@ def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array)
         template: (L, 2·HALF_WIDTH + 1) strip values.
         centre: (3,) about where the loop's centre is expected, world metres.
         arms: (L, 3) the loop about its centre, metres.
+        reach_mm: how far from there, at the loop, its centre may be along each of the image's axes; None: anywhere.
     """
-    kernel, first_cell = render(template, strip_along(centre + arms, image.projection), CELL_PX)
+    kernel, expected = render(template, strip_along(centre + arms, image.projection), CELL_PX)
     cells = in_cells(image.values)
-    # The loop may be partly outside: pad with zeros, which neither speak for it nor against it.
-    pad_y, pad_x = kernel.shape
-    cells = cv2.copyMakeBorder(cells, pad_y // 2, pad_y // 2, pad_x // 2, pad_x // 2, cv2.BORDER_CONSTANT)
-    if cells.shape[0] < pad_y or cells.shape[1] < pad_x:
+    # The cells x, y on which the kernel's first may lie: up to half of the loop may be outside the image.
+    size = np.array(kernel.shape[::-1])
+    low, high = -(size // 2), np.array(cells.shape[::-1]) + size // 2 - size
+    if reach_mm is not None:
+        reach = math.ceil(reach_mm / (CELL_PX * image.projection.millimetres_per_pixel(centre)))
+        low, high = np.maximum(low, expected - reach), np.minimum(high, expected + reach)
+    if (high < low).any():
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
-    scores = _correlation(cells, kernel)
+    scores = _correlation(_padded(cells, low, high + size), kernel)
     scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
     is_peak = scores >= cv2.dilate(scores, _PEAK_WINDOW)
     is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
@@ -91,7 +98,7 @@ def find_peaks(image: WorkingImage, template: Image, centre: Array, arms: Array)
     at, beside = flat[places], np.array([[1], [width]])
     fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
     centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
-    to_centre = centre_cell - first_cell - np.array([pad_x // 2, pad_y // 2])
+    to_centre = centre_cell - expected + low
     pixels = (np.stack([places % width, places // width], axis=1) + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
     return Peaks(at.astype(np.float64), pixels, image)
 
@@ -146,6 +153,21 @@ def join_peaks(
             if np.isfinite(score[i, j]):
                 found.append(SearchCandidate(float(score[i, j]), {"a": on_a[:, i, j], "b": on_b[:, i, j] + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
+
+
+def _padded(cells: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Image:
+    """Cells from x, y (2,) to x, y (2,), excluded; zero outside the image, which speaks neither for a loop nor against.
+
+    Args:
+        cells: (h, w) of the image.
+        low: the first one's place, which may be outside.
+        high: likewise, beyond the last one.
+    """
+    (left, top), (right, bottom) = low.tolist(), high.tolist()
+    height, width = cells.shape
+    inside = cells[max(top, 0) : min(bottom, height), max(left, 0) : min(right, width)]
+    beyond = max(-top, 0), max(bottom - height, 0), max(-left, 0), max(right - width, 0)
+    return np.asarray(cv2.copyMakeBorder(inside, *beyond, cv2.BORDER_CONSTANT))
 
 
 def _correlation(cells: Image, kernel: Image) -> Image:

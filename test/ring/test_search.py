@@ -11,7 +11,7 @@ from lasso_motion_ros.ring import search
 from lasso_motion_ros.ring.search import TUNING, Peaks, SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
-from lasso_motion_ros.ring.working_image import working_image
+from lasso_motion_ros.ring.working_image import CELL_PX, working_image
 
 ARMS = CURVE - LOOP.centre
 WIDE = 0.01**2 * np.eye(3)
@@ -270,3 +270,25 @@ def test_the_correlation_is_that_of_template_matching(height, width, rows, colum
     found = search._correlation(cells, kernel)
     assert found.shape == expected.shape
     np.testing.assert_allclose(found, expected, atol=1e-3)
+
+
+def test_a_reach_holds_the_peaks_near_what_is_expected():
+    translation, reach_mm = np.array([4.0e-3, -3.0e-3, 6.0e-3]), 12.0
+    for name in "ab":
+        image = image_of(CURVE + translation, name, 5)
+        anywhere = find_peaks(image, TEMPLATE, LOOP.centre, ARMS)
+        near = find_peaks(image, TEMPLATE, LOOP.centre, ARMS, reach_mm=reach_mm)
+        np.testing.assert_allclose(near.pixels[0], anywhere.pixels[0], atol=1e-3)
+        off = np.abs(near.pixels - image.projection.project(LOOP.centre)).max(axis=1)
+        reach_px = reach_mm / image.projection.millimetres_per_pixel(LOOP.centre)
+        assert off.max() < reach_px + 2 * CELL_PX
+        # What is further away than that is among the others.
+        off = np.abs(anywhere.pixels - image.projection.project(LOOP.centre)).max(axis=1)
+        assert off.max() > reach_px + 2 * CELL_PX
+
+
+def test_nothing_is_found_where_the_reach_is_outside_the_image():
+    image = image_of(CURVE, "a")
+    outside = LOOP.centre + np.array([0.0, 0.0, 0.5])
+    assert find_peaks(image, TEMPLATE, outside, ARMS, reach_mm=10.0).scores.size == 0
+    assert find_peaks(image, TEMPLATE, outside, ARMS).scores.size > 0
