@@ -69,6 +69,8 @@ class DisplayChainTuning:
     projection_step: float = 1e-3  # of the focal length: the C-arm turned by 0.06°, or moved by 1 mm
     grey_step: float = 0.1  # relative change of the grey between two images: another window, no hunting exposure
     memory: float = 0.9  # weight of the sums so far against a new triple
+    settled_triples: int = 12  # after so many, and while there is no filter to undo,
+    rest: int = 3  # images are let pass after each triple: what is settled takes that long to change at most
     smallest: float = 0.1  # λ below it is not undone: the lag is a ninth of the way between two images at most
     largest: float = 0.8  # λ above it is not believed
     sigmas: float = 4.0  # by which λ has to exceed zero
@@ -127,6 +129,7 @@ class PlaneChain:
         self._difference: Difference | None = None
         self._period_ns = 0
         self._sums: Array = np.zeros((3, tuning.groups))  # of C, E1, E0 by group
+        self._triples, self._rest = 0, 0  # looked at since all was forgotten, and images yet to let pass
         self.filter, self.sigma = 0.0, np.inf  # λ, and its standard deviation
         self.error, self.ghost = (
             0.0,
@@ -158,13 +161,21 @@ class PlaneChain:
         periods = self._periods(interval_ns)
         change = None
         if periods == 1:
-            change = difference(sample, self._sample, self._tuning)
-            if self._difference is not None and not self._learn(change, self._difference):
-                self._forget()
+            change = self._change(sample, self._sample)
+            if change is not None and self._difference is not None:
+                if not self._learn(change, self._difference):
+                    self._forget()
+                elif self._triples >= self._tuning.settled_triples and not self.is_filtered:
+                    self._rest = self._tuning.rest
         pixels = frame.pixels
         if self.is_filtered:
             pixels = self._undo(frame.pixels, last.pixels, periods)
         return self._kept(frame, pixels, sample, interval_ns, change)
+
+    def _change(self, sample: Sample, before: Sample) -> Difference | None:
+        """The difference of two successive images' samples; None where they are let pass."""
+        self._rest = max(self._rest - 1, 0)
+        return None if self._rest else difference(sample, before, self._tuning)
 
     def _kept(self, frame: Frame, pixels: Pixels, sample: Sample, interval_ns: int, change: Difference | None) -> Frame:
         self._last, self._shown, self._sample = frame, pixels, sample
@@ -203,10 +214,12 @@ class PlaneChain:
 
     def _forget(self) -> None:
         self._sums = np.zeros((3, self._tuning.groups))
+        self._triples, self._rest = 0, 0
         self.filter, self.sigma = 0.0, np.inf
 
     def _learn(self, new: Difference, old: Difference) -> bool:
         """Take three successive images in; False where the noise has changed, and with it perhaps the filter."""
+        self._triples += 1
         sums = group_sums(new, old, self._tuning)
         if sums is None:
             return True

@@ -10,6 +10,7 @@ from support.lasso_inputs import CURVE, NOISE, PERIOD_NS, VIEWS, lasso_image, la
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.phantom.imaging import Exposure, ImagingChain
 from lasso_motion_ros.phantom.settings import ImagingSettings
+from lasso_motion_ros.ring import display_chain
 from lasso_motion_ros.ring.display_chain import (
     DisplayChain,
     DisplayChainTuning,
@@ -299,6 +300,38 @@ def test_a_filter_that_is_switched_on_later_is_recognised():
     found = fed(chain, [np.rint(one).astype(np.uint8) for one in shown])
     assert chain.is_filtered
     assert np.std(found[-1].astype(float) - images[-1]) < 3.0
+
+
+def test_once_settled_without_a_filter_every_fourth_image_is_looked_at(monkeypatch):
+    looked_at = []
+    whole = display_chain.group_sums
+    monkeypatch.setattr(display_chain, "group_sums", lambda *args: looked_at.append(1) or whole(*args))
+    chain, (_, shown) = PlaneChain(TUNING), noise_images(34, 0.0)
+    learned = []
+    for number, image in enumerate(shown):
+        looked_at.clear()
+        chain.undone(frame(image, number))
+        learned += [number] * len(looked_at)
+    first = list(range(2, 2 + TUNING.settled_triples))
+    assert learned == [*first, *range(first[-1] + 4, len(shown), 4)]
+    assert not chain.is_filtered
+    assert chain.filter == pytest.approx(0.0, abs=0.05)
+
+
+def test_a_filter_that_sets_in_after_that_is_recognised_and_looked_at_ever_after(monkeypatch):
+    (_, still), (_, filtered) = noise_images(30, 0.0), noise_images(16, 0.5, seed=1)
+    chain = PlaneChain(TUNING)
+    fed(chain, still)
+    found = []
+    for number, image in enumerate(filtered, start=len(still)):
+        chain.undone(frame(image, number))
+        found.append(chain.is_filtered)
+    assert all(found[TUNING.rest + 5 :])
+    assert chain.filter == pytest.approx(0.5, abs=0.05)
+    looked_at = []
+    monkeypatch.setattr(display_chain, "group_sums", lambda *args: looked_at.append(1))
+    fed(chain, noise_images(4, 0.5, seed=2)[1], range(46, 50))
+    assert len(looked_at) >= 3
 
 
 def test_the_grey_is_told_by_what_does_not_move():
