@@ -179,14 +179,15 @@ def measured(
     """
     cross = covariance @ h.T
     expected = h @ cross + noise
+    precision = np.linalg.inv(expected)
     innovation = value - state @ h.T
-    gain = np.linalg.solve(expected, cross.swapaxes(-1, -2)).swapaxes(-1, -2)
+    gain = cross @ precision
     keep = _IDENTITY - gain @ h
     # Joseph's form stays positive where nearly noise-free measurements would not.
     covariance = keep @ covariance @ keep.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
     state = state + (gain @ innovation[..., None])[..., 0]
-    distance = (innovation * np.linalg.solve(expected, innovation[..., None])[..., 0]).sum(axis=-1)
-    peaks = -0.5 * (np.linalg.slogdet(expected)[1] + len(value) * math.log(2.0 * math.pi))
+    distance = (innovation * (precision @ innovation[..., None])[..., 0]).sum(axis=-1)
+    peaks = -0.5 * (np.log(np.linalg.det(expected)) + len(value) * math.log(2.0 * math.pi))
     return state, covariance, distance, peaks
 
 

@@ -107,6 +107,7 @@ class RespiratoryMotion:
         self._state = np.zeros((len(self._tuning.heartbeats_m), SIZE))
         self._covariance = first_covariance(self.spread, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
+        self._blocks: dict[int, Estimate] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
         self._clone(AT_A)
@@ -155,7 +156,7 @@ class RespiratoryMotion:
         each = state @ h.T
         mean = weights @ each
         off = each - mean
-        within = np.tensordot(weights, h @ covariance @ h.T, 1)
+        within = h @ (weights @ covariance.reshape(len(weights), -1)).reshape(SIZE, SIZE) @ h.T
         return Estimate(mean, within + (weights[:, None] * off).T @ off)
 
     def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> Likelihood:
@@ -184,12 +185,19 @@ class RespiratoryMotion:
     @property
     def origin_b(self) -> Estimate:
         """The displacement at plane B's first exposure, as known by now."""
-        return self._mixed(_IDENTITY[ORIGIN_B], self._state, self._covariance)
+        return self._block(ORIGIN_B)
 
     @property
     def at_a(self) -> Estimate:
         """The displacement at plane A's last exposure, with all that came since."""
-        return self._mixed(_IDENTITY[AT_A], self._state, self._covariance)
+        return self._block(AT_A)
+
+    def _block(self, block: slice) -> Estimate:
+        """A block of the state, kept until the state changes: a pair's result asks for it many times."""
+        known = self._blocks.get(block.start)
+        if known is None:
+            known = self._blocks[block.start] = self._mixed(_IDENTITY[block], self._state, self._covariance)
+        return Estimate(known.displacement.copy(), known.covariance.copy())
 
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
@@ -259,8 +267,8 @@ class RespiratoryMotion:
         return ahead
 
     def _become(self, state: Array, covariance: Array) -> None:
-        # A new dictionary: a copy of this filter goes on with the old one.
-        self._state, self._covariance, self._ahead = state, covariance, {}
+        # New dictionaries: a copy of this filter goes on with the old ones.
+        self._state, self._covariance, self._ahead, self._blocks = state, covariance, {}, {}
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
