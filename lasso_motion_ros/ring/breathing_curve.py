@@ -70,6 +70,7 @@ class BreathingCurve:
         self._last, self._last_s = np.array(first), time_s
         # All places where it was seen, in its place or not: a slide shows in all of them together.
         self._seen, self._seen_s = first[None], np.array([time_s])
+        self._past = (np.inf, -np.inf), 0.0  # first and last time of the places looked at, and their odds of a slide
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
 
@@ -125,11 +126,18 @@ class BreathingCurve:
         """
         recent = self._seen_s > time_s - self._tuning.slide_memory_s
         points, times = self._seen[recent], self._seen_s[recent]
-        _, odds = self._change_point(points, times)
+        odds = self._past_odds(points, times)
         if odds == 0.0:  # one place proves nothing, the newest least of all
             return 0.0, 0.0
         with_newest = self._change_point(np.vstack([points, displacement]), np.append(times, time_s))
         return with_newest[0], min(odds, with_newest[1])
+
+    def _past_odds(self, points: Array, times: Array) -> float:
+        """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
+        span = float(times[0]), float(times[-1])
+        if span != self._past[0]:
+            self._past = span, self._change_point(points, times)[1]
+        return self._past[1]
 
     def _change_point(self, points: Array, times: Array) -> tuple[float, float]:
         """Metres slid at the last of the places (N, 3) m at times (N,) s, and the log odds of a slide."""
@@ -147,25 +155,27 @@ class BreathingCurve:
         speed = np.gradient(along, times)
         along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
         still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
-        best_odds, best_slid = 0.0, 0.0
         basis = np.linalg.qr(still)[0]
         rest = across - basis @ (basis.T @ across)
         freedom = 2.0 * (len(times) - still.shape[1])
         noise = (float(np.sum(rest**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 4.0)
-        for start in np.linspace(times[0], times[-1] - self._tuning.shortest_slide_s, self._tuning.slide_starts):
-            ramp = np.maximum(times - start, 0.0)
-            ramp -= basis @ (basis.T @ ramp)
-            power = float(ramp @ ramp)
-            if power < 1e-6:
-                continue
-            drift = ramp @ rest / power  # (3,) m/s
-            drift *= min(1.0, self._tuning.fastest_slide_m_s / max(float(np.linalg.norm(drift)), 1e-9))
-            left = rest - np.outer(ramp, drift)
-            remaining = (float(np.sum(left**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 2.0)
-            odds = 0.5 * (freedom + 4.0) * float(np.log(noise / max(remaining, 1e-12))) - self._tuning.slide_penalty
-            if odds > best_odds:
-                best_odds, best_slid = odds, float(np.linalg.norm(drift)) * float(times[-1] - start)
-        return best_slid, best_odds
+        # All starts at once: ramps (S, N), and what drift (S, 3) m/s along each explains of the rest.
+        starts = np.linspace(times[0], times[-1] - self._tuning.shortest_slide_s, self._tuning.slide_starts)
+        ramps = np.maximum(times - starts[:, None], 0.0)
+        ramps -= (ramps @ basis) @ basis.T
+        power = (ramps * ramps).sum(axis=1)
+        best_drift = ramps @ rest / np.maximum(power, 1e-6)[:, None]
+        speed = np.linalg.norm(best_drift, axis=1)
+        held = np.minimum(1.0, self._tuning.fastest_slide_m_s / np.maximum(speed, 1e-9))
+        explained = power * speed**2 * held * (2.0 - held)
+        squares = float(np.sum(rest**2)) - explained + 4.0 * self._tuning.smallest_sigma_m**2
+        remaining = np.maximum(squares / (freedom + 2.0), 1e-12)
+        odds = 0.5 * (freedom + 4.0) * np.log(noise / remaining) - self._tuning.slide_penalty
+        odds[power < 1e-6] = 0.0
+        best = int(np.argmax(odds))
+        if odds[best] <= 0.0:
+            return 0.0, 0.0
+        return float(held[best] * speed[best] * (times[-1] - starts[best])), float(odds[best])
 
     def departure_sigmas(self, time_s: float, displacement: Array, sigma_m: float, *, is_away: bool = False) -> float:
         """How far a displacement (3,) m is from breathing, in standard deviations: off its curve, too fast, or sliding.
@@ -248,5 +258,6 @@ def _count_turns(along: Array, tuning: CurveTuning) -> int:
 
 def _principal_axis(points: Array) -> tuple[Array, float]:
     """(3,) direction of largest spread, and the root mean square along it, metres."""
-    _, singular, directions = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
-    return directions[0], float(singular[0] / np.sqrt(len(points)))
+    off = points - points.mean(axis=0)
+    squares, directions = np.linalg.eigh(off.T @ off)
+    return directions[:, -1], float(np.sqrt(max(squares[-1], 0.0) / len(points)))
