@@ -14,7 +14,6 @@ from functools import cache, partial
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import logsumexp
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.respiration import Likelihood, RespiratoryMotion
@@ -128,7 +127,7 @@ def associate(
     if not hypotheses:
         return Association((), 1.0)
     odds = np.array([0.0, *(one.log_odds for one in hypotheses)])
-    absent, *probabilities = np.exp(odds - logsumexp(odds)).tolist()
+    absent, *probabilities = np.exp(odds - np.logaddexp.reduce(odds)).tolist()
     weighed = [
         replace(one, probability=probability) for one, probability in zip(hypotheses, probabilities, strict=True)
     ]
@@ -156,7 +155,7 @@ def _hypothesis(
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
             break
-    motion_odds = float(logsumexp(odds))
+    motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
     log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold)
     gap_mm, slack_mm = _disagreement(detection, ways[0][1](), times, model)

@@ -173,18 +173,18 @@ def _padded(cells: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64
 def _correlation(cells: Image, kernel: Image) -> Image:
     """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
 
-    What `cv2.matchTemplate` gives, in two thirds of its time: one transform of the whole instead of blocks.
+    What `cv2.matchTemplate` gives, in a third of its time: one transform of the whole instead of blocks. Telling
+    `cv2.dft` which rows are zero would make it three times slower: it then leaves its vectorised transform.
     """
     (height, width), (rows, columns) = cells.shape, kernel.shape
     down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)
     of_cells, of_kernel = (
-        cv2.dft(cv2.copyMakeBorder(part, 0, down - h, 0, right - w, cv2.BORDER_CONSTANT), nonzeroRows=h)
+        cv2.dft(cv2.copyMakeBorder(part, 0, down - h, 0, right - w, cv2.BORDER_CONSTANT))
         for part, (h, w) in ((cells, cells.shape), (kernel, kernel.shape))
     )
     product = cv2.mulSpectrums(of_cells, of_kernel, 0, conjB=True)
-    valid = height - rows + 1
-    scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT, nonzeroRows=valid)
-    return np.ascontiguousarray(scores[:valid, : width - columns + 1])
+    scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
+    return np.ascontiguousarray(scores[: height - rows + 1, : width - columns + 1])
 
 
 def _parabola(before: Image, at: Image, after: Image) -> Array:
