@@ -149,8 +149,12 @@ def _hypothesis(
     clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
     outcomes: list[RespiratoryMotion] = []
+    by_a: list[RespiratoryMotion] = []
     for prior, motion in ways:
-        after, likelihood = _observed(detection, motion(), time_s, times, model)
+        after_a, likelihood_a = _observed_by_a(detection, motion(), times, model)
+        after, likelihood = _observed_by_b(detection, after_a, time_s, times, model)
+        likelihood += likelihood_a
+        by_a.append(after_a)
         odds.append(prior + likelihood.density - clutter)
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
@@ -158,19 +162,17 @@ def _hypothesis(
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
     log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold)
-    gap_mm, slack_mm = _disagreement(detection, ways[0][1](), times, model)
+    gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
     return Hypothesis(detection, after, log_odds, gap_mm, slack_mm)
 
 
 def _disagreement(
-    detection: Detection, motion: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
+    detection: Detection, after_a: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
 ) -> tuple[float, float]:
     """How far the planes' rays pass each other, and what the motion between their exposures may do to that, mm."""
     if len(detection.planes) < len(PLANES):
         return 0.0, 0.0
-    after = motion.copy()
-    after.observe(times["a"], a=detection.observation("a", model.centre))
-    between = after.expected_between(times["b"])
+    between = after_a.expected_between(times["b"])
     gap, across = detection.gap(model.centre + between.displacement)
     return 1e3 * abs(gap), 1e3 * float(np.sqrt(across @ between.covariance @ across))
 
@@ -187,13 +189,21 @@ def _image_odds(support: float, tuning: AssociationTuning) -> float:
     return 0.5 * off**2 + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
 
 
-def _observed(
-    detection: Detection, motion: RespiratoryMotion, time_s: float, times: Mapping[Plane, float], model: LoopModel
+def _observed_by_a(
+    detection: Detection, motion: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
 ) -> tuple[RespiratoryMotion, Likelihood]:
-    """The motion after a detection, each plane at its own time, and how likely that was."""
+    """The motion after what plane A shows of a detection, and how likely that was."""
     after, likelihood = motion.copy(), Likelihood(0.0, 0.0)
     if "a" in detection.planes:
         likelihood += after.observe(times["a"], a=detection.observation("a", model.centre))
+    return after, likelihood
+
+
+def _observed_by_b(
+    detection: Detection, motion: RespiratoryMotion, time_s: float, times: Mapping[Plane, float], model: LoopModel
+) -> tuple[RespiratoryMotion, Likelihood]:
+    """The motion after what plane B shows, at its own time, and how likely that was."""
+    after, likelihood = motion.copy(), Likelihood(0.0, 0.0)
     after.mark_a(time_s)
     if "b" in detection.planes:
         likelihood += after.observe(times["b"], b=detection.observation("b", model.centre))
