@@ -109,7 +109,8 @@ class RingDetector:
                 return []
             fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
             detections = self._aligned(fresh, images, expected, prior, detections)
-            if self._tuning.from_afar and candidates and not self._is_enough(detections, expected):
+            is_new = bool(fresh) and fresh[0] is candidates[0]
+            if self._tuning.from_afar and is_new and not self._is_enough(detections, expected):
                 # A ring that has turned much looks otherwise, and its peak in the search is off.
                 start = candidates[0].centres
                 with self._stages("alignment"):
