@@ -145,8 +145,8 @@ class BreathingCurve:
             return 0.0, 0.0
         intervals = np.diff(times)
         # How fast it breathed beside a gap nobody saw.
-        seen = np.append(intervals, 0.0) < self._tuning.longest_gap * np.median(intervals)
-        seen &= np.append(0.0, intervals) < self._tuning.longest_gap * np.median(intervals)
+        longest = self._tuning.longest_gap * np.median(intervals)
+        seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest)
         if seen.sum() < self._tuning.slide_points:
             return 0.0, 0.0
         axis, _ = _principal_axis(points)

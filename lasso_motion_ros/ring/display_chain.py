@@ -45,6 +45,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.ring.strip import upper_median
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
@@ -319,7 +320,8 @@ def block_means(values: Image, size: int) -> Image:
 def grey_change(sample: Sample, before: Sample) -> float:
     """Relative change of the grey between two samples, of the median block: most of an image does not move."""
     now, then = sample.grey, before.grey
-    return float(np.median((now - then) / np.maximum(np.maximum(now, then), 1.0)))
+    change = (now - then) / np.maximum(np.maximum(now, then), np.float32(1.0))
+    return float(upper_median(change[None])[0])
 
 
 def difference(sample: Sample, before: Sample, tuning: DisplayChainTuning) -> Difference:
@@ -352,8 +354,8 @@ def group_sums(new: Difference, old: Difference, tuning: DisplayChainTuning) -> 
     product = block_means(new.fine * old.fine, tuning.block_px) + rounding
     still = noisy[np.argpartition((new.moved + old.moved)[noisy], count - 1)[:count]]
     correlation = 2.0 * product[still] / energies[:, still].sum(axis=0)
-    off = np.abs(correlation - np.median(correlation))
-    still = still[off <= tuning.outlier_mads * max(float(np.median(off)), 1e-3)]
+    off = np.abs(correlation - upper_median(correlation[None]))
+    still = still[off <= tuning.outlier_mads * max(float(upper_median(off[None])[0]), 1e-3)]
     still.sort()
     values = np.stack([product[still], *energies[:, still]]).astype(np.float64)
     return np.asarray(values @ np.eye(tuning.groups)[np.arange(still.size) % tuning.groups])
