@@ -157,7 +157,7 @@ class LoopViews:
         """
         if renew:
             self._moves = self._derivative()
-        gain = _gain(self._weights, self._samples, self._patterns)
+        gain = self._gains
         residual = gain[:, None, None] * self._patterns - self._samples
         scale = np.maximum(gain, 0.3)
         known = 1.0 / (self._noise**2 * TUNING.noise_correlation)

@@ -38,6 +38,7 @@ class _Tuning:
     evidence_coarse_cells: float = 2.65
     evidence_coarse_kernel_cells: tuple[int, int] = (17, 17)
     evidence_window_px: tuple[int, int] = (33, 33)
+    evidence_reach_px: int = 28  # what lies further from a pixel changes its evidence by 0.003 at most
     evidence_range: tuple[float, float] = (-1.0, 2.0)
     soft_box_px: tuple[int, int] = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
 
@@ -45,10 +46,6 @@ class _Tuning:
 TUNING = _Tuning()
 NOISE_WINDOW_PX = CELL_PX * TUNING.noise_window_cells[0]
 SOFT_REACH_MM = 2 * (TUNING.soft_box_px[0] // 2) * PIXEL_MM
-# How far from a pixel the grey values lie on which its evidence rests: window, coarse kernel, interpolation.
-EVIDENCE_REACH_PX = (
-    TUNING.evidence_window_px[0] // 2 + CELL_PX * (TUNING.evidence_coarse_kernel_cells[0] // 2 + 1) + CELL_PX
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +77,8 @@ class WorkingImage:
             return np.zeros(len(pixels), dtype=np.float32)
         size = np.array(self.grey.shape[::-1])
         # Whole cells of the image's grid: a part of it shows what the whole does.
-        low = np.floor((pixels.min(axis=0) - EVIDENCE_REACH_PX) / CELL_PX).astype(int) * CELL_PX
-        high = np.ceil((pixels.max(axis=0) + EVIDENCE_REACH_PX + 1) / CELL_PX).astype(int) * CELL_PX
+        low = np.floor((pixels.min(axis=0) - TUNING.evidence_reach_px) / CELL_PX).astype(int) * CELL_PX
+        high = np.ceil((pixels.max(axis=0) + TUNING.evidence_reach_px + 1) / CELL_PX).astype(int) * CELL_PX
         (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, size)
         if left >= right or top >= bottom:
             return np.zeros(len(pixels), dtype=np.float32)
@@ -183,7 +180,7 @@ def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
     In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device to
     what an electrode may count: a bigger or denser one is no better an electrode.
     """
-    logarithm = np.log(np.maximum(grey, 1), dtype=np.float32)
+    logarithm = cv2.log(np.maximum(grey, 1).astype(np.float32))
     fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
     slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
     coarse = cv2.resize(slow, grey.shape[::-1], dst=logarithm, interpolation=cv2.INTER_LINEAR)

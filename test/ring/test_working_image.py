@@ -8,7 +8,6 @@ from support.method_inputs import biplane, plane
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring.working_image import (
-    EVIDENCE_REACH_PX,
     NOISE_WINDOW_PX,
     TUNING,
     reduction_factor,
@@ -228,15 +227,15 @@ def test_evidence_rests_on_the_surroundings_only():
     pixels = image.projection.project(CURVE)
     together = image.evidence_at(pixels)
     apart = np.concatenate([image.evidence_at(one) for one in np.array_split(pixels, 7)])
-    np.testing.assert_allclose(apart, together, atol=2e-4)
+    np.testing.assert_allclose(apart, together, atol=0.005)
     # Nothing beyond them has a say.
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     rows, columns = np.mgrid[: image.grey.shape[0], : image.grey.shape[1]]
-    reach = EVIDENCE_REACH_PX + 4
+    reach = TUNING.evidence_reach_px + 4
     is_near = (columns > low[0] - reach) & (columns < high[0] + reach) & (rows > low[1] - reach)
     is_near &= rows < high[1] + reach
     other = dataclasses.replace(image, grey=np.where(is_near, image.grey, 7).astype(np.uint8))
-    np.testing.assert_allclose(other.evidence_at(pixels), together, atol=2e-4)
+    np.testing.assert_allclose(other.evidence_at(pixels), together, atol=1e-4)
 
 
 def test_there_is_no_evidence_outside_the_image():
@@ -248,4 +247,4 @@ def test_there_is_no_evidence_outside_the_image():
     np.testing.assert_array_equal(image.evidence_at(np.full((3, 2), np.nan)), 0.0)
     inside = np.array([[30.0, 30.0]])
     mixed = image.evidence_at(np.concatenate([outside[:3], inside]))
-    np.testing.assert_allclose(mixed, [0.0, 0.0, 0.0, image.evidence_at(inside)[0]], atol=2e-4)
+    np.testing.assert_allclose(mixed, [0.0, 0.0, 0.0, image.evidence_at(inside)[0]], atol=0.005)
