@@ -40,8 +40,8 @@ class MotionTuning:
     sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
     # After these many sure displacements the past is gone through again with the spread learned since. What it changes
     # is what the loop did between the first two exposures, and with it every displacement's depth.
-    rebuild_at: frozenset[int] = frozenset({*range(1, 9), 12, 16, 24})
-    longest_history: int = 24  # sure displacements after which the past is no longer kept
+    rebuild_at: frozenset[int] = frozenset({*range(1, 9), 12, 16})
+    longest_history: int = 16  # sure displacements after which the past is no longer kept
     # Of breathing, which is smoother than a Matérn process: longer than its period over 2π.
     time_scale_s: float = 1.0
     heartbeats_m: tuple[float, ...] = (0.00015, 0.0004, 0.0009, 0.0018)  # of the heart's motion, standard deviations
