@@ -70,7 +70,7 @@ class DisplayChainTuning:
     projection_step: float = 1e-3  # of the focal length: the C-arm turned by 0.06°, or moved by 1 mm
     grey_step: float = 0.1  # relative change of the grey between two images: another window, no hunting exposure
     memory: float = 0.9  # weight of the sums so far against a new triple
-    settled_triples: int = 12  # after so many, and while there is no filter to undo,
+    settled_triples: int = 8  # after so many, and while there is no filter to undo,
     rest: int = 3  # images are let pass after each triple: what is settled takes that long to change at most
     smallest: float = 0.1  # λ below it is not undone: the lag is a ninth of the way between two images at most
     largest: float = 0.8  # λ above it is not believed
