@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
@@ -106,7 +106,7 @@ class RingDetector:
         for near in (True, False) if expected.is_followed and self._tuning.near_first else (False,):
             images, candidates = self._search(pair, expected.motion, config, near=near)
             if not images:
-                return []
+                continue
             fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
             detections = self._aligned(fresh, images, expected, prior, detections)
             is_new = bool(fresh) and fresh[0] is candidates[0]
@@ -135,6 +135,14 @@ class RingDetector:
                 return False
         return True
 
+    def _covers(self, frame: Frame, plane: Plane, centre: Array) -> float:
+        """Share of the ring's electrodes that lie inside a plane's image, were its centre at a world point (3,) m."""
+        shift = self._model.shift(plane, frame.projection)
+        pixels = frame.projection.project(centre + self._model.arms) + shift
+        size = np.array(frame.pixels.shape[::-1])
+        inside = ((pixels >= 0.0) & (pixels <= size - 1.0)).all(axis=1)
+        return float(self._template.weights @ inside)
+
     def _search(
         self, pair: FramePair, motion: RespiratoryMotion, config: TrackerConfig, *, near: bool
     ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
@@ -151,6 +159,8 @@ class RingDetector:
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
         images, peaks = {}, {}
         for plane in times:
+            if near and self._covers(pair.frames[plane], plane, expected[plane]) < self._worth.smallest_coverage:
+                continue  # zoomed or collimated: the ring is beside the image, and the other plane has to do
             with self._stages("working image"):
                 images[plane] = working_image(
                     pair.frames[plane],

@@ -34,7 +34,7 @@ from support.lasso_inputs import (
 from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.ring.tracker import RingTracker
 
 
@@ -281,3 +281,20 @@ def test_a_plane_that_does_not_show_the_lasso_is_never_passed_over(tracker, pres
 def test_no_plane_at_all_is_lost(tracker):
     assert_no_pose(tracker.track(pair(WARM, planes="")), LOST)
     assert tracker.track(pair(WARM + 1)).state is TRACKING
+
+
+@pytest.mark.parametrize("name", ["a", "b"])
+def test_a_plane_that_is_zoomed_beside_the_ring_is_left_out(tracker, name):
+    # As if that plane had been off: the other one and the breathing tell.
+    for index in range(WARM, WARM + 4):
+        whole = pair(index)
+        frame = whole.frame(name)
+        x, y = VIEWS[name].project(LOOP.centre + moved(index)).astype(int)
+        left = 0 if x > 256 else 300
+        part = Frame(frame.stamp_ns, frame.pixels[:, left : left + 200], frame.projection.cropped(left, 0, 200, 512))
+        assert not left <= x <= left + 200
+        result = tracker.track(dataclasses.replace(whole, **{name: part}))
+        assert result.state is DEGRADED
+        assert result.reason.startswith(f"plane {name.upper()} does not reach as far as the lasso")
+        assert centre_error_mm(result, moved(index)) < 1.0
+    assert tracker.track(pair(WARM + 4)).state is TRACKING
