@@ -96,6 +96,20 @@ def _clicks(scenario: Scenario, value: float) -> Scenario:
     return altered(scenario, clicks=ClickSettings(noise_px=value, fewest=6, most=14))
 
 
+def _tip(scenario: Scenario, value: float) -> Scenario:
+    # It works there: it dwells, drags and hops with the heart, always about as far from the ring.
+    work = {"works": True, "nearest_mm": value, "farthest_mm": value}
+    return altered(scenario, ablation_work=work, distractors={"ablation": True})
+
+
+def _heart(scenario: Scenario, value: float) -> Scenario:
+    return altered(scenario, heart={"amplitude_mm": value, "variability": 0.3, "strength_spread": 0.35})
+
+
+def _heart_late(scenario: Scenario, value: float) -> Scenario:
+    return _offset(_heart(scenario, value), 0.5)
+
+
 def _start(scenario: Scenario, value: float) -> Scenario:
     """Two pairs, and a pause of two seconds between them in which the patient breathed by `value`, in any direction."""
     direction = np.random.default_rng(scenario.seed).normal(size=3)
@@ -125,6 +139,9 @@ SWEEPS: Mapping[str, Sweep] = {
         ),
         Sweep("tilt", "tilt of the ring with the heartbeat (deg)", (0.0, 2.0, 4.0, 6.0, 8.0), _tilt),
         Sweep("clicks", "noise of the clicks (px)", (0.5, 1.0, 2.0, 3.0, 4.0), _clicks),
+        Sweep("tip", "ablation tip from the ring (mm)", (20.0, 10.0, 5.0, 3.0, 1.0, 0.0), _tip),
+        Sweep("heart", "motion by an irregular heart (mm)", (0.0, 1.0, 2.0, 3.5, 5.0), _heart),
+        Sweep("heart_late", "the same, B half a period later (mm)", (0.0, 1.0, 2.0, 3.5, 5.0), _heart_late),
     )
 }
 
