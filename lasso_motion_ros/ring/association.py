@@ -37,7 +37,8 @@ class AssociationTuning:
     view_m: float = 0.04  # something else is found anywhere within this,
     agreement_m: float = 0.01  # and the two planes agree on it as well as this
     range_support: float = 1.6
-    # Being where it was foretold proves so much (log odds) and no more: what looks like the ring is often right beside it.
+    # Being where it was foretold proves so much (log odds) and no more, nor more than what the images show there: what
+    # looks like the ring is often right beside it.
     foretold: float = 2.0
     surge_probability: float = 0.1  # that a breath has set in unforeseen
     jump_probability: float = 0.02  # that it was moved by hand
@@ -161,7 +162,8 @@ def _hypothesis(
             break
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
-    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold)
+    shown = _shown(detection.support, tuning)
+    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold, shown)
     gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
     return Hypothesis(detection, after, log_odds, gap_mm, slack_mm)
 
@@ -183,10 +185,14 @@ def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:
     return -2.0 * reach if len(detection.planes) == 1 else -3.0 * reach - gap
 
 
+def _shown(support: float, tuning: AssociationTuning) -> float:
+    """By how much a support exceeds what else shows that: logarithm of how rare it would be there; 0 or more."""
+    return 0.5 * (max(support - tuning.clutter_support, 0.0) / tuning.clutter_sigma) ** 2
+
+
 def _image_odds(support: float, tuning: AssociationTuning) -> float:
     """Logarithm of how much more likely a support is where the ring is than where it is not."""
-    off = max(support - tuning.clutter_support, 0.0) / tuning.clutter_sigma
-    return 0.5 * off**2 + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
+    return _shown(support, tuning) + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
 
 
 def _observed_by_a(

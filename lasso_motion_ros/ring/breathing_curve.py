@@ -44,6 +44,7 @@ class CurveTuning:
     too_fast_sigmas: float = 4.0  # what just exceeds it
     slide_memory_s: float = 60.0
     slide_spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
+    aside_sigmas: float = 6.0  # off the curve: what is further away did not slide there unnoticed
     slide_points: int = 10  # before, nothing tells a slide from breathing
     longest_gap: float = 1.8  # of the usual interval
     slide_starts: int = 8
@@ -97,6 +98,11 @@ class BreathingCurve:
             return
         self._seen = np.vstack([self._seen, displacement])[-self._tuning.points :]
         self._seen_s = np.append(self._seen_s, time_s)[-self._tuning.points :]
+
+    def see_aside(self, time_s: float, displacement: Array) -> None:
+        """Take note of a displaced ring (3,) m, if a slide may have taken it there: not what a hand put far away."""
+        if self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
+            self.see(time_s, displacement)
 
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m for one of breathing."""

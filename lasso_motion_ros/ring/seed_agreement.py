@@ -28,7 +28,7 @@ class _Tuning:
 
     usual_speed_m_s: float = 0.015  # of breathing: where plane B is exposed later the ring has moved in between
     fastest_m_s: float = 0.04
-    swapped_share: float = 0.3  # of the disagreement, at most, if A's and B's calibrations are exchanged
+    swapped_share: float = 0.45  # of the disagreement, at most, if A's and B's calibrations are exchanged
 
 
 TUNING = _Tuning()

@@ -165,7 +165,7 @@ class RingTracker:
 
     def _displaced(self, track: Track, pair: FramePair, best: Hypothesis, departure: float) -> TrackResult:
         track.is_followed, track.displacement = False, best.displacement
-        track.curve.see(track.last_s, best.displacement)
+        track.curve.see_aside(track.last_s, best.displacement)
         reason = f"it has left its breathing: {departure:.0f} times as far as breaths are apart"
         prior_rad = float(np.radians(self._config.ring.turn_deg))
         return with_curve(track, pair, TrackerState.DISPLACED, reason, best, prior_rad)
