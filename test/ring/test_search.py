@@ -26,7 +26,8 @@ def image_of(curve, name, seed=0, view=None):
 def template(images):
     """What the ring looks like in some images (by plane) that show it at the reference."""
     strips = {name: strip_along(CURVE, image.projection).sample(image) for name, image in images.items()}
-    return RingTemplate(strips, TemplateTuning()).values
+    shown = {name: np.ones(len(strip), np.float32) for name, strip in strips.items()}
+    return RingTemplate(strips, shown, TemplateTuning()).values
 
 
 TEMPLATE = template({name: image_of(CURVE, name) for name in "ab"})

@@ -18,7 +18,8 @@ UNIT_MM = 0.2 * 0.785 / 1.2
 
 def template_of(strip):
     """What the ring looks like, if both planes show this strip."""
-    return RingTemplate({"a": strip, "b": strip}, TemplateTuning()).values
+    shown = np.ones(len(strip), np.float32)
+    return RingTemplate({"a": strip, "b": strip}, {"a": shown, "b": shown}, TemplateTuning()).values
 
 
 def test_strip_of_a_straight_line_by_hand():

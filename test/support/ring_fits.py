@@ -51,6 +51,7 @@ def plane_fit(
         visible=visible,
         residual_mm=0.1,
         strip=np.zeros((1, 13), np.float32),
+        shown=np.zeros(1, np.float32),
     )
 
 
