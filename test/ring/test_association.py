@@ -66,11 +66,11 @@ def test_nothing_detected_is_absence():
     np.testing.assert_array_equal(association.spread, 0.0)
 
 
-def test_the_odds_of_a_foretold_detection_are_the_images_by_hand():
-    # exp(½ ((s - 1) / 0.15)²) · √(2π) · 0.15 / 1.6 to one, for support s above 1.
+def test_the_odds_of_a_foretold_detection_are_the_images_and_seven_by_hand():
+    # e² · exp(½ ((s - 1) / 0.15)²) · √(2π) · 0.15 / 1.6 to one, for support s above 1.
     for evidence in (1.0, 1.1, 1.2):
         support = 1.3 * evidence
-        odds = math.exp(0.5 * ((support - 1.0) / 0.15) ** 2) * math.sqrt(2.0 * math.pi) * 0.15 / 1.6
+        odds = math.exp(2.0 + 0.5 * ((support - 1.0) / 0.15) ** 2) * math.sqrt(2.0 * math.pi) * 0.15 / 1.6
         association = weighed(detection_at(FORETOLD, evidence=evidence))
         assert association.best.detection.support == pytest.approx(support)
         assert association.best.probability / association.absent == pytest.approx(odds, rel=1e-6)
