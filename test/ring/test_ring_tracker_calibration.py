@@ -55,7 +55,8 @@ def test_a_gantry_that_turns_without_its_matrices_is_noticed_within_two_pairs(tr
     assert result.state in (DEGRADED, LOST)
     assert result.reason != ""
     if (0, 0) in (turn_a, turn_b):
-        assert "moved C-arm without a new calibration?" in result.reason
+        # Ten degrees of one plane may leave it recognised, and set the planes apart only.
+        assert "moved C-arm without a new calibration?" in result.reason or "the planes disagree by" in result.reason
 
 
 def lifted_pair(index, lift_mm):
