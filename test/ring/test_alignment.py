@@ -104,6 +104,16 @@ def test_directions_are_across_the_ray_and_perpendicular():
         assert fit.strip.shape == template().values.shape
 
 
+def test_the_evidence_is_the_weighted_mean_of_what_is_shown_along_the_curve():
+    for name, fit in align(images(clean_images()), template(), ARMS, START, PRIOR).planes.items():
+        assert fit.shown.shape == (len(ARMS),)
+        assert fit.coverage == pytest.approx(1.0)
+        assert fit.evidence == pytest.approx(float(template().weights @ fit.shown), rel=1e-4)
+        # Where the electrodes are there is more of it than between them.
+        weights = template().weights
+        assert fit.shown[weights > 0.01].mean() > fit.shown[weights == 0.0].mean() + 0.3, name
+
+
 TURNS_DEG = [[3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, -3.0], [-2.0, 1.5, 2.0]]
 
 

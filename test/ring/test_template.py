@@ -184,3 +184,56 @@ def test_the_template_does_not_alias_its_input_nor_its_softened_self():
     strip[:] = 0.0
     learn(here, {"a": strip_of(ELECTRODES), "b": strip_of(ELECTRODES)}, {"a": 1.0, "b": 1.0})
     np.testing.assert_allclose(here.values, before, atol=1e-5)
+
+
+BETWEEN = SHARP.between  # 0.4
+
+
+def weights_of(a, b):
+    """The weights (L,) of a template whose planes show electrodes of some evidence at some rows."""
+    strips = {"a": strip_of(a), "b": strip_of(b)}
+    return RingTemplate(strips, shown_by_both(strips), SHARP).weights
+
+
+def test_the_weights_are_where_both_planes_show_electrodes_by_hand():
+    # The lesser of the planes' evidence less 0.4: 1.0 - 0.4 and 1.2 - 0.4, of 1.4 in all; at 90 one plane shows none.
+    weights = weights_of({20: 1.0, 60: 1.2, 90: 1.5}, {20: 1.4, 60: 1.2})
+    expected = np.zeros(ROWS)
+    expected[20], expected[60] = 0.6 / 1.4, 0.8 / 1.4
+    np.testing.assert_allclose(weights, expected, atol=1e-6)
+
+
+def test_what_the_wire_shows_between_the_electrodes_has_no_weight():
+    # A hundred rows of wire would outweigh three electrodes.
+    wire = dict.fromkeys(range(ROWS), BETWEEN - 0.01)
+    electrodes = {20: 1.2, 60: 1.2, 100: 1.2}
+    np.testing.assert_allclose(
+        weights_of(wire | electrodes, wire | electrodes), weights_of(electrodes, electrodes), atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("plane", ["a", "b"])
+@pytest.mark.parametrize("evidence", [2.0, 50.0])
+def test_something_big_in_one_plane_alone_takes_no_weight(plane, evidence):
+    shown = {name: dict(ELECTRODES) for name in "ab"}
+    # Beside the electrodes, and on one of them.
+    shown[plane] = shown[plane] | dict.fromkeys(range(70, 90), evidence) | {60: evidence}
+    np.testing.assert_allclose(weights_of(**shown), weights_of(ELECTRODES, ELECTRODES), atol=1e-6)
+
+
+def test_where_neither_evidence_shows_an_electrode_the_profile_is_the_weight():
+    strips = {plane: strip_of({20: 1.0, 60: 2.0}) for plane in "ab"}
+    nothing = dict.fromkeys("ab", np.full(ROWS, BETWEEN, np.float32))
+    np.testing.assert_allclose(RingTemplate(strips, nothing, SHARP).weights[[20, 60]], [1 / 3, 2 / 3], rtol=1e-5)
+
+
+def test_the_weights_are_refined_like_the_profile():
+    here = template_of(strip_of({20: 1.0, 60: 1.0}), strip_of({20: 1.0, 60: 1.0}))
+    # A passing wire was in one pair of two: (0 + 2.4) / 2 - 0.4 = 0.8 beside 0.6 of each electrode; after four 0.2.
+    other, same = strip_of({20: 1.0, 60: 1.0, 90: 2.4}), strip_of({20: 1.0, 60: 1.0})
+    learn(here, {"a": other, "b": other}, {"a": 0.9, "b": 0.9})
+    np.testing.assert_allclose(here.weights[[20, 60, 90]], np.array([0.6, 0.6, 0.8]) / 2.0, rtol=1e-5)
+    for _ in range(2):
+        learn(here, {"a": same, "b": same}, {"a": 0.9, "b": 0.9})
+    np.testing.assert_allclose(here.weights[[20, 60, 90]], np.array([0.6, 0.6, 0.2]) / 1.4, rtol=1e-5)
+    assert here.weights.sum() == pytest.approx(1.0, abs=1e-6)
