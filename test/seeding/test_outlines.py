@@ -2,14 +2,20 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.method_inputs import plane
+from support.method_inputs import biplane, closed, plane
 from support.tracking_inputs import LOOP, VIEWS, pair, seed
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Seed
-from lasso_motion_ros.seeding.outlines import is_bright, line_sigma_px, outlines, require_both_planes
+from lasso_motion_ros.seeding.outlines import (
+    curves_through_clicks,
+    is_bright,
+    line_sigma_px,
+    outlines,
+    require_both_planes,
+)
 
 CONFIG = TrackerConfig()
 
@@ -83,3 +89,51 @@ def test_refused_clicks_name_the_plane(points_a, points_b, text):
 def test_outlines_need_both_planes():
     with pytest.raises(SeedError, match="lacks plane A"):
         outlines(pair(0, planes="b"), seed(), CONFIG, bright=False)
+
+
+NOISE_PX = 1.0  # a quarter of a millimetre each way, as people click
+
+
+def clicks_on_the_ring(count, noise_px, number=0, views=VIEWS):
+    """Clicks once round the ring and back to the first, each with noise of its own."""
+    random = np.random.default_rng(number)
+    exact = {name: closed(views[name].project(LOOP.points(count))) for name in "ab"}
+    return Seed(*(exact[name] + random.normal(scale=noise_px, size=exact[name].shape) for name in "ab"))
+
+
+def from_the_ring_px(points, name):
+    """Mean distance of points (N, 2) to the true ring."""
+    return distance_to_curve(points, closed(VIEWS[name].project(LOOP.points(400)))).mean()
+
+
+@pytest.mark.parametrize(("count", "bound_px"), [(12, 0.95), (30, 0.6)])
+def test_a_curve_through_noisy_clicks_is_nearer_to_the_ring_than_they_scatter(count, bound_px):
+    curves, scattered = [], []
+    for number in range(10):
+        seed = clicks_on_the_ring(count, NOISE_PX, number)
+        for name, curve in curves_through_clicks(seed, VIEWS).items():
+            curves.append(from_the_ring_px(curve, name))
+            scattered.append(from_the_ring_px(seed.points(name), name))
+    # The more clicks, the more of their noise is averaged; by themselves they are √(2/π) · 1 px off.
+    assert np.mean(curves) < bound_px * NOISE_PX
+    assert np.mean(scattered) == pytest.approx(np.sqrt(2.0 / np.pi), abs=0.1)
+
+
+@pytest.mark.parametrize("noise_px", [0.0, NOISE_PX])
+def test_a_curve_through_clicks_goes_from_the_first_to_the_last(noise_px):
+    for number in range(5):
+        seed = clicks_on_the_ring(12, noise_px, number)
+        # As an arc of three quarters, so that the ends are apart.
+        seed = Seed(seed.points_a[:10], seed.points_b[:10])
+        for name, curve in curves_through_clicks(seed, VIEWS).items():
+            assert np.linalg.norm(curve[0] - seed.points(name)[0]) < 1.0
+            assert np.linalg.norm(curve[-1] - seed.points(name)[-1]) < 1.0
+
+
+def test_what_is_smoothed_is_in_millimetres():
+    small, large = VIEWS, biplane(side=1024)
+    seed = clicks_on_the_ring(12, NOISE_PX)
+    # The same clicks where pixels are half as wide; their centres lie between the others'.
+    there = curves_through_clicks(Seed(2.0 * seed.points_a + 0.5, 2.0 * seed.points_b + 0.5), large)
+    for name, curve in curves_through_clicks(seed, small).items():
+        np.testing.assert_allclose(there[name], 2.0 * curve + 0.5, atol=0.02)
