@@ -4,7 +4,7 @@ from functools import cache
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_curve, lasso_image, lasso_pair, lasso_seed, noisy
-from support.method_inputs import angle_deg, flip_pixels, flipped
+from support.method_inputs import angle_deg, flip_pixels, flipped, ring
 
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence, render_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
@@ -15,7 +15,9 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 from lasso_motion_ros.ring.loop_model import POINTS, build_loop_model
-from lasso_motion_ros.seeding.outlines import is_bright
+from lasso_motion_ros.seeding.cones import Ellipse3D
+from lasso_motion_ros.seeding.outlines import is_bright, outlines
+from lasso_motion_ros.seeding.reconstruction import reconstruct_ellipse
 
 CONFIG = TrackerConfig()
 
@@ -290,3 +292,50 @@ def test_exposed_together_the_planes_show_no_motion():
 def test_the_curve_has_as_many_points_as_asked_for() -> None:
     assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG, points=60).points.shape == (60, 3)
     assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).points.shape == (120, 3)
+
+
+def flattened(normal, angle_deg_, axis_ratio):
+    """An ellipse where the ring is, its major axis turned by an angle in its plane."""
+    circle = ring(normal, LOOP.centre)
+    cos, sin = np.cos(np.radians(angle_deg_)), np.sin(np.radians(angle_deg_))
+    major, minor = circle.semi_major, circle.semi_minor
+    return Ellipse3D(LOOP.centre, cos * major + sin * minor, axis_ratio * (cos * minor - sin * major))
+
+
+@pytest.mark.parametrize(
+    ("normal", "angle"),
+    [([-0.84, -0.54, 0.012], 150.0), ([0.87, 0.494, 0.0], 30.0), ([-0.928, -0.373, -0.006], 30.0)],
+)
+def test_of_two_ellipses_that_fit_alike_the_one_whose_electrodes_match_is_the_loops(normal, angle):
+    # Upright, both conics through the two outlines are nearly circles; the other one is a little rounder, and 50° off.
+    loop = flattened(normal, angle, 0.9)
+    turn = 2.0 * np.pi * np.linspace(0.0, 1.0, 400)[:, None]
+    curve = loop.centre + np.cos(turn) * loop.semi_major + np.sin(turn) * loop.semi_minor
+    pair = FramePair(0, *(Frame(0, noisy(lasso_image(curve, VIEWS[p]), [3, ord(p)]), VIEWS[p]) for p in "ab"))
+    seed = clicks(curve, 12, 0.7)
+    found = reconstruct_ellipse(dict(VIEWS), outlines(pair, seed, CONFIG, bright=False))
+    assert angle_deg(found.chosen.ellipse.normal, loop.normal) > 45.0
+    assert found.candidates[1].misfit - found.chosen.misfit < 1.0
+    model = build_loop_model(pair, seed, CONFIG)
+    assert angle_deg(np.linalg.svd(model.points - model.points.mean(axis=0))[2][2], loop.normal) < 5.0
+    assert one_way_mm(model, curve) < 0.2
+
+
+@pytest.mark.parametrize("number", [1, 3, 7])
+def test_where_minimal_paths_wander_in_noise_the_clicks_tell_the_loop(number):
+    # Nearly four times the wire's depth: from one of seven clicks to the next the path goes where noise is dark.
+    config = dataclasses.replace(CONFIG, polarity="dark")
+    curve = lasso_curve(1.0)
+    images = {p: noisy(lasso_image(curve, VIEWS[p]), [number, ord(p)], 130.0) for p in "ab"}
+    pair = FramePair(0, *(Frame(0, images[p], VIEWS[p]) for p in "ab"))
+    seed = lasso_seed(7, 0.7, curve)
+    paths = outlines(pair, seed, config, bright=False)
+    wandering = [distance_to_curve(paths[p], VIEWS[p].project(curve)).mean() for p in "ab"]
+    assert np.mean(wandering) > 1.5  # pixels of a quarter of a millimetre
+    model = build_loop_model(pair, seed, config)
+    errors = []
+    for name, view in VIEWS.items():
+        shown = view.project(model.points) + model.shift(name, view)
+        errors.append(view.millimetres_per_pixel(model.centre) * distance_to_curve(view.project(curve), shown).mean())
+    # From the paths alone: 0.35 mm and more.
+    assert np.mean(errors) < 0.3
