@@ -66,6 +66,19 @@ def test_in_the_first_breath_what_counts_is_the_distance_off_its_line_by_hand():
     assert 1.0 <= deepest <= 1.5
 
 
+@pytest.mark.parametrize("sigma_mm", [1.0, 2.0])
+def test_in_the_first_breath_a_strong_heart_widens_what_is_borne_across_by_hand(sigma_mm):
+    # Six places 2 mm apart: 3.42 mm root mean square along the axis. Of 5 mm across, a heart of 2 mm may be
+    # 1.5 · 2 / 3.42 · 5 mm: its share of what was seen is its share of the direction.
+    curve, time_s = after([2e-3 * i * UP for i in range(1, 6)])
+    at, sigma_m = time_s + PAIR_S, 1e-3 * sigma_mm
+    spread_m = 2e-3 * np.sqrt(35.0 / 12.0)
+    wider_m = 1.5 * sigma_m / spread_m * 5e-3
+    scale_m = np.sqrt(2.5e-3**2 + sigma_m**2 + wider_m**2 + (TUNING.drift_m_s * at) ** 2)
+    found = curve.distance_sigmas(at, 6e-3 * UP + 5e-3 * ASIDE, sigma_m)
+    assert found == pytest.approx(5e-3 / scale_m, rel=0.02)
+
+
 def test_off_a_curve_of_breaths_that_repeat_the_distance_in_sigmas_by_hand():
     curve, time_s = breathed(jitter_mm=0.0)
     assert curve.is_complete
@@ -215,3 +228,43 @@ def test_the_input_is_not_kept():
     curve.accept(0.3, place)
     place += 1.0
     assert np.abs(curve._points).max() < 0.01
+
+
+@pytest.mark.parametrize("pair_s", [0.1, 0.3])
+def test_a_slide_that_is_known_stays_known_while_it_goes_on_and_while_it_stands(pair_s):
+    # Half a millimetre a second for ten seconds, then nothing for ten: what is displaced is seen, and not accepted.
+    curve, time_s = breathed(16.0, pair_s, hysteresis_mm=1.5, jitter_mm=0.1)
+    start_s, random = time_s, np.random.default_rng(2)
+    departures, slid_mm = [], []
+    while time_s < start_s + 20.0:
+        time_s += pair_s
+        true_mm = 0.5 * min(time_s - start_s, 10.0)
+        place = wave(time_s, hysteresis_mm=1.5) + 1e-3 * (true_mm * ASIDE + 0.1 * random.normal(size=3))
+        found_m, _ = curve.slide(time_s, place)
+        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M))
+        if max(departures) < 3.3:
+            curve.accept(time_s, place)
+        else:
+            curve.see(time_s, place)
+            if 3.2 < time_s - start_s < 10.0:
+                slid_mm.append((true_mm, 1e3 * found_m))
+    # About where it is noticed what is found is sometimes less than the least slide, sometimes more.
+    assert min(departures[round(3.2 / pair_s) :]) > 3.3
+    # And how far it has gone is known as well.
+    true_mm, found_mm = np.array(slid_mm).T
+    np.testing.assert_allclose(found_mm, true_mm, rtol=0.2)
+
+
+def test_places_nearer_in_time_than_a_heartbeat_count_as_one():
+    usual, crowded = (BreathingCurve(np.zeros(3), 0.0, TUNING) for _ in range(2))
+    for index in range(1, 61):
+        time_s = index * PAIR_S
+        place = wave(time_s, hysteresis_mm=1.5) + 0.5e-3 * max(time_s - 10.0, 0.0) * ASIDE
+        usual.see(time_s, place)
+        crowded.see(time_s, place)
+        for later_s in (0.05, 0.1, 0.2):  # and where the heart has it meanwhile
+            crowded.see(time_s + later_s, place + 2e-3 * np.sin(9.0 * (time_s + later_s)) * ASIDE)
+    now_s = 61 * PAIR_S
+    place = wave(now_s, hysteresis_mm=1.5) + 0.5e-3 * (now_s - 10.0) * ASIDE
+    assert usual.slide(now_s, place)[1] > 5.0
+    assert crowded.slide(now_s, place) == usual.slide(now_s, place)
