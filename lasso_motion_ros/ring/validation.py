@@ -22,6 +22,9 @@ class ValidationTuning:
 
     degraded_slacks: float = 2.5  # the planes may disagree so many times by what moved between their exposures
     lost_slacks: float = 4.0
+    faint_share: float = (
+        0.7  # of the support that is usual: less is shown where a plane's geometry is not as it says, too
+    )
     ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
     # Where the filter is undone no ghost is left, but before it is recognised, and after an image that did not come.
 
@@ -78,9 +81,11 @@ def quality(
         return TrackerState.DEGRADED, track.agreement.doubt
     if track.belief.in_place < states.tracking:
         return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
+    weak = min(planes, key=lambda plane: planes[plane].evidence).upper()
     if best.probability < states.tracking:
-        weak = min(planes, key=lambda plane: planes[plane].evidence)
-        return TrackerState.DEGRADED, f"plane {weak.upper()} shows the lasso only faintly"
+        return TrackerState.DEGRADED, f"plane {weak} shows the lasso only faintly"
+    if best.detection.support < tuning.faint_share * track.usual_support:
+        return TrackerState.DEGRADED, f"plane {weak} shows less of the lasso than it did"
     return TrackerState.TRACKING, ""
 
 

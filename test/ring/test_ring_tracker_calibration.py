@@ -55,8 +55,13 @@ def test_a_gantry_that_turns_without_its_matrices_is_noticed_within_two_pairs(tr
     assert result.state in (DEGRADED, LOST)
     assert result.reason != ""
     if (0, 0) in (turn_a, turn_b):
-        # Ten degrees of one plane may leave it recognised, and set the planes apart only.
-        assert "moved C-arm without a new calibration?" in result.reason or "the planes disagree by" in result.reason
+        # What is left of it may be recognised: then the planes stand apart, or the turned one shows less.
+        said = (
+            "moved C-arm without a new calibration?",
+            "the planes disagree by",
+            "shows less of the lasso than it did",
+        )
+        assert any(words in result.reason for words in said)
 
 
 def lifted_pair(index, lift_mm):

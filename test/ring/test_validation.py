@@ -25,13 +25,14 @@ HERE = np.array([0.010, -0.020, 0.015])
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
-def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001), doubt=""):  # noqa: B008
+def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001), doubt="", usual=2.2):  # noqa: B008
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
         contrast={"a": contrast, "b": contrast},
         home_turn=home_turn,
         belief=belief,
         agreement=SeedAgreement(0.0, doubt),
+        usual_support=usual,
     )
 
 
@@ -148,6 +149,15 @@ def test_one_plane_alone_is_a_doubt_that_says_which_is_missing_and_why():
 def test_a_plane_that_shows_it_faintly_is_a_doubt_and_said_to():
     faint = dataclasses.replace(best(1.8, 1.1), probability=0.9)
     assert judged(faint) == (TrackerState.DEGRADED, "plane B shows the lasso only faintly")
+
+
+def test_a_plane_that_shows_less_than_it_did_is_a_doubt():
+    # 1.1 and 1.5: 1.55 together, 70 % of 2.21.
+    assert judged(best(1.5, 1.1), of_track=track(usual=2.22)) == (
+        TrackerState.DEGRADED,
+        "plane B shows less of the lasso than it did",
+    )
+    assert judged(best(1.5, 1.1), of_track=track(usual=2.2)) == (TrackerState.TRACKING, "")
 
 
 def test_a_doubt_about_its_place_is_not_laid_to_a_plane():
