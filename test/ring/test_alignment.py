@@ -9,7 +9,7 @@ from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring.alignment import RingPrior, align, align_from_afar
-from lasso_motion_ros.ring.strip import evidence_along, strip_along
+from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import working_image
 
@@ -46,7 +46,7 @@ def images(clean, seed=1, sigma=5.0, views=None):
 def learned(images):
     along = {name: strip_along(LOOP.centre + ARMS, image.projection) for name, image in images.items()}
     strips = {name: along[name].sample(image) for name, image in images.items()}
-    shown = {name: evidence_along(image, along[name].pixels) for name, image in images.items()}
+    shown = {name: image.evidence_at(along[name].pixels) for name, image in images.items()}
     return RingTemplate(strips, shown, TemplateTuning())
 
 

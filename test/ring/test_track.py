@@ -130,7 +130,9 @@ def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
 def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_off():
     one = track(late_s=0.1)
     np.testing.assert_allclose(one.depth_correction, 0.0, atol=1e-9)
-    one.motion._state[:, 15:18] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
+    state = one.motion._state.copy()
+    state[:, 15:18] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
+    one.motion._become(state, one.motion._covariance)
     # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
     np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(one.centre - CENTRE, [-0.003, 0.0, 0.0], atol=1e-9)
