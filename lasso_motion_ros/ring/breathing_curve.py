@@ -140,6 +140,8 @@ class BreathingCurve:
 
     def _past_odds(self, points: Array, times: Array) -> float:
         """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
+        if len(times) < self._tuning.slide_points:
+            return 0.0
         span = float(times[0]), float(times[-1])
         if span != self._past[0]:
             self._past = span, self._change_point(points, times)[1]

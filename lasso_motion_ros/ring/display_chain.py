@@ -320,7 +320,7 @@ def block_means(values: Image, size: int) -> Image:
 def grey_change(sample: Sample, before: Sample) -> float:
     """Relative change of the grey between two samples, of the median block: most of an image does not move."""
     now, then = sample.grey, before.grey
-    change: Image = ((now - then) / np.maximum(np.maximum(now, then), 1.0)).astype(np.float32)
+    change = np.asarray((now - then) / np.maximum(np.maximum(now, then), 1.0), dtype=np.float32)
     return float(upper_median(change[None])[0])
 
 

@@ -1,5 +1,7 @@
 """Where breathing has taken the ring, and how far off a place lies: turns, distances, slides."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -188,6 +190,23 @@ def test_one_outlier_is_no_slide():
 def test_few_places_tell_of_no_slide():
     curve, time_s = after([wave(t) for t in np.arange(1, 6) * PAIR_S])
     assert curve.slide(time_s + PAIR_S, 5e-3 * ASIDE) == (0.0, 0.0)
+
+
+def test_after_minutes_out_of_sight_nothing_tells_of_a_slide():
+    curve, time_s = breathed(30.0)
+    assert curve.slide(time_s + 200.0, 5e-3 * ASIDE) == (0.0, 0.0)
+
+
+def test_what_is_kept_of_the_past_is_renewed_with_every_place():
+    curve, time_s = breathed(30.0)
+    curve.slide(time_s, wave(time_s))
+    for index in range(1, 40):
+        now_s = time_s + index * PAIR_S
+        place = wave(now_s) + 4e-4 * index * PAIR_S * ASIDE
+        curve.see(now_s, place)
+        fresh = copy.copy(curve)
+        fresh._past = (np.inf, -np.inf), 0.0
+        assert curve.slide(now_s + PAIR_S, place) == fresh.slide(now_s + PAIR_S, place)
 
 
 def drawn_aside(steps=20):
