@@ -10,26 +10,23 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
-from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, distance_to_curve, quarter_turn, resample, slope
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.curves import distance_to_curve, resample
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
+from lasso_motion_ros.ring.loop_curve import LoopCurve, fit_curve, snap
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.cones import Ellipse3D
-from lasso_motion_ros.seeding.line_filter import sato
-from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
+from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between
 from lasso_motion_ros.seeding.outlines import (
     curves_through_clicks,
     is_bright,
-    line_sigma_px,
     outlines,
     require_both_planes,
     require_lasso_size,
@@ -43,25 +40,19 @@ POINTS = 120
 
 @dataclass(frozen=True)
 class _Tuning:
-    """How the curve is fitted, and when the images show none."""
+    """Which curves are tried, which of them is taken, and when the images show none."""
 
-    knots_per_turn: int = 14
     rounds: int = 3  # of snapping to the lines in the images
     simultaneous_s: float = 0.004  # exposures closer than this show the same phase
     between_sigma_m: float = 0.0005  # of what others show of the motion between them: mostly the calibration's error
-    outline_sigma_mm: float = 0.15
-    bulge_sigma_mm: float = 1.0  # of the curve about its ellipse
-    bend_sigma_mm: float = 0.35  # of the spline coefficients' second differences
-    snap_reach_mm: float = 1.0
-    snap_step_mm: float = 0.1
     # Contrast along the model in units of the local noise (docs/constants.md).
     smallest_contrast: float = 0.49
     doubtful_contrast: float = 1.0
-    doubtful_misfit: float = 5.0  # ellipses that fit worse than the best by this are not tried
+    open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
+    ellipses: int = 2  # that are tried at most, of each kind of outline,
+    doubtful_misfit: float = 5.0  # and that fit worse than the best by less than this
     click_spread_mm: float = 0.35  # of clicks about the wire
     click_penalty: float = 0.05  # of what the planes have in common, for each such variance
-    ellipses: int = 2  # at most, of each kind of outline
-    open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
 
 
 TUNING = _Tuning()
@@ -230,16 +221,16 @@ def _around(
     shifted = _shifted(projections, shifts)
     outline = LoopOutline(ellipse, shifted, paths)
 
-    def fitted(low: float, high: float) -> tuple[_Curve, dict[Plane, Array]]:
+    def fitted(low: float, high: float) -> tuple[LoopCurve, dict[Plane, Array]]:
         """The curve between two eccentric angles, and the planes' shifts that go with it."""
         angles, moved, views = angles_between(low, high), shifts, shifted
-        curve = _fit_curve(ellipse, angles, views, outline.at(angles))
+        curve = fit_curve(ellipse, angles, views, outline.at(angles))
         for _ in range(TUNING.rounds):
-            found = {p: _snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
+            found = {p: snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
             # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
             moved = epipolar_shift(projections, found, share_of_a)
             views = _shifted(projections, moved)
-            curve = _fit_curve(ellipse, angles, views, found)
+            curve = fit_curve(ellipse, angles, views, found)
         return curve, moved
 
     low, high = outline.extent
@@ -306,89 +297,3 @@ def _circle_centre(points: Array) -> Array:
 
 def _shifted(projections: dict[Plane, Projection], shifts: dict[Plane, Array]) -> dict[Plane, Projection]:
     return {p: projection.shifted(*shifts[p]) for p, projection in projections.items()}
-
-
-class _Curve:
-    """The ellipse plus a spline offset, a function of the eccentric angle."""
-
-    def __init__(self, ellipse: Ellipse3D, knots: Array, coefficients: Array) -> None:
-        self._ellipse, self._knots, self._coefficients = ellipse, knots, coefficients
-
-    def __call__(self, angles: Array) -> Array:
-        basis = BSpline.design_matrix(angles, self._knots, 3).toarray()
-        return np.asarray(on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
-
-
-def _fit_curve(
-    ellipse: Ellipse3D, angles: Array, projections: dict[Plane, Projection], found: dict[Plane, Array]
-) -> _Curve:
-    """Regularised least squares of the distances, across the curve, to the outline in both planes."""
-    count = max(6, round(TUNING.knots_per_turn * float(np.ptp(angles)) / (2.0 * np.pi)))
-    inner = np.linspace(angles[0], angles[-1], count)
-    spacing = inner[1] - inner[0]
-    knots = np.concatenate([inner[0] - spacing * np.arange(3, 0, -1), inner, inner[-1] + spacing * np.arange(1, 4)])
-    basis = BSpline.design_matrix(np.clip(angles, inner[0], inner[-1]), knots, 3).toarray()
-    size = basis.shape[1]
-    bends = np.diff(np.eye(size), 2, axis=0)
-    prior = np.eye(size) / TUNING.bulge_sigma_mm**2 + bends.T @ bends / TUNING.bend_sigma_mm**2
-    normal = np.kron(prior, np.eye(3)) * 1e6
-    right = np.zeros(3 * size)
-    points = on_ellipse(ellipse, angles)
-    for plane in PLANES:
-        projection = projections[plane]
-        pixels = projection.project(points)
-        normals = _unit_normals(pixels)
-        offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
-        valid = np.isfinite(offset)
-        scale = projection.millimetres_per_pixel(ellipse.centre) / TUNING.outline_sigma_mm
-        slope = np.einsum("nj,njk->nk", normals, projection.jacobian(points))  # pixels per metre
-        # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
-        weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
-        rows = (basis[:, :, None] * slope[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
-        normal += rows.T @ rows
-        right += rows.T @ (np.nan_to_num(offset) * weight)
-    return _Curve(ellipse, knots, np.linalg.solve(normal, right).reshape(size, 3))
-
-
-def _unit_normals(pixels: Array) -> Array:
-    """(N, 2) unit normals of an open curve (N, 2) of pixels."""
-    normals = quarter_turn(slope(pixels, axis=0))
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), SMALLEST_SPACING))
-
-
-def _snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigma_mm: float) -> Array:
-    """(N, 2) pixels of the line beside a projected curve (N, 3): the smoothest strong path through the strip."""
-    pixels = projection.project(curve)
-    normals = _unit_normals(pixels)
-    unit = projection.millimetres_per_pixel(curve.mean(axis=0))
-    offsets = np.arange(-TUNING.snap_reach_mm, TUNING.snap_reach_mm + 1e-9, TUNING.snap_step_mm) / unit
-    margin = 16
-    low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - margin, 0)
-    high = np.ceil(pixels.max(axis=0)).astype(int) + margin
-    grey = frame.pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
-    response = sato(-grey if bright else grey, (line_sigma_px(projection, sigma_mm),))
-    at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - low).astype(np.float32)
-    strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    strip = strip / max(float(np.quantile(strip, 0.95)), 1e-6)
-    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / TUNING.snap_reach_mm) ** 2
-    best = _ridge_path(gain)
-    return np.asarray(pixels + (offsets[best])[:, None] * normals)
-
-
-def _ridge_path(gain: Array, bend: float = 0.25) -> npt.NDArray[np.int64]:
-    """(N,) column per row that maximises the gain less `bend` per squared column step (dynamic programming)."""
-    rows, columns = gain.shape
-    steps = np.arange(-3, 4)
-    total = gain[0].copy()
-    choices = np.zeros((rows, columns), dtype=np.int64)
-    for row in range(1, rows):
-        padded = np.pad(total, 3, constant_values=-np.inf)
-        options = np.stack([padded[3 + s : 3 + s + columns] - bend * s * s for s in steps])
-        choice = np.argmax(options, axis=0)
-        choices[row] = steps[choice]
-        total = options[choice, np.arange(columns)] + gain[row]
-    path = np.empty(rows, dtype=np.int64)
-    path[-1] = int(np.argmax(total))
-    for row in range(rows - 1, 0, -1):
-        path[row - 1] = path[row] + choices[row, path[row]]
-    return path
