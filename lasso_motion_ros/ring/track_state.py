@@ -31,7 +31,7 @@ class StateTuning:
     largest_sigmas: float = 6.0  # no one pair may say more
     # Of being in place, and the detection being the ring:
     tracking: float = 0.97  # with less a pose is DEGRADED
-    pose: float = 0.75  # with less there is none
+    pose: float = 0.9  # with less there is none
     displaced: float = 0.6  # of being elsewhere
     # Of the pose being off by more than this, along the direction known worst:
     misleading_mm: float = 2.0
