@@ -73,7 +73,7 @@ class DisplayChainTuning:
     settled_triples: int = 8  # after so many, and while there is no filter to undo,
     rest: int = 3  # images are let pass after each triple: what is settled takes that long to change at most
     smallest: float = 0.1  # λ below it is not undone: the lag is a ninth of the way between two images at most
-    largest: float = 0.8  # λ above it is not believed
+    largest: float = 0.8  # λ above it cannot be undone: nine times the noise would be left
     sigmas: float = 4.0  # by which λ has to exceed zero
     sigma_floor: float = 0.01  # of λ: what a display curve does to the noise
     interval_slack: float = 0.25  # of the period: jitter of the stamps
@@ -132,10 +132,8 @@ class PlaneChain:
         self._sums: Array = np.zeros((3, tuning.groups))  # of C, E1, E0 by group
         self._triples, self._rest = 0, 0  # looked at since all was forgotten, and images yet to let pass
         self.filter, self.sigma = 0.0, np.inf  # λ, and its standard deviation
-        self.error, self.ghost = (
-            0.0,
-            0.0,
-        )  # of the last image in what was made of this one: unsure, and known to be left
+        # Of the last image in what was made of this one: unsure, and known to be left.
+        self.error, self.ghost = 0.0, 0.0
 
     @property
     def is_filtered(self) -> bool:
@@ -143,12 +141,21 @@ class PlaneChain:
         tuning = self._tuning
         return tuning.smallest < self.filter < tuning.largest and self.filter > tuning.sigmas * self.sigma
 
+    @property
+    def is_too_strong(self) -> bool:
+        """Whether the images surely show more of what was than can be undone."""
+        return self.filter >= self._tuning.largest and self.filter > self._tuning.sigmas * self.sigma
+
     def undone(self, frame: Frame) -> Frame:
         """The frame as it was before the filter; the same frame where there is none, or where it cannot be undone.
 
         `error` and `ghost` say afterwards what is left of images before, as a share of the image's own.
         """
         self.error, self.ghost = 0.0, 0.0
+        if min(frame.pixels.shape) < self._tuning.block_px:  # too small to tell anything
+            self._forget()
+            self._last = None
+            return frame
         sample = sampled(frame.pixels, self._tuning)
         last = self._last
         if last is None or self._sample is None or not self._is_comparable(frame, last, sample, self._sample):
@@ -277,6 +284,11 @@ class DisplayChain:
     def filters(self) -> dict[Plane, float]:
         """Per plane λ, where images are filtered."""
         return {plane: chain.filter for plane, chain in self._planes.items() if chain.is_filtered}
+
+    @property
+    def too_strong(self) -> tuple[Plane, ...]:
+        """The planes whose filter is too strong to be undone: they show the ring where it was."""
+        return tuple(plane for plane, chain in self._planes.items() if chain.is_too_strong)
 
     def covariance(self, way: Array) -> Array:
         """(3, 3) m² of the displacement, by the lag that is left of a ring that came (3,) m since the last pair.

@@ -92,6 +92,9 @@ class RingTracker:
         track, options, config = self._require_track(), self._options, self._config
         time_s = track.begin(pair.stamp_ns)
         pair = track.display.undone(pair)
+        if planes := track.display.too_strong:
+            names = " and ".join(plane.upper() for plane in planes)
+            return self._lost(track, pair, f"too strong a filter over time in plane {names}: the images show what was")
         # Predict, and detect all places that show something like the ring.
         expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)
         detections = track.detector.detect(pair, expected, config)
@@ -121,11 +124,13 @@ class RingTracker:
         # Report.
         sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
-        if misleads > options.state.misleads_tracking and not reason:
-            state, reason = TrackerState.DEGRADED, f"its place is known to {sigma_mm:.1f} mm only"
+        vague = f"its place is known to {sigma_mm:.1f} mm only"
         if misleads > options.state.misleads_pose:
+            # It is seen, and followed and learned on; only no pose rests on it.
             track.displacement = None
-            return without_pose(track, pair, TrackerState.LOST, f"its place is known to {sigma_mm:.1f} mm only")
+            return without_pose(track, pair, TrackerState.LOST, vague)
+        if misleads > options.state.misleads_tracking and not reason:
+            state, reason = TrackerState.DEGRADED, vague
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
         return with_pose(result, track, position, best)
 

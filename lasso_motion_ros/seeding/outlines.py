@@ -148,7 +148,8 @@ def curves_through_clicks(seed: Seed, projections: Mapping[Plane, Projection]) -
     curves: dict[Plane, Array] = {}
     for plane in PLANES:
         clicks = seed.points(plane)
+        clicks = clicks[np.append(True, np.any(np.diff(clicks, axis=0) != 0.0, axis=1))]  # a double click is one
         spread_px = TUNING.click_spread_mm / projections[plane].millimetres_per_pixel(np.zeros(3))
-        spline, _ = splprep(clicks.T, s=len(clicks) * spread_px**2, k=3)
+        spline, _ = splprep(clicks.T, s=len(clicks) * spread_px**2, k=min(3, len(clicks) - 1))
         curves[plane] = np.stack(splev(np.linspace(0.0, 1.0, TUNING.curve_points), spline), axis=1)
     return curves

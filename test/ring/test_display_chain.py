@@ -1,11 +1,8 @@
 """The display's filter over time: recognised by the noise, undone, and left alone where its state is not known."""
 
-from functools import cache
-
 import numpy as np
 import pytest
-from support.breathing_lasso import CONFIG, TRACKING, centre_error_mm, moved
-from support.lasso_inputs import CURVE, NOISE, PERIOD_NS, VIEWS, lasso_image, lasso_seed
+from support.lasso_inputs import PERIOD_NS, VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.phantom.imaging import Exposure, ImagingChain
@@ -20,8 +17,6 @@ from lasso_motion_ros.ring.display_chain import (
     sampled,
     unfiltered,
 )
-from lasso_motion_ros.ring.ring_options import RingOptions
-from lasso_motion_ros.ring.tracker import RingTracker
 
 TUNING = DisplayChainTuning()
 SIDE = 256
@@ -369,44 +364,18 @@ def test_the_lag_that_is_left_lies_along_the_ring_s_way():
     assert not chain.covariance(np.ones(3)).any()
 
 
-PAIRS = 14
+def test_an_image_too_small_to_tell_anything_comes_back():
+    chain, *_ = filtering(0.5)
+    small = Frame(99, np.zeros((15, SIDE), np.uint8), VIEW.cropped(0, 0, SIDE, 15))
+    assert chain.undone(small) is small
+    assert not chain.is_filtered
 
 
-@cache
-def lagging():
-    """Pairs of the breathing lasso in noise, of which a filter keeps half; as the first image is the first shown."""
-    state, pairs = {}, []
-    for index in range(PAIRS):
-        frames = {}
-        for p in "ab":
-            noise = NOISE * np.random.default_rng([index, ord(p)]).standard_normal((512, 512))
-            image = lasso_image(CURVE + moved(index), VIEWS[p]) + noise
-            state[p] = 0.5 * image + 0.5 * state.get(p, image)
-            frames[p] = Frame(index * PERIOD_NS, np.clip(np.rint(state[p]), 0, 255).astype(np.uint8), VIEWS[p])
-        pairs.append(FramePair(index * PERIOD_NS, frames["a"], frames["b"]))
-    return pairs
-
-
-def tracked(options):
-    tracker = RingTracker(CONFIG, options=options)
-    first, *others = lagging()
-    return [tracker.initialise(first, lasso_seed()), *(tracker.track(pair) for pair in others)]
-
-
-def test_a_ring_in_filtered_images_is_where_it_is():
-    undone, left = tracked(RingOptions()), tracked(RingOptions(display=DisplayChainTuning(undo=False)))
-    assert all(result.state is TRACKING for result in undone)
-    assert undone[0].temporal_filter == undone[1].temporal_filter == {}
-    for plane in "ab":
-        assert undone[-1].temporal_filter[plane] == pytest.approx(0.5, abs=0.04)
-    assert left[-1].temporal_filter == {}
-    errors = [
-        [
-            centre_error_mm(one, moved(index))
-            for index, one in enumerate(results)
-            if index > 1 and one.motion is not None
-        ]
-        for results in (undone, left)
-    ]
-    assert np.mean(errors[0]) < 0.05
-    assert np.mean(errors[1]) > 2.0 * np.mean(errors[0])
+@pytest.mark.parametrize(("share", "too_strong"), [(0.5, False), (0.79, False), (0.81, True)])
+def test_a_filter_too_strong_to_be_undone_is_known(share, too_strong):
+    chain = PlaneChain(TUNING)
+    chain.filter, chain.sigma = share, 0.02
+    assert chain.is_too_strong is too_strong
+    assert chain.is_filtered is not too_strong
+    chain.sigma = 0.3
+    assert not chain.is_too_strong

@@ -336,3 +336,11 @@ def test_fibrillation_in_the_first_breath_is_seldom_taken_for_a_displacement():
             early.initialise(first, lasso_seed())
             displaced += DISPLACED in [early.track(one).state for one in later]
     assert displaced <= 1
+
+
+@pytest.mark.parametrize("height", [1, 15])
+def test_an_image_of_a_few_rows_is_lost_and_no_error(tracker, height):
+    whole = pair(WARM)
+    few = Frame(whole.a.stamp_ns, whole.a.pixels[:height], whole.a.projection.cropped(0, 0, 512, height))
+    assert tracker.track(dataclasses.replace(whole, a=few)).state in (LOST, DEGRADED)
+    assert tracker.track(pair(WARM + 1)).state is TRACKING

@@ -137,3 +137,21 @@ def test_what_is_smoothed_is_in_millimetres():
     there = curves_through_clicks(Seed(2.0 * seed.points_a + 0.5, 2.0 * seed.points_b + 0.5), large)
     for name, curve in curves_through_clicks(seed, small).items():
         np.testing.assert_allclose(there[name], 2.0 * curve + 0.5, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    "double", [lambda clicks: np.repeat(clicks, 2, axis=0), lambda clicks: np.r_[clicks[:1], clicks]]
+)
+def test_a_double_click_counts_once(double):
+    few = seed(6)
+    once = curves_through_clicks(few, VIEWS)
+    twice = curves_through_clicks(Seed(double(few.points_a), double(few.points_b)), VIEWS)
+    for name in "ab":
+        np.testing.assert_array_equal(twice[name], once[name])
+
+
+def test_clicks_on_few_places_still_give_a_curve():
+    clicks = np.repeat(np.array([[100.0, 100.0], [160.0, 120.0], [120.0, 170.0]]), 2, axis=0)
+    curve = curves_through_clicks(Seed(clicks, clicks), VIEWS)["a"]
+    assert np.isfinite(curve).all()
+    assert np.linalg.norm(curve[[0, -1]] - clicks[[0, -1]], axis=1).max() < 3.0

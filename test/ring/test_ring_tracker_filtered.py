@@ -1,0 +1,64 @@
+"""A ring in images that are filtered over time: followed where it is, and not where it was."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from support.breathing_lasso import CONFIG, LOST, TRACKING, centre_error_mm, moved
+from support.lasso_inputs import CURVE, NOISE, PERIOD_NS, VIEWS, lasso_image, lasso_seed
+
+from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.ring.display_chain import DisplayChainTuning
+from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.tracker import RingTracker
+
+PAIRS = 14
+
+
+@cache
+def lagging(share):
+    """Pairs of the breathing lasso in noise, of which a filter keeps a share; its first image is the first shown."""
+    state, pairs = {}, []
+    for index in range(PAIRS):
+        frames = {}
+        for p in "ab":
+            noise = NOISE * np.random.default_rng([index, ord(p)]).standard_normal((512, 512))
+            image = lasso_image(CURVE + moved(index), VIEWS[p]) + noise
+            state[p] = (1.0 - share) * image + share * state.get(p, image)
+            frames[p] = Frame(index * PERIOD_NS, np.clip(np.rint(state[p]), 0, 255).astype(np.uint8), VIEWS[p])
+        pairs.append(FramePair(index * PERIOD_NS, frames["a"], frames["b"]))
+    return pairs
+
+
+def tracked(options, share=0.5):
+    tracker = RingTracker(CONFIG, options=options)
+    first, *others = lagging(share)
+    return [tracker.initialise(first, lasso_seed()), *(tracker.track(pair) for pair in others)]
+
+
+def test_a_ring_in_filtered_images_is_where_it_is():
+    undone, left = tracked(RingOptions()), tracked(RingOptions(display=DisplayChainTuning(undo=False)))
+    assert all(result.state is TRACKING for result in undone)
+    assert undone[0].temporal_filter == undone[1].temporal_filter == {}
+    for plane in "ab":
+        assert undone[-1].temporal_filter[plane] == pytest.approx(0.5, abs=0.04)
+    assert left[-1].temporal_filter == {}
+    errors = [
+        [
+            centre_error_mm(one, moved(index))
+            for index, one in enumerate(results)
+            if index > 1 and one.motion is not None
+        ]
+        for results in (undone, left)
+    ]
+    assert np.mean(errors[0]) < 0.05
+    assert np.mean(errors[1]) > 2.0 * np.mean(errors[0])
+
+
+@pytest.mark.parametrize("share", [0.85, 0.92])
+def test_a_filter_too_strong_to_be_undone_leaves_no_pose(share):
+    # Three images tell; what those before show is all that was known of the ring.
+    for result in tracked(RingOptions(), share)[4:]:
+        assert result.state is LOST
+        assert result.motion is None
+        assert result.reason == "too strong a filter over time in plane A and B: the images show what was"
