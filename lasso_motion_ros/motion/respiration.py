@@ -42,22 +42,6 @@ Array = npt.NDArray[np.float64]
 _IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
 
 
-@dataclass(frozen=True)
-class Likelihood:
-    """How well measurements were foretold; natural logarithms of probability densities, per metre and component.
-
-    Attributes:
-        density: at what was measured.
-        peak: at what was foretold, the largest that it could have been.
-    """
-
-    density: float
-    peak: float
-
-    def __add__(self, other: Likelihood) -> Likelihood:
-        return Likelihood(self.density + other.density, self.peak + other.peak)
-
-
 @dataclass(frozen=True, eq=False)
 class _Exposure:
     """Something that was taken in: measurements, or (`is_mark`) the time of plane A's exposure."""
@@ -159,7 +143,7 @@ class RespiratoryMotion:
         within = h @ (weights @ covariance.reshape(len(weights), -1)).reshape(SIZE, SIZE) @ h.T
         return Estimate(mean, within + (weights[:, None] * off).T @ off)
 
-    def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> Likelihood:
+    def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> float:
         """Take in one exposure's measurements; times must not decrease.
 
         Plane B's, though later, still sharpens `at_a`, which is of the last `mark_a`.
@@ -169,7 +153,7 @@ class RespiratoryMotion:
         """
         self._remember(_Exposure(time_s, a, b, is_mark=False))
         self._advance(time_s)
-        likelihood = Likelihood(0.0, 0.0)
+        likelihood = 0.0
         if a is not None:
             likelihood += self._update(a.across @ DISPLACEMENT, a.value, a.covariance)
         if b is not None:
@@ -287,8 +271,8 @@ class RespiratoryMotion:
         covariance[:, block, block] = rows @ DISPLACEMENT.T
         self._become(state, covariance)
 
-    def _update(self, h: Array, value: Array, noise: Array) -> Likelihood:
-        """Take in a measurement; returns how likely it was."""
+    def _update(self, h: Array, value: Array, noise: Array) -> float:
+        """Take in a measurement; returns the logarithm of its probability density, per metre and component."""
         state, covariance, distance, peaks = measured(self._state, self._covariance, h, value, noise)
         self._become(state, covariance)
         freedom, unusual = self._tuning.freedom, self._tuning.unusual_share
@@ -296,8 +280,5 @@ class RespiratoryMotion:
         densities = peaks - 0.5 * (freedom + len(value)) * np.log1p(distance / freedom)
         weights = (1.0 - unusual) * self.weights + unusual * self._tuning.odds
         self._log_weights = self._log_weights + densities
-        highest = float(peaks.max())
-        density, peak = (
-            highest + math.log(float(weights @ np.exp(logs - highest)) + 1e-300) for logs in (densities, peaks)
-        )
-        return Likelihood(density, peak)
+        highest = float(densities.max())
+        return highest + math.log(float(weights @ np.exp(densities - highest)) + 1e-300)

@@ -135,7 +135,6 @@ class RespiratoryFilter:
         else:
             self._heart, self._heart_covariance = np.zeros_like(self._heart), self._unknown_heart()
             self._intervals.clear()
-        self._first_phase = phase
         self._replay: list[tuple[int, Array, Array]] | None = [] if phase is None and not keep_heart else None
         self._begin(stamp_ns, phase)
 

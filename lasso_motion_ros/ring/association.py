@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.motion.respiration import Likelihood, RespiratoryMotion
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.detection import Detection
 from lasso_motion_ros.ring.loop_model import LoopModel
 
@@ -156,7 +156,7 @@ def _hypothesis(
         after, likelihood = _observed_by_b(detection, after_a, time_s, times, model)
         likelihood += likelihood_a
         by_a.append(after_a)
-        odds.append(prior + likelihood.density - clutter)
+        odds.append(prior + likelihood - clutter)
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
             break
@@ -197,9 +197,9 @@ def _image_odds(support: float, tuning: AssociationTuning) -> float:
 
 def _observed_by_a(
     detection: Detection, motion: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[RespiratoryMotion, Likelihood]:
+) -> tuple[RespiratoryMotion, float]:
     """The motion after what plane A shows of a detection, and how likely that was."""
-    after, likelihood = motion.copy(), Likelihood(0.0, 0.0)
+    after, likelihood = motion.copy(), 0.0
     if "a" in detection.planes:
         likelihood += after.observe(times["a"], a=detection.observation("a", model.centre))
     return after, likelihood
@@ -207,9 +207,9 @@ def _observed_by_a(
 
 def _observed_by_b(
     detection: Detection, motion: RespiratoryMotion, time_s: float, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[RespiratoryMotion, Likelihood]:
+) -> tuple[RespiratoryMotion, float]:
     """The motion after what plane B shows, at its own time, and how likely that was."""
-    after, likelihood = motion.copy(), Likelihood(0.0, 0.0)
+    after, likelihood = motion.copy(), 0.0
     after.mark_a(time_s)
     if "b" in detection.planes:
         likelihood += after.observe(times["b"], b=detection.observation("b", model.centre))

@@ -218,7 +218,7 @@ class BreathingCurve:
             displacement: (3,) metres.
             sigma_m: of the displacement itself, with the heartbeat's, metres.
         """
-        _, spread = _principal_axis(self._points)
+        spread = 0.0 if self.is_complete else _principal_axis(self._points)[1]  # asked for before a breath is complete
         if not self.is_complete and spread < self._tuning.first_axis_m:
             away = float(np.linalg.norm(displacement - self._points.mean(axis=0)))
             return 3.0 * away / self._tuning.first_reach_m

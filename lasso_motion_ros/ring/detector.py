@@ -32,7 +32,6 @@ class DetectorTuning:
     expectation_m: float = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
     rival_score: float = 0.85  # of the best candidate's in the search: one that comes so near is aligned, too
     enough_share: float = 0.8  # of the support that is usual: then nothing else is looked for
-    rival_support: float = 0.35  # below the best detection's: what comes so near is a rival
     band_margin_mm: float = 8.0  # the working image's filters reach this far
     edge_px: float = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
 

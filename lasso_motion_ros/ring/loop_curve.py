@@ -69,10 +69,10 @@ def fit_curve(
         offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
         valid = np.isfinite(offset)
         scale = projection.millimetres_per_pixel(ellipse.centre) / TUNING.outline_sigma_mm
-        slope = np.einsum("nj,njk->nk", normals, projection.jacobian(points))  # pixels per metre
+        px_per_m = np.einsum("nj,njk->nk", normals, projection.jacobian(points))
         # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
         weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
-        rows = (basis[:, :, None] * slope[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
+        rows = (basis[:, :, None] * px_per_m[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
         normal += rows.T @ rows
         right += rows.T @ (np.nan_to_num(offset) * weight)
     return LoopCurve(ellipse, knots, np.linalg.solve(normal, right).reshape(size, 3))

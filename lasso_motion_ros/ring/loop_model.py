@@ -51,8 +51,7 @@ class _Tuning:
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
     ellipses: int = 2  # that are tried at most, of each kind of outline,
     doubtful_misfit: float = 5.0  # and that fit worse than the best by less than this
-    click_spread_mm: float = 0.35  # of clicks about the wire
-    click_penalty: float = 0.05  # of what the planes have in common, for each such variance
+    click_penalty: float = 0.41  # of what the planes have in common, for a mean squared distance of the clicks of 1 mm²
 
 
 TUNING = _Tuning()
@@ -180,11 +179,11 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
 
 
 def _beside(model: LoopModel, pair: FramePair, seed: Seed) -> float:
-    """Mean squared distance of the clicks from the model's curve, in units of how well people click."""
+    """Mean squared distance of the clicks from the model's curve, mm²."""
     squares = []
     for plane, frame in pair.frames.items():
         curve = frame.projection.project(model.points) + model.shift(plane, frame.projection)
-        unit = frame.projection.millimetres_per_pixel(model.centre) / TUNING.click_spread_mm
+        unit = frame.projection.millimetres_per_pixel(model.centre)
         squares.append((unit * distance_to_curve(seed.points(plane), curve)) ** 2)
     return float(np.mean([square.mean() for square in squares]))
 

@@ -49,8 +49,8 @@ class PlaneFit:
         covariance: (2, 2) of the centre along them, m².
         contrast: of the ring, as a share of the grey behind it, whatever the noise.
         correlation: normalised correlation of strip and template, outliers left out.
-        evidence: mean of the evidence image along the curve, weighted by the template's profile; -1 to 2.
-        coverage: share of that profile that lies inside the image.
+        evidence: mean of the evidence image along the curve, weighted by the template's electrodes; -1 to 2.
+        coverage: share of those weights that lie inside the image.
         visible: share of the loop's segments that look as expected.
         residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
         strip: (L, 2·HALF_WIDTH + 1) the samples there, to learn the template from.
@@ -75,7 +75,7 @@ class LoopViews:
     """The planes while a ring is being aligned with them, P of them at once: the first axis of the arrays.
 
     Args:
-        images: the planes.
+        planes: their images.
         template: what is to be found in each.
         centres: (P, 3) where to start from.
 
@@ -95,7 +95,7 @@ class LoopViews:
         self._patterns = np.broadcast_to(template.values, (len(images), *template.values.shape))
         self._along = np.broadcast_to(template.slopes[0], self._patterns.shape)
         self._sideways = np.broadcast_to(template.slopes[1], self._patterns.shape)
-        self._profile = template.weights
+        self._arc_weights = template.weights
         self.usual = np.array([template.usual[plane] for plane in planes])
         self.centres = centres
         rays = centres - np.array([p.source for p in projections])
@@ -246,9 +246,9 @@ class LoopViews:
         for pixels, image in zip(self._strip.pixels, self._images, strict=True):
             values = image.evidence_at(pixels)
             inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
-            share = float(self._profile @ inside)
+            share = float(self._arc_weights @ inside)
             shown.append(values)
-            evidence.append(float(self._profile @ values) / max(share, 1e-6) if share > 0.0 else 0.0)
+            evidence.append(float(self._arc_weights @ values) / max(share, 1e-6) if share > 0.0 else 0.0)
             coverage.append(share)
         return shown, evidence, coverage
 

@@ -25,8 +25,8 @@ class ValidationTuning:
     faint_share: float = (
         0.7  # of the support that is usual: less is shown where a plane's geometry is not as it says, too
     )
-    ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
     # Where the filter is undone no ghost is left, but before it is recognised, and after an image that did not come.
+    ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
 
 
 def refusal(
