@@ -30,6 +30,13 @@ class _Tuning:
     bend_sigma_mm: float = 0.35  # of the spline coefficients' second differences
     snap_reach_mm: float = 1.0
     snap_step_mm: float = 0.1
+    wrong_match: float = 6.0  # an outline's distance, in its standard deviations, from which on it counts less
+    margin_px: int = 16  # of the part of the image in which lines are looked for
+    strong_quantile: float = (
+        0.95  # of the line filter's responses beside the curve: what is stronger is no better a line
+    )
+    off_curve: float = 0.15  # of a strong line's gain, that a line at the end of the reach has less
+    bend: float = 0.25  # of it, for each squared step aside from point to point
 
 
 TUNING = _Tuning()
@@ -71,7 +78,7 @@ def fit_curve(
         scale = projection.millimetres_per_pixel(ellipse.centre) / TUNING.outline_sigma_mm
         px_per_m = np.einsum("nj,njk->nk", normals, projection.jacobian(points))
         # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
-        weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / 6.0) ** 2), 0.0)
+        weight = np.where(valid, scale / np.sqrt(1.0 + (np.nan_to_num(offset) * scale / TUNING.wrong_match) ** 2), 0.0)
         rows = (basis[:, :, None] * px_per_m[:, None, :] * weight[:, None, None]).reshape(len(angles), -1)
         normal += rows.T @ rows
         right += rows.T @ (np.nan_to_num(offset) * weight)
@@ -90,28 +97,28 @@ def snap(curve: Array, frame: Frame, projection: Projection, bright: bool, sigma
     normals = _unit_normals(pixels)
     unit = projection.millimetres_per_pixel(curve.mean(axis=0))
     offsets = np.arange(-TUNING.snap_reach_mm, TUNING.snap_reach_mm + 1e-9, TUNING.snap_step_mm) / unit
-    margin = 16
+    margin = TUNING.margin_px
     low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - margin, 0)
     high = np.ceil(pixels.max(axis=0)).astype(int) + margin
     grey = frame.pixels[low[1] : high[1], low[0] : high[0]].astype(np.float32)
     response = sato(-grey if bright else grey, (line_sigma_px(projection, sigma_mm),))
     at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - low).astype(np.float32)
     strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    strip = strip / max(float(np.quantile(strip, 0.95)), 1e-6)
-    gain = np.minimum(strip, 1.0).astype(np.float64) - 0.15 * (offsets * unit / TUNING.snap_reach_mm) ** 2
+    strip = strip / max(float(np.quantile(strip, TUNING.strong_quantile)), 1e-6)
+    gain = np.minimum(strip, 1.0).astype(np.float64) - TUNING.off_curve * (offsets * unit / TUNING.snap_reach_mm) ** 2
     best = _ridge_path(gain)
     return np.asarray(pixels + (offsets[best])[:, None] * normals)
 
 
-def _ridge_path(gain: Array, bend: float = 0.25) -> npt.NDArray[np.int64]:
-    """(N,) column per row that maximises the gain less `bend` per squared column step (dynamic programming)."""
+def _ridge_path(gain: Array) -> npt.NDArray[np.int64]:
+    """(N,) column per row that maximises the gain less a penalty per squared column step (dynamic programming)."""
     rows, columns = gain.shape
     steps = np.arange(-3, 4)
     total = gain[0].copy()
     choices = np.zeros((rows, columns), dtype=np.int64)
     for row in range(1, rows):
         padded = np.pad(total, 3, constant_values=-np.inf)
-        options = np.stack([padded[3 + s : 3 + s + columns] - bend * s * s for s in steps])
+        options = np.stack([padded[3 + s : 3 + s + columns] - TUNING.bend * s * s for s in steps])
         choice = np.argmax(options, axis=0)
         choices[row] = steps[choice]
         total = options[choice, np.arange(columns)] + gain[row]
