@@ -80,7 +80,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._seeds = {plane: topic_publisher(self, self.messages, seed_topic(plane)) for plane in PLANES}
         self._page_services = PageServices(self, config.tracker, config.overlay)
         self._overlays = OverlayInputs(self, self._on_overlay)
-        self._graph: dict[str, Any] = {"tracker": False, "overlay": False, "drawing": None}
+        self._graph: dict[str, Any] = {"overlay": False, "drawing": None}
         self._wanted: frozenset[PageView] = frozenset()
         self._holding = threading.Lock()
         self._unfreeze_at: float | None = None
@@ -281,7 +281,7 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     @guarded
     def _on_timer(self) -> None:
-        self._graph["tracker"] = self.count_publishers(STATE.name) > 0
+        self._stream.tracker_is_present(self.count_publishers(STATE.name) > 0)
         self._graph["overlay"] = all(self.count_publishers(overlay_topic(plane).name) for plane in PLANES)
         if not self._graph["overlay"]:
             self._graph["drawing"] = None

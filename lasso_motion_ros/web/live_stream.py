@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
-from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
-from lasso_motion_ros.tracking.tracker import TrackerState
+from lasso_motion_ros.web.headline import TrackerWord
 from lasso_motion_ros.web.motion_trace import MotionTrace
 from lasso_motion_ros.web.shown_pairs import ShownPairs
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
@@ -58,7 +58,8 @@ class LiveStream:
         self._health = StreamHealth(clock)
         self._trace = MotionTrace(clock)
         self._shown = ShownPairs(answer_wait_s, clock)
-        self._state, self._reason = "", ""
+        self._word = TrackerWord(clock, self._health)
+        self._had_pose = False
         self._tracker_latency_ms: float | None = None
         self.new_runs = 0
         self.pairs_of_run = 0
@@ -89,12 +90,8 @@ class LiveStream:
     def add_state(self, state: str) -> None:
         """Take a `state`."""
         with self._lock:
-            had_pose = self.has_pose
-            if state != self._state:
-                self._reason = ""  # that was the last state's; the diagnostics bring the new one's
-            self._state = state
-            if had_pose and not self.has_pose:
-                self._trace.interrupt()
+            self._word.take_state(state)
+            self._look()
 
     def add_motion(self, message: Any) -> None:
         """Take a `motion`: a point of the trace, and a latency.
@@ -107,6 +104,8 @@ class LiveStream:
         motion = decode_pose(message)
         stamp_ns = stamp_to_ns(message.header.stamp)
         with self._lock:
+            self._word.take_pose()
+            self._had_pose = True
             self._trace.add_motion(stamp_ns, motion, self._health.add_answer(stamp_ns))
 
     def add_catheter(self, message: Any) -> None:
@@ -137,8 +136,7 @@ class LiveStream:
             values = {entry.key: entry.value for entry in status.values}
             with self._lock:
                 state, _, reason = status.message.partition(": ")
-                if state == self._state:
-                    self._reason = reason
+                self._word.take_reason(state, reason)
                 try:
                     self._tracker_latency_ms = float(values[LAST_LATENCY_KEY])
                 except (KeyError, ValueError):
@@ -189,24 +187,35 @@ class LiveStream:
 
     @property
     def has_pose(self) -> bool:
-        """Whether the tracker says that there is a pose."""
-        return TrackerState.tells_of_pose(self._state)
+        """Whether the tracker says that there is a pose, and one has just come."""
+        return self._word.has_pose
 
     @property
     def state(self) -> str:
         """The last state received; empty before the first."""
-        return self._state
+        return self._word.said
+
+    def tracker_is_present(self, present: bool) -> None:
+        """Learn whether anybody publishes `state`."""
+        with self._lock:
+            self._word.present = present
+
+    def _look(self) -> None:
+        """Note in the trace where the poses end: nothing that is received says so when the tracker has died."""
+        if self._had_pose and not self.has_pose:
+            self._had_pose = False
+            self._trace.interrupt()
 
     def status(self) -> dict[str, Any]:
         """The page's numbers and words, ready for JSON."""
         with self._lock:
+            self._look()
+            headline, age = self._word.headline(), self._word.pose_age_s
             silence = {plane: self._health.silence_s(plane) for plane in PLANES}
             latency, worst = self._health.latency_ms, self._health.worst_latency_ms
             return {
-                "state": self._state,
-                "reason": self._reason,
-                "colour": _colour(self._state),
-                "has_pose": self.has_pose,
+                **asdict(headline),
+                "pose_age_s": None if age is None else round(age, 1 if age < 1.0 else None),
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},
                 "seen": {plane: self._health.has_seen(plane) for plane in PLANES},
                 "calibrated": {plane: self._intake.frames[plane].calibrated for plane in PLANES},
@@ -225,11 +234,3 @@ class LiveStream:
         """The newest picture that may be shown."""
         with self._lock:
             return self._shown.picture(view, has_pose=self.has_pose)
-
-
-def _colour(state: str) -> str:
-    try:
-        red, green, blue = STATE_COLOURS[TrackerState(state)]
-    except ValueError:
-        return "#aaaaaa"
-    return f"#{red:02x}{green:02x}{blue:02x}"

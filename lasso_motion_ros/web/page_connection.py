@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Callable
 
 from aiohttp import WSCloseCode, WSMsgType, web
@@ -17,6 +18,8 @@ from lasso_motion_ros.web.source import PageView, Source
 LOG = logging.getLogger(__name__)
 SHORTEST_PAUSE_S = 0.02
 HEARTBEAT_S = 10.0
+ALIVE_S = 1.0
+"""A status is sent this often even if nothing has changed, so that a page knows that its server lives."""
 
 
 class PageConnection:
@@ -47,7 +50,7 @@ class PageConnection:
         self._news = asyncio.Event()
         self._can_take_picture = True
         self._sent_picture: tuple[int, PageView, Window] | None = None
-        self._sent_status = ""
+        self._sent_status, self._sent_status_s = "", 0.0
         self._sent_point = 0
         self._commands: set[asyncio.Task[None]] = set()
 
@@ -118,9 +121,9 @@ class PageConnection:
             await self.socket.close(code=WSCloseCode.INTERNAL_ERROR)
 
     async def _send_status(self) -> None:
-        status = encode("status", **self._source.status())
-        if status != self._sent_status:
-            self._sent_status = status
+        status, now_s = encode("status", **self._source.status()), time.monotonic()
+        if status != self._sent_status or now_s - self._sent_status_s >= ALIVE_S:
+            self._sent_status, self._sent_status_s = status, now_s
             await self.socket.send_str(status)
 
     async def _send_trace(self) -> None:

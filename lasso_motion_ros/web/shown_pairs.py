@@ -26,12 +26,14 @@ class _Tuning:
         loops: loops that wait for their images.
         overlays: the overlay node's pictures, for each plane.
         overlay_lag_ns: an overlay that is older than the newest pair by more than this does not keep up.
+        least_colour: by which the channels of a coloured frame differ; those of film do not.
     """
 
     pairs: int = 12
     loops: int = 64
     overlays: int = 4
     overlay_lag_ns: int = 1_500_000_000
+    least_colour: int = 24
 
 
 TUNING = _Tuning()
@@ -143,8 +145,10 @@ class ShownPairs:
             frames = seen.pair.frames
             if not all(frame.stamp_ns in self._overlays[plane] for plane, frame in frames.items()):
                 continue
-            loop = self._loops.get(seen.pair.stamp_ns) if has_pose else None
             drawn = {plane: self._overlays[plane][frame.stamp_ns] for plane, frame in frames.items()}
+            if any(is_compensated(picture) != has_pose for _, picture in drawn.values()):
+                continue  # the pictures, the planes and the headline must say the same
+            loop = self._loops.get(seen.pair.stamp_ns) if has_pose else None
             planes = {
                 plane: PlanePicture(frame.stamp_ns, drawn[plane][1], _projected(loop, frame))
                 for plane, frame in frames.items()
@@ -153,6 +157,16 @@ class ShownPairs:
             number = max(number for number, _ in drawn.values())
             return Picture(4 * (2 * number + (loop is not None)) + 2, False, planes)
         return None
+
+
+def is_compensated(drawn: npt.NDArray[np.uint8]) -> bool:
+    """Whether an overlay picture (H, W, 3) uint8 RGB is drawn with a motion.
+
+    Where nothing is compensated, a coloured frame runs round it (`overlay/primitives.py`, `draw_banner`); film is grey,
+    and no object covers all four corners.
+    """
+    corners = drawn[[0, 0, -1, -1], [0, -1, 0, -1]].astype(int)
+    return bool(np.ptp(corners, axis=1).min() < TUNING.least_colour)
 
 
 def _film(seen: _Seen, loop: Array | None, *, held: bool) -> Picture:

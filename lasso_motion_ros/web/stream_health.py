@@ -81,14 +81,24 @@ class StreamHealth:
         """Whether an image has come."""
         return bool(self._arrivals[plane])
 
+    @property
+    def image_age_s(self) -> float | None:
+        """Seconds since the last image of either plane; None before the first."""
+        last = [arrivals[-1] for arrivals in self._arrivals.values() if arrivals]
+        return self._clock() - max(last) if last else None
+
+    def period_s(self, plane: Plane) -> float | None:
+        """Median time between a plane's last images, seconds; None before the second."""
+        periods = [later - earlier for earlier, later in pairwise(self._arrivals[plane])]
+        return statistics.median(periods) if periods else None
+
     def silence_s(self, plane: Plane) -> float | None:
         """Seconds since the last image, if that is longer than the images' rate explains; else None."""
         arrivals = self._arrivals[plane]
         if not arrivals:
             return None
         age = self._clock() - arrivals[-1]
-        periods = [later - earlier for earlier, later in pairwise(arrivals)]
-        allowed = max(TUNING.silent_s, TUNING.silent_periods * statistics.median(periods) if periods else 0.0)
+        allowed = max(TUNING.silent_s, TUNING.silent_periods * (self.period_s(plane) or 0.0))
         return age if age > min(allowed, TUNING.silent_at_most_s) else None
 
     @property

@@ -62,7 +62,7 @@ class Page:
         while not (found := what()):
             if time.monotonic() > deadline:
                 seen: dict[str, Any] = {
-                    name: self.text(name) for name in ("state", "reason", "detail", "alarm", "message")
+                    name: self.text(name) for name in ("state", "reason", "detail", "alarm", "hint", "message")
                 }
                 seen["planes"] = [one.text for one in self.driver.find_elements("css selector", ".plane .caption")]
                 seen["drawing"] = self.driver.find_element("id", "drawing").get_attribute("value")

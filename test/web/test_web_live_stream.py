@@ -11,6 +11,7 @@ from support.drawn_recording import SIDE, loop, projections, shift, stamp
 from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.overlay.primitives import draw_banner
 from lasso_motion_ros.web.live_stream import LiveStream
 from lasso_motion_ros.web.motion_trace import TRACE_S
 from msg_adapters import topics
@@ -46,6 +47,11 @@ class Bench:
         fields = encode_pose_stamped(shift(z_mm), header_fields(stamp(pair), frame))
         self.stream.add_motion(MAKE(topics.MOTION.type_name, fields))
 
+    def tracks(self) -> None:
+        """A pose that belongs to no pair of the test."""
+        self.stream.add_state("TRACKING")
+        self.motion(1000, 0.0)
+
     def catheter(self, pair: int, z_mm: float | None, frame: str = WORLD) -> None:
         header = header_fields(stamp(pair), frame)
         points = apply(shift(z_mm or 0.0), loop())
@@ -59,7 +65,19 @@ class Bench:
 
     def overlay(self, plane: str, pair: int, **other: Any) -> None:
         fields = encode_image(np.full((SIDE, SIDE, 3), pair, np.uint8), header_fields(stamp(pair)))
+        self._overlay(plane, fields, **other)
+
+    def static_overlay(self, plane: str, pair: int) -> None:
+        drawn = np.full((SIDE, SIDE, 3), pair, np.uint8)
+        draw_banner(drawn, "STATIC OVERLAY", (255, 176, 0))
+        self._overlay(plane, encode_image(drawn, header_fields(stamp(pair))))
+
+    def _overlay(self, plane: str, fields: dict[str, Any], **other: Any) -> None:
         self.stream.add_overlay(plane, MAKE(topics.IMAGE_TYPE, {**fields, **other}))
+
+    def said(self) -> tuple[str, bool]:
+        status = self.stream.status()
+        return status["state"], status["has_pose"]
 
     def shown(self, view: str = "film") -> tuple[int, bool] | None:
         """Grey value of plane A's picture, which is its pair, and whether a loop is drawn."""
@@ -82,7 +100,7 @@ def test_before_there_is_a_pose_pictures_are_shown_at_once(bench: Bench) -> None
 
 
 def test_a_pair_waits_for_its_own_loop_and_is_drawn_with_it(bench: Bench) -> None:
-    bench.stream.add_state("TRACKING")
+    bench.tracks()
     bench.pair(0)
     bench.catheter(0, 0.0)
     bench.pair(1)
@@ -96,7 +114,7 @@ def test_a_pair_waits_for_its_own_loop_and_is_drawn_with_it(bench: Bench) -> Non
 
 
 def test_without_an_answer_it_is_shown_late_and_without_any_loop(bench: Bench) -> None:
-    bench.stream.add_state("TRACKING")
+    bench.tracks()
     bench.pair(0)
     bench.catheter(0, 0.0)
     bench.pair(1)
@@ -110,7 +128,7 @@ def test_without_an_answer_it_is_shown_late_and_without_any_loop(bench: Bench) -
 
 @pytest.mark.parametrize("state", ["LOST", "DISPLACED", "WAITING_FOR_SEED", "INACTIVE"])
 def test_no_loop_in_a_state_without_a_pose(bench: Bench, state: str) -> None:
-    bench.stream.add_state("TRACKING")
+    bench.tracks()
     bench.pair(0)
     bench.catheter(0, 0.0)
     bench.stream.add_state(state)
@@ -125,7 +143,7 @@ def test_half_a_pair_shows_the_plane_that_is_there(bench: Bench) -> None:
 
 
 def test_a_held_pair_stays_and_has_no_loop_on_it(bench: Bench) -> None:
-    bench.stream.add_state("TRACKING")
+    bench.tracks()
     for pair in range(3):
         bench.pair(pair)
         bench.catheter(pair, 0.0)
@@ -163,7 +181,7 @@ def test_a_new_run_forgets_the_loops_of_the_last_one_though_stamps_are_the_same(
 
 
 def test_the_overlays_pictures_are_shown_while_they_keep_up(bench: Bench) -> None:
-    bench.stream.add_state("TRACKING")
+    bench.tracks()
     bench.pair(1)
     bench.catheter(1, 0.0)
     assert bench.shown("overlay") == (1, True)  # the film, there is nothing else yet
@@ -176,6 +194,93 @@ def test_the_overlays_pictures_are_shown_while_they_keep_up(bench: Bench) -> Non
         bench.pair(pair)
     bench.catheter(8, 0.0)
     assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 2  # 1.75 s behind
+
+
+def test_an_overlay_that_contradicts_the_headline_or_the_other_plane_is_not_shown(bench: Bench) -> None:
+    bench.tracks()
+    for pair in (1, 2, 3):
+        bench.pair(pair)
+        bench.catheter(pair, 0.0)
+    for plane in "ab":
+        bench.overlay(plane, 1)
+        bench.static_overlay(plane, 3)
+    bench.overlay("a", 2)
+    bench.static_overlay("b", 2)
+    assert bench.shown("overlay") == (1, True)  # the last of which both planes are compensated
+    bench.stream.add_state("LOST")
+    picture = bench.stream.picture("overlay")
+    assert {one.stamp_ns for one in picture.planes.values()} == {stamp(3)}
+    assert picture.planes["a"].pixels.ndim == 3
+    bench.stream.add_state("TRACKING")
+    bench.motion(4, 0.0)
+    bench.now += 0.9
+    assert bench.stream.status()["state"] == "TRACKING"
+    bench.now += 0.2  # no pose any more
+    assert bench.stream.status()["state"] != "TRACKING"
+    assert {one.stamp_ns for one in bench.stream.picture("overlay").planes.values()} == {stamp(3)}
+
+
+def test_a_state_that_nobody_has_renewed_is_no_state(bench: Bench) -> None:
+    assert bench.said() == ("NO_TRACKER", False)
+    bench.stream.add_state("TRACKING")  # latched, perhaps by a process that has died
+    assert bench.said() == ("NO_POSE", False)
+    assert bench.stream.status()["alarm"] == ""
+    for pair in range(12):
+        bench.now += 0.1
+        bench.pair(pair)
+    assert bench.said() == ("NO_POSE", False)
+    assert bench.stream.status()["alarm"] == "No pose comes. Nothing is compensated."
+    bench.motion(11, 0.0)
+    assert bench.said() == ("TRACKING", True)
+    assert bench.stream.status()["pose_age_s"] == 0.0
+    bench.now += 1.6
+    assert bench.said() == ("NO_IMAGES", False)
+    assert bench.stream.status()["pose_age_s"] == 2
+    bench.now += 2.0
+    assert bench.said() == ("TRACKER_SILENT", False)
+    bench.stream.tracker_is_present(False)
+    assert bench.said() == ("NO_TRACKER", False)
+    assert bench.stream.status()["alarm"] == "The tracker is gone. Nothing is tracked."
+    bench.stream.tracker_is_present(True)
+    bench.stream.add_state("WAITING_FOR_SEED")
+    assert bench.said() == ("WAITING_FOR_SEED", False)
+    assert bench.stream.status()["pose_age_s"] is None
+
+
+def test_a_tracker_that_waits_is_heard_by_its_diagnostics(bench: Bench) -> None:
+    bench.stream.add_state("WAITING_FOR_SEED")
+    for _ in range(5):
+        bench.now += 1.0
+        bench.diagnostics("/lasso_tracker: tracker", "WAITING_FOR_SEED: no seed yet")
+        assert bench.said()[0] == "WAITING_FOR_SEED"
+    bench.now += 3.1
+    assert bench.said()[0] == "TRACKER_SILENT"
+
+
+def test_at_a_slow_rate_a_pose_is_fresh_for_longer(bench: Bench) -> None:
+    for pair in range(0, 16, 4):
+        bench.now += 1.0
+        bench.pair(pair)
+    bench.tracks()
+    bench.now += 2.5
+    assert bench.said() == ("TRACKING", True)
+    bench.diagnostics("/lasso_tracker: tracker", "TRACKING")
+    bench.now += 2.6
+    assert bench.said()[0] == "NO_IMAGES"
+
+
+def test_a_plane_that_this_page_alone_does_not_get_is_said_so(bench: Bench) -> None:
+    for pair in range(4):
+        bench.now += 0.25
+        bench.pair(pair)
+    bench.now += 1.4
+    bench.image("a", 10)
+    bench.tracks()
+    bench.now += 0.2
+    assert bench.said() == ("TRACKING", True)
+    assert bench.stream.status()["alarm"] == "The tracker has images of plane B, this page has not. The picture is old."
+    bench.stream.add_state("DEGRADED")
+    assert bench.stream.status()["alarm"] == "No images of plane B. The picture is old."
 
 
 @pytest.mark.parametrize("other", [{"encoding": "bgr8"}, {"step": 3 * SIDE + 1}, {"height": SIDE - 1}])
@@ -255,6 +360,7 @@ def test_a_turn_about_the_worlds_origin_counts_as_what_it_moves_the_loop(bench: 
 
 
 def test_the_reason_is_the_trackers_own_and_of_this_state(bench: Bench) -> None:
+    bench.tracks()
     bench.stream.add_state("DEGRADED")
     bench.diagnostics("/lab/other: tracker", "DEGRADED: not this one")
     bench.diagnostics("/lab/lasso_tracker: plane_a", "DEGRADED: nor this")

@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -19,162 +15,16 @@ pytest.importorskip("selenium", reason="needs the dev extra")
 
 from scipy.spatial import cKDTree
 from selenium.webdriver.common.keys import Keys
-from support.browser import PATIENCE_S, Page, open_page, require_browser
+from support.browser import require_browser
 from support.drawn_recording import SIDE, loop, projections, shift
-from support.method_inputs import draw_curve
-from support.node_harness import Graph
+from support.page_stage import BREATH_MM, CORNERS, DOWN, UP, Stage, open_stage, z_of
 
 from lasso_motion_ros.geometry.transforms import apply
-from lasso_motion_ros.overlay.surface_files import write_stl
-from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
-from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
-from msg_adapters.images import encode_image
 from msg_adapters.markers import ADD
-from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(600)]
-
-PERIOD_S = 0.125
-# While it rests. The stamps go on as before, but whatever draws and shows the pictures may catch up with the stream:
-# the page shows the film alone as long as the overlay is behind it.
-RESTING_PERIOD_S = 0.5
-START_NS = 1_760_000_000_000_000_000
-BREATH_MM = 7.0
-MIDDLE, UP, DOWN = 12, 6, 18  # phases of the breath
-LEGEND = np.array([0.3, 0.8]) * SIDE  # it lies left of here and below
-CORNERS = 0.028 * np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]], np.float64)
-FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]], np.int32)
-
-
-class Stream:
-    """Both planes' images of a ring that breathes, published until told otherwise."""
-
-    def __init__(self, graph: Graph) -> None:
-        self._publishers = {
-            topic.name: graph.publisher(topic)
-            for plane in "ab"
-            for topic in (topics.image_topic(plane), topics.camera_info_topic(plane))
-        }
-        self._stop = threading.Event()
-        self._thread: threading.Thread | None = None
-        self._pairs = itertools.count()
-        self._noise = np.random.default_rng(5).normal(0.0, 2.0, (SIDE, SIDE))
-        self._phases = itertools.cycle(range(24))
-        self._pictures: dict[tuple[str, int], np.ndarray] = {}
-        self.visible = True
-        self.held_phase: int | None = None  # where the breath is held, once it comes there
-        self.resting_ns: int | None = None  # stamp of a pair since which it has rested there
-        self.last_ns = 0
-
-    def start(self) -> None:
-        self._stop.clear()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        self._stop.set()
-        if self._thread is not None:
-            self._thread.join()
-
-    def _run(self) -> None:
-        phase = -1
-        while not self._stop.wait(PERIOD_S if self.resting_ns is None else RESTING_PERIOD_S):
-            if not self.visible:
-                phase = -1
-            elif self.held_phase is None or phase != self.held_phase:
-                phase = next(self._phases)
-            self.last_ns = START_NS + next(self._pairs) * round(PERIOD_S * 1e9)
-            for plane in "ab":
-                header = header_fields(self.last_ns, f"detector_{plane}")
-                self._send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
-                self._send(topics.image_topic(plane), encode_image(self._picture(plane, phase), header))
-            self.resting_ns = self.last_ns if phase == self.held_phase else None
-
-    def _picture(self, plane: str, phase: int) -> np.ndarray:
-        if (plane, phase) not in self._pictures:
-            curve = projections()[plane].project(apply(shift(z_of(phase)), loop()))
-            empty = np.full((SIDE, SIDE), 180.0)
-            clean = draw_curve(curve, (SIDE, SIDE), background=180.0) if phase >= 0 else empty
-            self._pictures[plane, phase] = np.clip(clean + self._noise, 0, 255).astype(np.uint8)
-        return self._pictures[plane, phase]
-
-    def _send(self, topic: topics.Topic, fields: dict) -> None:
-        self._publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
-
-
-def z_of(phase: int) -> float:
-    return BREATH_MM * np.sin(2 * np.pi * phase / 24) if phase >= 0 else 0.0
-
-
-class Stage:
-    """Tracker, page and stream."""
-
-    def __init__(self, graph: Graph, page: Page, stream: Stream) -> None:
-        self.graph, self.page, self.stream = graph, page, stream
-
-    def click_along_the_loop(self) -> None:
-        """Hold a pair and click the ring as it lies in the pictures.
-
-        The pair is one of a phase that is given: it is the reference, and where the overlay's outline comes to lie,
-        beside its static one or on it, depends on that.
-        """
-        with self.held_breath(MIDDLE):
-            self.page.press("s")
-            self.page.wait_for(lambda: "Picture held" in self.page.text("alarm"), "a held picture")
-        self.page.wait_for(lambda: self.ring("a") is not None, "the held picture's ring")
-        for plane in "ab":
-            for point in self.ring(plane)[::20]:
-                self.page.click(plane, point, SIDE)
-
-    def ring(self, plane: str) -> np.ndarray | None:
-        """The ring's points at the phase whose ring is darkest in the page's own film."""
-        film = self.page.pixels(plane, "film")[..., 0].astype(float)
-        factor = min(film.shape) / SIDE
-        curves = [projections()[plane].project(apply(shift(z_of(phase)), loop()))[:-1] for phase in range(24)]
-        means = []
-        for curve in curves:
-            x, y = ((curve - (SIDE - 1) / 2) * factor + np.array(film.shape[::-1]) / 2).T.astype(int)
-            means.append(film[y, x].mean())
-        return curves[int(np.argmin(means))] if min(means) < np.median(film) - 20 else None
-
-    @contextmanager
-    def held_breath(self, phase: int) -> Iterator[int]:
-        """Let the ring rest at a phase while its images go on; gives a stamp from which on it rests, ns.
-
-        A still picture is waited for, not a certain pair: a busy machine may show any pair late, or not at all.
-        """
-        self.stream.resting_ns, self.stream.held_phase = None, phase
-        try:
-            yield self.page.wait_for(
-                lambda: self.stream.held_phase == phase and self.stream.resting_ns, "a held breath"
-            )
-        finally:
-            self.stream.held_phase = None
-
-    def published_since(self, topic: str, stamp_ns: int, of_action: int | None = None) -> Any:
-        """The last message of a topic, once one is as late as a stamp (and, of markers, of an action)."""
-
-        def late_enough() -> list[Any]:
-            return [
-                message
-                for message in self.graph.heard.messages[topic]
-                if stamp_to_ns(message.header.stamp) >= stamp_ns and (of_action is None or message.action == of_action)
-            ]
-
-        self.graph.heard.wait_for(lambda: bool(late_enough()), PATIENCE_S)
-        return late_enough()[-1]
-
-    def outline(self, plane: str) -> np.ndarray:
-        """(N, 2) image pixels where the overlay's compensated outline is green on the page's film."""
-        film = self.page.pixels(plane, "film").astype(int)
-        factor = min(film.shape[:2]) / SIDE
-        rows, columns = np.nonzero(film[..., 1] - np.maximum(film[..., 0], film[..., 2]) > 40)
-        middle = np.array(film.shape[1::-1]) / 2
-        points = (np.column_stack([columns, rows]) + 0.5 - middle) / factor + (SIDE - 1) / 2
-        # All else counts: how far down the outline comes depends on the phase that was clicked.
-        return points[(points[:, 0] > LEGEND[0]) | (points[:, 1] < LEGEND[1])]
 
 
 def homogeneous(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
@@ -193,24 +43,8 @@ def distances(points: np.ndarray, curve: np.ndarray) -> np.ndarray:
 @pytest.fixture(scope="module")
 def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     require_browser()
-    directory = tmp_path_factory.mktemp("page")
-    write_stl(directory / "tetrahedron.stl", TriangleMesh(CORNERS, FACES), "mm")
-    # Rather late than with the motion of another pair: a machine that tests is busy.
-    given = (f"volume_file:={directory / 'tetrahedron.stl'}", "units:=mm", "style.outline_width_px:=6.0")
-    surface = [word for value in (*given, "motion_wait_s:=1.0") for word in ("-p", value)]
-    with Graph((topics.CATHETER, topics.MOTION, topics.STATE), directory) as graph:
-        graph.processes.start_node("tracker", "lasso_tracker")
-        graph.processes.start_node("overlay", "lasso_overlay", ["--ros-args", *surface])
-        graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
-        graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
-        url = graph.processes.log("web").partition("the page is at ")[2].split()[0]
-        stream = Stream(graph)
-        with open_page(url, directory / "profile") as page:
-            stream.start()
-            try:
-                yield Stage(graph, page, stream)
-            finally:
-                stream.stop()
+    with open_stage(tmp_path_factory.mktemp("page")) as started:
+        yield started
 
 
 def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage) -> None:
@@ -218,7 +52,7 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     page.wait_for_state("WAITING FOR SEED")
     page.wait_for(lambda: page.driver.find_element("id", "hold").is_enabled(), "images of both planes")
     stage.click_along_the_loop()
-    assert page.text("alarm") == "Picture held. Enter starts the tracking."
+    assert page.text("hint") == "Picture held. Enter starts the tracking."
     page.press(Keys.ENTER)
     page.wait_for_state("TRACKING")
     places = []
@@ -306,19 +140,19 @@ def test_brightness_and_contrast_of_what_is_looked_at(stage: Stage) -> None:
     def grey() -> float:
         return float(np.median(page.pixels("a", "film")[..., :3].mean(axis=2)))
 
-    stage.stream.stop()
-    before = grey()
-    page.press("[", "[", "[")  # the film's ground is nearly white by itself
-    page.wait_for(lambda: grey() < before - 15.0, "a darker picture by keys")
-    assert len(stage.outline("a")) > 200  # what is drawn keeps its colour
-    page.press("w")
-    page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
-    page.drag_right("b", 0, 120)
-    page.wait_for(lambda: grey() < before - 15.0, "a darker picture by the pointer, in both planes")
-    assert page.driver.find_element("id", "window-reset").is_enabled()
-    page.press("w")
-    page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
-    stage.stream.start()
+    with stage.held_breath(UP):
+        page.wait_for(lambda: len(stage.outline("a")) > 200, "the overlay at rest")
+        before = grey()
+        page.press("[", "[", "[")  # the film's ground is nearly white by itself
+        page.wait_for(lambda: grey() < before - 15.0, "a darker picture by keys")
+        page.wait_for(lambda: len(stage.outline("a")) > 200, "the overlay")  # what is drawn keeps its colour
+        page.press("w")
+        page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
+        page.drag_right("b", 0, 120)
+        page.wait_for(lambda: grey() < before - 15.0, "a darker picture by the pointer, in both planes")
+        assert page.driver.find_element("id", "window-reset").is_enabled()
+        page.press("w")
+        page.wait_for(lambda: abs(grey() - before) < 2.0, "the first grey again")
 
 
 def test_a_loss_takes_the_loop_away_and_says_so(stage: Stage) -> None:
@@ -335,7 +169,7 @@ def test_a_loss_takes_the_loop_away_and_says_so(stage: Stage) -> None:
 
 def test_silence_is_said_and_ends(stage: Stage) -> None:
     stage.stream.stop()
-    stage.page.wait_for(lambda: stage.page.text("alarm").startswith("No images for"), "the silence")
+    stage.page.wait_for(lambda: stage.page.text("alarm").startswith("No images"), "the silence")
     assert "old" in stage.page.driver.find_element("id", "plane-a").get_attribute("class")
     stage.stream.start()
     stage.page.wait_for(lambda: stage.page.text("alarm") == "", "the end of the silence")
@@ -344,7 +178,7 @@ def test_silence_is_said_and_ends(stage: Stage) -> None:
 def test_keys_alone_set_and_undo_clicks(stage: Stage) -> None:
     page = stage.page
     page.press("s")
-    page.wait_for(lambda: "Picture held" in page.text("alarm"), "a held picture")
+    page.wait_for(lambda: "Picture held" in page.text("hint"), "a held picture")
     page.press("b", Keys.ARROW_RIGHT, " ", Keys.ARROW_DOWN, " ", "a", Keys.ARROW_UP, " ")
     counts = [element.text for element in page.driver.find_elements("css selector", ".plane .count")]
     assert counts == ["1 of 6", "2 of 6"]
@@ -355,7 +189,7 @@ def test_keys_alone_set_and_undo_clicks(stage: Stage) -> None:
     page.press("+", "+")
     assert page.driver.find_element("css selector", "#plane-a .scale").text == "1.6×"
     page.press("0", Keys.ESCAPE)
-    page.wait_for(lambda: page.text("alarm") == "", "the live picture")
+    page.wait_for(lambda: page.text("hint") == "", "the live picture")
 
 
 def test_reset_asks_twice(stage: Stage) -> None:

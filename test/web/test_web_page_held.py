@@ -70,10 +70,10 @@ def test_the_picture_is_clicked_once_the_held_one_is_on_the_screen(tmp_path: Pat
             page.wait_for(lambda: page.driver.find_element("id", "hold").is_enabled(), "images of both planes")
             page.press("s")
             page.wait_for(lambda: "the held picture" in page.text("detail"), "the word that it is held")
-            assert page.text("alarm") == ""
+            assert page.text("hint") == ""
             source.let_it_come()
-            page.wait_for(lambda: page.text("alarm").startswith("Picture held"), "the held picture")
+            page.wait_for(lambda: page.text("hint").startswith("Picture held"), "the held picture")
             page.click("a", np.array([100.0, 100.0]), SIDE)
-            assert page.text("alarm").endswith("5 more in plane A, 6 more in plane B.")
+            assert page.text("hint").endswith("5 more in plane A, 6 more in plane B.")
     finally:
         server.stop()

@@ -9,6 +9,7 @@ const NAMES = ["a", "b"];
 const ARMED_MS = 3000;
 const MESSAGE_MS = 8000;
 const ANSWER_MS = 6000;
+const ALARMING = "#ff5c50";
 const get = (id) => document.getElementById(id);
 
 const clicks = new Clicks();
@@ -93,13 +94,13 @@ function refresh() {
   get("reason").textContent = words.reason;
   get("reason").title = words.reason;
   get("detail").textContent = words.detail;
-  const alarm = words.alarm ?? (clicking && live ? { text: `Picture held. ${todo()}`, hint: true } : null);
-  get("alarm").hidden = !alarm;
-  get("alarm").textContent = alarm?.text ?? "";
-  get("alarm").classList.toggle("hint", Boolean(alarm?.hint));
+  get("pose-age").textContent = poseAge();
+  get("alarm").hidden = !words.alarm;
+  get("alarm").textContent = words.alarm;
   // Instructions go in the header: the pictures must not move or shrink while they are being clicked.
-  const place = alarm?.hint ? get("why") : document.body;
-  if (get("alarm").parentNode !== place) place.insertBefore(get("alarm"), alarm?.hint ? null : document.querySelector("main"));
+  get("hint").hidden = !(clicking && live);
+  get("hint").textContent = clicking && live ? `Picture held. ${todo()}` : "";
+  announce(words);
   get("live-panel").hidden = !live;
   get("numbers").hidden = !live || clicking;
   get("latency").textContent = milliseconds(status?.latency_ms);
@@ -108,7 +109,7 @@ function refresh() {
   get("click-panel").hidden = !(live && clicking);
   get("draw-panel").hidden = live;
   get("live-buttons").hidden = get("axes").hidden = clicking;
-  for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && !status?.tracker);
+  for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && status?.state === "NO_TRACKER");
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
   get("reference").disabled ||= status?.state !== "TRACKING";
   get("view").disabled = !status?.overlay || clicking;
@@ -128,7 +129,7 @@ function refresh() {
     if (!live && !plane.points.length) plane.curve = status?.curves?.[name] ?? null;
     plane.root.classList.toggle("clicking", clicking);
     plane.root.classList.toggle("chosen", clicking && chosen === name);
-    plane.root.classList.toggle("old", !connected || (live && !clicking && typeof silence === "number"));
+    plane.root.classList.toggle("old", !connected || (live && !clicking && (plane.missing || typeof silence === "number")));
     if (!clicking) plane.count.textContent = plane.bitmap ? (plane.drawn ? "overlay" : "film") : "";
     else plane.count.textContent = live && plane.points.length < fewest() ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
     plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest());
@@ -141,26 +142,37 @@ function refresh() {
 function headline() {
   const colour = "#aaaaaa";
   if (!connected) {
-    const text = everConnected ? "Connection to the server lost. Trying again …" : "Connecting to the server …";
-    return { colour, state: "NO SERVER", reason: text, detail: "What is on the screen is old.", alarm: everConnected ? { text } : null };
+    if (!everConnected) return { colour, state: "CONNECTING", reason: "Connecting to the server …", detail: "", alarm: "" };
+    const text = "Connection to the server lost. What is on the screen is old.";
+    return { colour: ALARMING, state: "NO SERVER", reason: "Trying again …", detail: "The tracker may go on without this page.", alarm: text };
   }
-  if (!status) return { colour, state: "CONNECTING", reason: "", detail: "" };
+  if (!status) return { colour, state: "CONNECTING", reason: "", detail: "", alarm: "" };
   if (status.mode === "annotate") {
     const saved = status.unsaved ? "not saved yet" : "all saved";
-    return { colour: "#78beff", state: "DRAWING", reason: status.name, detail: `${status.done} of ${status.frames} pairs drawn, ${saved}` };
+    return { colour: "#78beff", state: "DRAWING", reason: status.name, detail: `${status.done} of ${status.frames} pairs drawn, ${saved}`, alarm: "" };
   }
-  const stopped = NAMES.filter((name) => typeof status.stopped_s[name] === "number");
-  let alarm = null;
-  if (stopped.length) {
-    const longest = Math.max(...stopped.map((name) => status.stopped_s[name]));
-    const which = stopped.length === 2 ? "" : ` of plane ${stopped[0].toUpperCase()}`;
-    alarm = { text: `No images${which} for ${longest} s. The picture is old.` };
-  }
-  if (!status.tracker) {
-    return { colour, state: "NO TRACKER", reason: "Nobody publishes the tracker's state.", detail: "Start lasso_tracker; this page finds it by itself.", alarm };
-  }
-  const state = (status.state || "INACTIVE").replaceAll("_", " ");
-  return { colour: status.colour, state, reason: reasonWords(), detail: detailWords(), alarm };
+  return { colour: status.colour, state: status.state.replaceAll("_", " "), reason: reasonWords(), detail: detailWords(), alarm: status.alarm };
+}
+
+function poseAge() {
+  if (!connected || status?.mode !== "live") return "";
+  return typeof status.pose_age_s === "number" ? `Last good pose ${ago(status.pose_age_s)}` : "No pose yet";
+}
+
+/** Seconds in words that a reader takes in at a glance. */
+function ago(seconds) {
+  if (seconds < 1) return `${seconds.toFixed(1)} s ago`;
+  return seconds < 120 ? `${Math.round(seconds)} s ago` : `${Math.floor(seconds / 60)} min ago`;
+}
+
+/** Tell screen readers once when the headline changes: what counts on in it is not read out again. */
+let announced = "";
+function announce(words) {
+  const text = [words.state, words.alarm].filter(Boolean).join(". ");
+  if (text.replace(/\d+/g, "") === announced) return;
+  announced = text.replace(/\d+/g, "");
+  get("news").textContent = words.alarm ? "" : text;
+  get("urgent-news").textContent = words.alarm ? text : "";
 }
 
 function reasonWords() {
@@ -189,6 +201,8 @@ function detailWords() {
       return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";
     return "Press S: the picture is held while you click.";
   }
+  if (status.state === "NO_TRACKER") return "Start lasso_tracker; this page finds it by itself.";
+  if (["TRACKER_SILENT", "NO_POSE", "NO_IMAGES"].includes(status.state)) return "Nothing is compensated now.";
   if (status.state === "LOST" || status.state === "DISPLACED") return "Nothing is compensated now. Press S to set clicks anew.";
   if (status.state === "DEGRADED") return "There is a pose, but a less certain one.";
   return "";

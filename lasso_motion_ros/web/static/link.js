@@ -2,6 +2,8 @@
 
 const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
+const SILENT_MS = 3000; // the server speaks once a second at least
+const WATCH_MS = 250;
 
 export class Link {
   /** hear: {status, trace, picture, connection}, each called with what was received. */
@@ -11,7 +13,27 @@ export class Link {
     this.waiting = new Map();
     this.next = 1;
     this.look = null;
+    this.heardAt = performance.now();
     this.connect();
+    setInterval(() => this.watch(), WATCH_MS);
+  }
+
+  /** A server that hangs, or a cable that is pulled, closes no connection: silence tells. */
+  watch() {
+    if (this.socket.readyState === WebSocket.CLOSED || performance.now() - this.heardAt < SILENT_MS) return;
+    this.heardAt = performance.now();
+    this.lose(this.socket);
+  }
+
+  lose(socket) {
+    if (socket !== this.socket || !socket.onclose) return;
+    socket.onopen = socket.onmessage = socket.onclose = null;
+    socket.close();
+    for (const { reject } of this.waiting.values()) reject(new Error("The connection to the server was lost before it answered."));
+    this.waiting.clear();
+    this.hear.connection(false);
+    setTimeout(() => this.connect(), this.pause);
+    this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
   }
 
   connect() {
@@ -20,19 +42,18 @@ export class Link {
     const socket = new WebSocket(address);
     socket.binaryType = "arraybuffer";
     this.socket = socket;
+    this.heardAt = performance.now();
     socket.onopen = () => {
       this.pause = FIRST_PAUSE_MS;
+      this.heardAt = performance.now();
       this.hear.connection(true);
       if (this.look) socket.send(this.look);
     };
-    socket.onmessage = (event) => this.take(socket, event.data);
-    socket.onclose = () => {
-      for (const { reject } of this.waiting.values()) reject(new Error("the connection to the server was lost"));
-      this.waiting.clear();
-      this.hear.connection(false);
-      setTimeout(() => this.connect(), this.pause);
-      this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
+    socket.onmessage = (event) => {
+      this.heardAt = performance.now();
+      this.take(socket, event.data);
     };
+    socket.onclose = () => this.lose(socket);
   }
 
   async take(socket, data) {
@@ -65,7 +86,7 @@ export class Link {
   ask(type, body = {}) {
     return new Promise((resolve, reject) => {
       if (this.socket.readyState !== WebSocket.OPEN) {
-        reject(new Error("not connected to the server"));
+        reject(new Error("Not sent: there is no connection to the server."));
         return;
       }
       const id = this.next++;
