@@ -74,7 +74,7 @@ setup(
     },
     entry_points={
         "console_scripts": [
-            f"lasso-motion = {NAME}.cli.main:main",
+            f"lasso-motion = {NAME}.cli.start:start",
             f"lasso_tracker = {NAME}.nodes.executables:lasso_tracker",
             f"lasso_overlay = {NAME}.nodes.executables:lasso_overlay",
             f"lasso_web = {NAME}.nodes.executables:lasso_web",

@@ -4,16 +4,42 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, NoReturn
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.output_checks import OutputPlace, check_outputs
 
 # Whatever follows is not the command's to read.
 _ENDS = ("--", "--ros-args")
 
 
+@dataclass(frozen=True)
+class OutputArgument:
+    """An argument that names an output.
+
+    Attributes:
+        name: of its value.
+        is_directory: whether that is a directory.
+        owned: of a directory, patterns of the names that are written there.
+        ignored: of a directory, names whose loss is none.
+        unless: an argument that, where it is given, makes this one no output.
+    """
+
+    name: str
+    is_directory: Callable[[Path], bool]
+    owned: Sequence[str]
+    ignored: Sequence[str]
+    unless: str
+
+
 class CommandParser(argparse.ArgumentParser):
-    """A command's parser.
+    """A command's parser, which knows what the command reads and writes.
+
+    Arguments that name a file or a directory are added with `add_input` or `add_output`. That is all a command has to
+    do so that no output replaces an input or another output, nor without `--overwrite` anything else: `check_files`
+    looks at all of them before the command runs.
 
     An option that was added with `add_several` takes one value or more, and may be repeated, but leaves what cannot
     be one of its values to the arguments without a name: `--remap a:=b IN.mcap` means the same as
@@ -23,6 +49,68 @@ class CommandParser(argparse.ArgumentParser):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self._several: dict[str, Callable[[str], bool]] = {}
+        self._inputs: list[str] = []
+        self._outputs: list[OutputArgument] = []
+
+    def add_input(
+        self, *names: str, fits: Callable[[str], bool] | None = None, group: Any = None, **settings: Any
+    ) -> None:
+        """Declare an argument that names what the command reads: a file, a directory, or something else.
+
+        Args:
+            names: of `add_argument`.
+            fits: as in `add_several`, for an option with one value or more.
+            group: argparse's group to which it belongs.
+            settings: of `add_argument`; the type is `Path` unless given.
+        """
+        settings.setdefault("type", Path)
+        if fits is not None:
+            self.add_several(names[0], fits, **settings)
+            self._inputs.append(names[0].strip("-").replace("-", "_"))
+        else:
+            self._inputs.append((group or self).add_argument(*names, **settings).dest)
+
+    def add_output(
+        self,
+        *names: str,
+        directory: bool | Callable[[Path], bool] = False,
+        owned: Sequence[str] = (),
+        ignored: Sequence[str] = (),
+        unless: str = "",
+        group: Any = None,
+        **settings: Any,
+    ) -> None:
+        """Declare an argument that names a file or a directory that the command writes; the first adds `--overwrite`.
+
+        Args:
+            names: of `add_argument`.
+            directory: whether it is a directory, or what tells that of its value.
+            owned: of a directory, patterns of the names that are written there.
+            ignored: of a directory, names whose loss is none.
+            unless: name of an argument that, where it is given, makes this one no output.
+            group: argparse's group to which it belongs.
+            settings: of `add_argument`.
+        """
+        if not self._outputs:
+            self.add_argument("--overwrite", action="store_true", help="replace outputs that exist")
+        added = (group or self).add_argument(*names, type=Path, **settings)
+        is_directory = directory if callable(directory) else lambda path: bool(directory)
+        self._outputs.append(OutputArgument(added.dest, is_directory, owned, ignored, unless))
+
+    def check_files(self, options: argparse.Namespace) -> None:
+        """Check what the command is about to read and write.
+
+        Raises:
+            RecordingError: an output that may not be written, see `check_outputs`.
+        """
+        places = [
+            OutputPlace(path, one.is_directory(path), one.owned, one.ignored)
+            for one in self._outputs
+            if (path := getattr(options, one.name)) is not None and not (one.unless and getattr(options, one.unless))
+        ]
+        given = [getattr(options, name) for name in self._inputs]
+        files = [one for value in given for one in (value if isinstance(value, list) else [value]) if one]
+        check_outputs(places, map(Path, files), bool(self._outputs) and options.overwrite)
 
     def add_several(self, option: str, fits: Callable[[str], bool], **settings: Any) -> None:
         """Declare an option with one value or more; a list, empty where it is not given.

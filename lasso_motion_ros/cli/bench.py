@@ -14,6 +14,7 @@ from lasso_motion_ros.bench.overlay_times import format_overlay, measure_overlay
 from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
 from lasso_motion_ros.bench.stage_times import format_benchmark, measure, summarise
 from lasso_motion_ros.bench.undecoded import read_undecoded
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
@@ -33,14 +34,14 @@ LIVE_RATE_LIMIT = 200.0
 LIVE_SIDES = range(128, 4097)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_argument("--config", type=Path, metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
-    parser.add_argument("--bag", type=Path, metavar="FILE", help="recording to track (default: the bundled one)")
+    parser.add_input("--config", metavar="FILE", help="tracker parameters (default: config/tracker.yaml)")
+    parser.add_input("--bag", metavar="FILE", help="recording to track (default: the bundled one)")
     parser.add_argument(
         "--pairs", type=int, default=DEFAULT_PAIRS, metavar="N", help="pairs to track (default %(default)s)"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures")
+    parser.add_output("--json", metavar="FILE", help="write the figures")
     parser.add_argument(
         "--scaling", action="store_true", help="instead: the cost as the region searched and the model's points grow"
     )

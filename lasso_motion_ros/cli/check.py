@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from dataclasses import asdict
-from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
@@ -28,15 +27,19 @@ DEFAULT_SECONDS = 5.0
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument(
-        "recording", nargs="?", metavar="IN.mcap", help="a recording (MCAP file or bag directory); none: the live graph"
+    parser.add_input(
+        "recording",
+        nargs="?",
+        type=str,
+        metavar="IN.mcap",
+        help="a recording (MCAP file or bag directory); none: the live graph",
     )
     parser.add_argument(
         "--seconds", type=positive, default=DEFAULT_SECONDS, metavar="N", help="live: how long to look (default 5)"
     )
     parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
     add_remap(parser, "read the recorded topic FROM as TO")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write facts and findings")
+    parser.add_output("--json", metavar="FILE", help="write facts and findings")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -14,6 +14,7 @@ from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.evaluated import mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import DETECTOR_M
 from lasso_motion_ros.evaluation.summary import evaluation_record, format_table, summarise
+from lasso_motion_ros.reports.evaluation_report import REPORT_FILES
 from lasso_motion_ros.tools.evaluation_runs import evaluate_recordings, write_evaluation_report
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
@@ -31,24 +32,28 @@ DEFAULT_WORST = 3
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_argument("recordings", nargs="*", type=Path, metavar="IN.mcap", help="recording with truth")
-    parser.add_several(
+    parser.add_input("recordings", nargs="*", metavar="IN.mcap", help="recording with truth")
+    parser.add_input(
         "--result",
-        lambda word: True,
-        type=Path,
+        fits=lambda word: True,
         metavar="OUT.mcap",
         help="what the tracker published: several results of one recording, or one for each recording; the recordings"
         " stand before it",
     )
-    parser.add_several(
+    parser.add_input(
         "--config",
-        lambda word: not names_recording(word),
-        type=Path,
+        fits=lambda word: not names_recording(word),
         metavar="FILE",
         help=f"tracker parameters, several stand side by side (default: {DEFAULT_CONFIG})",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
-    parser.add_argument("--report", type=Path, metavar="DIR", help="write a page with tables, plots and pictures")
+    parser.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
+    parser.add_output(
+        "--report",
+        directory=True,
+        owned=REPORT_FILES,
+        metavar="DIR",
+        help="write a page with tables, plots and pictures",
+    )
     parser.add_argument(
         "--worst",
         type=int,

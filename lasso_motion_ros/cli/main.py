@@ -7,6 +7,7 @@ import importlib
 import io
 import sys
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from types import ModuleType
 from typing import cast
@@ -14,11 +15,14 @@ from typing import cast
 from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import version
+from lasso_motion_ros.core.signals import Terminated, end_at_once, interruptible
+from lasso_motion_ros.core.terminal import printable_streams
 
 EXIT_DONE = 0
 EXIT_BAD_INPUT = 2  # argparse's own too
 EXIT_PART = 3  # done, with part of the input (a truncated recording, say)
 EXIT_INTERRUPTED = 130
+EXIT_TERMINATED = 143
 
 
 @dataclass(frozen=True)
@@ -58,11 +62,36 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: arguments without the program's name; None takes the process's own.
 
     Returns:
-        The exit status: 0 done, 2 bad input, 3 done with part of the input, 130 interrupted.
+        The exit status: 0 done, 2 bad input, 3 done with part of the input, 130 interrupted, 143
+        terminated.
     """
     arguments = list(sys.argv[1:] if argv is None else argv)
     _show_lines_at_once()
     named = next((command for command in COMMANDS if arguments and command.name == arguments[0]), None)
+    with printable_streams():
+        try:
+            return _run(named, arguments)
+        except KeyboardInterrupt as interrupt:
+            # What was being written is thrown away by now.
+            print(f"{_prog(named)}: interrupted", file=sys.stderr)
+            return EXIT_TERMINATED if isinstance(interrupt, Terminated) else EXIT_INTERRUPTED
+        except MemoryError:
+            print(f"{_prog(named)}: there is not enough memory for this", file=sys.stderr)
+            return EXIT_BAD_INPUT
+        except BrokenPipeError:
+            # The reader of our output has gone (`| head`); what it read is all it wanted.
+            sys.stdout = None
+            return EXIT_DONE
+        except OSError as error:
+            # What no command foresees: a disk that is full, a file that may not be read.
+            what = f"{error.filename}: " if error.filename is not None else ""
+            with suppress(OSError):
+                print(f"{_prog(named)}: {what}{error.strerror or error}", file=sys.stderr)
+            _give_up_unwritable_output()
+            return EXIT_BAD_INPUT
+
+
+def _run(named: Command | None, arguments: Sequence[str]) -> int:
     parser = _parser(named)
     try:
         options = parser.parse_args(arguments)
@@ -72,17 +101,25 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("lasso-motion: name a command (--help lists them)", file=sys.stderr)
         return EXIT_BAD_INPUT
     try:
-        return cast(Callable[[argparse.Namespace], int], options.run)(options)
+        with interruptible():
+            options.parser.check_files(options)
+            return cast(Callable[[argparse.Namespace], int], options.run)(options)
     except LassoMotionError as error:
-        print(f"lasso-motion {named.name}: {error}", file=sys.stderr)
+        print(f"{_prog(named)}: {error}", file=sys.stderr)
         return EXIT_BAD_INPUT
-    except BrokenPipeError:
-        # The reader of our output has gone (`| head`); what it read is all it wanted.
+
+
+def _give_up_unwritable_output() -> None:
+    """Forget what standard output cannot take: Python would try again at its end, and complain."""
+    try:
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except OSError:
         sys.stdout = None
-        return EXIT_DONE
-    except KeyboardInterrupt:
-        print(f"lasso-motion {named.name}: interrupted", file=sys.stderr)
-        return EXIT_INTERRUPTED
+
+
+def _prog(named: Command | None) -> str:
+    return "lasso-motion" if named is None else f"lasso-motion {named.name}"
 
 
 def _show_lines_at_once() -> None:
@@ -111,9 +148,10 @@ def _parser(named: Command | None) -> CommandParser:
         subparser = commands.add_parser(command.name, help=command.summary, description=module.HELP)
         subparser.add_argument("--quiet", action="store_true", help="print results and errors only")
         module.add_arguments(subparser)
-        subparser.set_defaults(run=module.run)
+        subparser.set_defaults(run=module.run, parser=subparser)
     return parser
 
 
 if __name__ == "__main__":
+    end_at_once()
     sys.exit(main())

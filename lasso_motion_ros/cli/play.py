@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, not_negative, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
@@ -23,7 +22,7 @@ ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("recording", metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
+    parser.add_input("recording", type=str, metavar="IN.mcap", help="the recording: an MCAP file or a bag directory")
     parser.add_argument("--rate", type=positive, default=1.0, help="times the recorded speed (default 1)")
     parser.add_argument("--loop", action="store_true", help="begin again at the end, until interrupted")
     parser.add_argument(
@@ -31,7 +30,7 @@ def add_arguments(parser: CommandParser) -> None:
     )
     parser.add_argument("--start", type=not_negative, default=0.0, metavar="S", help="leave out the first S seconds")
     parser.add_argument("--clock", action="store_true", help="publish /clock with the recording's time")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was published, and how punctually")
+    parser.add_output("--json", metavar="FILE", help="write what was published, and how punctually")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
     add_remap(parser, "publish the recorded topic FROM as TO")
     parser.add_argument(

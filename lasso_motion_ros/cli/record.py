@@ -4,18 +4,23 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from lasso_motion_ros.cli.arguments import CommandParser, not_negative
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.core.output_files import write_json
+from lasso_motion_ros.core.output_files import EarlierFile, write_json
 from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.tools.listened_topics import NEEDED, live_topics
 from lasso_motion_ros.tools.processes import held_signals
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
+
+if TYPE_CHECKING:
+    from lasso_motion_ros.tools.recorder import RecordSummary
 
 HELP = """Record the tracker's inputs and outputs (images, calibrations, clicks, motion, state, diagnostics, truth where
 it is published) as they come over the wire, until Ctrl-C. Every half second all of it is handed to the operating
@@ -26,9 +31,9 @@ readers. Exit status: 0 done; 2 nothing came, or the file cannot be written; 3 r
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("output", nargs="?", type=Path, metavar="OUT.mcap", help="the recording to write")
-    what.add_argument(
-        "--repair", type=Path, metavar="FILE", help="write index, summary and footer of a recording that was cut short"
+    parser.add_output("output", group=what, nargs="?", metavar="OUT.mcap", help="the recording to write")
+    parser.add_input(
+        "--repair", group=what, metavar="FILE", help="write index, summary and footer of a recording that was cut short"
     )
     # A topic's name has no dot, which OUT.mcap has.
     parser.add_several("--topics", lambda word: "." not in word, metavar="NAME", help="record these too")
@@ -39,25 +44,15 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument(
         "--compression", choices=("none", "zstd"), default="none", help="zstd halves the file and costs a core"
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was recorded, lost and dropped")
-    parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
+    parser.add_output("--json", metavar="FILE", help="write what was recorded, lost and dropped")
 
 
 def run(args: argparse.Namespace) -> int:
     """Record, or repair, and say what is in the file."""
     if args.repair is not None:
-        return _repair(args.repair, args.quiet)
+        return _repair(args)
     require_ros()
-    from lasso_motion_ros.tools.recorder import record
-
-    with (
-        held_signals() as interrupted,
-        RecordingWriter(args.output, compression=args.compression, overwrite=args.overwrite) as writer,
-    ):
-        if not args.quiet:
-            print(f"recording into {args.output}; Ctrl-C ends it", flush=True)
-        with counting("recorded", args.quiet) as show:
-            summary = record(writer, live_topics(args.namespace, args.topics), interrupted, args.duration, show)
+    summary = _record(args)
     if args.json is not None:
         figures = {"messages": summary.counts, "seconds": summary.seconds, "lost": summary.lost}
         write_json(args.json, {**figures, "dropped": dict(summary.dropped), "left_out": summary.left_out})
@@ -65,10 +60,6 @@ def run(args: argparse.Namespace) -> int:
         _print_counts(args.output, summary.counts, summary.seconds)
     for topic, type_name in summary.left_out.items():
         print(f"lasso-motion record: left out {topic}: {type_name} is not installed", file=sys.stderr)
-    if not summary.counts:
-        raise RecordingError(
-            f"no message came in {summary.seconds:.0f} s; lasso-motion check looks at who publishes what"
-        )
     missing = [topic.recorded_name for topic in NEEDED if not summary.counts.get(topic.recorded_name)]
     if missing:
         print(f"lasso-motion record: nothing came on {', '.join(missing)}", file=sys.stderr)
@@ -83,9 +74,43 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_PART if summary.lost or summary.dropped else EXIT_DONE
 
 
-def _repair(path: Path, quiet: bool) -> int:
+def _record(args: argparse.Namespace) -> RecordSummary:
+    """Record in place, for a crash at any moment; an earlier recording goes only when the new one is done."""
+    from lasso_motion_ros.tools.recorder import record
+
+    with held_signals() as interrupted:
+        earlier = EarlierFile(args.output)
+        written = 0
+        try:
+            with RecordingWriter(args.output, compression=args.compression) as writer:
+                if not args.quiet:
+                    print(f"recording into {args.output}; Ctrl-C ends it", flush=True)
+                try:
+                    with counting("recorded", args.quiet) as show:
+                        topics = live_topics(args.namespace, args.topics)
+                        summary = record(writer, topics, interrupted, args.duration, show)
+                finally:
+                    written = sum(writer.counts.values())
+            if not written:
+                raise RecordingError(
+                    f"no message came in {summary.seconds:.0f} s; lasso-motion check looks at who publishes what"
+                )
+        except BaseException as error:
+            if not written:
+                earlier.bring_back()
+            elif (kept := earlier.keep()) is not None:
+                raise RecordingError(f"{error}; the earlier recording is kept as {kept}") from error
+            raise
+        earlier.drop()
+    return summary
+
+
+def _repair(args: argparse.Namespace) -> int:
+    path, quiet = args.repair, args.quiet
     with busy(f"reading and writing {path.name} anew", quiet):
         repaired = repair_recording(path)
+    if args.json is not None:
+        write_json(args.json, asdict(repaired))
     if repaired.damage is None:
         print(f"{path} is whole; nothing was changed")
         return EXIT_DONE

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import sys
 from dataclasses import asdict
-from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
@@ -15,8 +14,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.reports.offline_overlay import OVERLAY_VIEWS
-from lasso_motion_ros.tools.rendering import is_video, render_recording
-from msg_adapters.recordings.writer import check_free
+from lasso_motion_ros.tools.rendering import FRAMES, is_video, render_recording
 
 HELP = """Draw the overlay over a recording, offline, with the motion of a tracker's result: what the overlay node draws
 live. OUT.mp4 becomes a video of both planes, any other name a directory of PNG frames, one a plane and pair."""
@@ -26,23 +24,33 @@ DEFAULT_CONFIG = "config/overlay.yaml"
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_argument("recording", type=Path, metavar="IN.mcap", help="recording with the images")
-    parser.add_argument("result", type=Path, metavar="RESULT.mcap", help="what a tracker published on it")
-    parser.add_argument(
+    parser.add_input("recording", metavar="IN.mcap", help="recording with the images")
+    parser.add_input("result", metavar="RESULT.mcap", help="what a tracker published on it")
+    parser.add_input(
         "--volume",
+        type=str,
         required=True,
         metavar="FILE",
         help="surface (STL, PLY, OBJ, VTK, VTP) or volume (NIfTI, NRRD, MHA, a folder with a DICOM series)",
     )
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT", help="OUT.mp4, or a directory")
+    parser.add_output(
+        "-o",
+        "--output",
+        directory=lambda path: not is_video(path),
+        owned=FRAMES,
+        required=True,
+        metavar="OUT",
+        help="OUT.mp4, or a directory",
+    )
     parser.add_argument(
         "--units", choices=("mm", "m"), help="unit of the file's coordinates; must be given for surfaces"
     )
     parser.add_argument(
         "--axes", choices=("lps", "ras"), help="a surface file's axes (default: as it states, else LPS)"
     )
-    parser.add_argument(
+    parser.add_input(
         "--registration",
+        type=str,
         metavar="NUMBERS|FILE",
         help="volume to world, metres: 'x y z qx qy qz qw' or the 16 numbers of a matrix (default: identity)",
     )
@@ -55,11 +63,10 @@ def add_arguments(parser: CommandParser) -> None:
         default="compensated",
         help="both: static and compensated side by side (default %(default)s)",
     )
-    parser.add_argument("--config", type=Path, metavar="FILE", help=f"overlay parameters (default: {DEFAULT_CONFIG})")
+    parser.add_input("--config", metavar="FILE", help=f"overlay parameters (default: {DEFAULT_CONFIG})")
     parser.add_argument("--rate", type=float, metavar="FPS", help="of the video (default: the recording's own)")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write what was drawn, pair by pair")
+    parser.add_output("--json", metavar="FILE", help="write what was drawn, pair by pair")
     add_remap(parser, "read the recorded topic FROM as TO")
-    parser.add_argument("--overwrite", action="store_true", help="replace OUT if it exists")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -69,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
         raise LassoMotionError("--rate is for a video: name the output OUT.mp4")
     if args.rate is not None and not args.rate > 0.0:
         raise LassoMotionError(f"--rate must be positive, found {args.rate}")
-    check_free(args.output, args.overwrite)
     config = overlay_configuration(args)
     say = (lambda line: None) if args.quiet else print
     summary = render_recording(

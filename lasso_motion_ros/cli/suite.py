@@ -21,14 +21,18 @@ from lasso_motion_ros.bench.suite.suite_tables import format_suite, format_sweep
 from lasso_motion_ros.bench.suite.sweeps import SWEEPS
 from lasso_motion_ros.bench.suite.trap_measures import format_traps, traps_record
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.output_files import make_directory, write_json, write_text
+from lasso_motion_ros.core.output_files import whole_directory, write_json, write_text
 from lasso_motion_ros.core.share import share_file
 
 SWEEP_SEQUENCES = 4
+SUITE_FILES = ("suite_*.txt", "suite.png")
+REPORT_FILES = (*SUITE_FILES, "sweeps.txt", "sweeps.png", "clinic.txt", "traps.txt", "ablation.md")
+"""What --report writes, without further options, and in all."""
 
 HELP = """Track a suite of random phantom sequences (every orientation, dose, motion, calibration error, event) and
 score it, per sequence and in all. The same seed gives the same sequences; each is rendered once for all
@@ -60,16 +64,15 @@ the centre's normalised error squared, 3 if the covariance is true; centre: of t
 registration error."""
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.add_argument("--sequences", type=int, metavar="N", help=f"default {DEFAULT_SEQUENCES}")
     parser.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="S", help="default %(default)s")
     parser.add_argument(
         "--only", type=int, nargs="+", action="extend", metavar="K", help="only these sequences, by number"
     )
-    parser.add_argument(
+    parser.add_input(
         "--config",
-        type=Path,
         nargs="+",
         action="extend",
         metavar="FILE",
@@ -111,14 +114,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the paper's experiment instead: how far N rings (default %(const)s) reconstructed from noisy outlines are"
         " from the truth",
     )
-    parser.add_argument(
+    parser.add_input(
         "--cache",
-        type=Path,
         metavar="DIR",
         help="keep what is rendered there (15 MB a sequence): an interrupted or a second run does not render it again",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every measure, pair by pair")
-    parser.add_argument("--report", type=Path, metavar="DIR", help="write tables and plots")
+    parser.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
+    parser.add_output("--report", directory=True, owned=REPORT_FILES, metavar="DIR", help="write tables and plots")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -126,7 +128,6 @@ def run(args: argparse.Namespace) -> int:
     _refuse_contradictions(args)
     files = args.config or [share_file("config/tracker.yaml")]
     configs = {file.stem: load_configuration(file, StreamConfig) for file in files}
-    _prepare_outputs(args)
     if args.model_experiment is not None:
         _model_experiment(args)
     elif args.clinic:
@@ -152,7 +153,8 @@ def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files
     if args.json is not None:
         write_json(args.json, {files[name]: suite_record(of_config) for name, of_config in results.items()})
     if args.report is not None:
-        write_suite_report(args.report, results)
+        with whole_directory(args.report, SUITE_FILES) as report:
+            write_suite_report(report, results)
 
 
 def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
@@ -167,7 +169,7 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
     if args.json is not None:
         write_json(args.json, {name: clinic_record(of_config) for name, of_config in results.items()})
     if args.report is not None:
-        write_text(args.report / "clinic.txt", f"{text}\n{CLINIC_NOTE}\n")
+        _write_page(args.report, "clinic.txt", f"{text}\n{CLINIC_NOTE}\n")
 
 
 def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
@@ -180,7 +182,8 @@ def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
     if args.json is not None:
         write_json(args.json, sweeps_record(found))
     if args.report is not None:
-        write_sweeps_report(args.report, found)
+        with whole_directory(args.report) as report:
+            write_sweeps_report(report, found)
 
 
 def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
@@ -193,7 +196,7 @@ def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> Non
     if args.json is not None:
         write_json(args.json, traps_record(found))
     if args.report is not None:
-        write_text(args.report / "traps.txt", f"{text}\n{TRAP_NOTE}\n")
+        _write_page(args.report, "traps.txt", f"{text}\n{TRAP_NOTE}\n")
 
 
 def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
@@ -209,7 +212,7 @@ def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
         title = f"{len(scenarios)} random sequences of seed {args.seed}, {outcomes[0].measures.pairs} pairs"
         title += f", and {len(trapped)} traps, {sum(one.measures.pairs for one in outcomes[0].traps.values())} pairs"
         page = f"# Each idea switched off in turn\n\n{title}. {ABLATION_NOTE}\n\n{text}\n"
-        write_text(args.report / "ablation.md", page)
+        _write_page(args.report, "ablation.md", page)
 
 
 def _model_experiment(args: argparse.Namespace) -> None:
@@ -252,12 +255,9 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
             raise LassoMotionError("--model-experiment: with --seed and --json only")
 
 
-def _prepare_outputs(args: argparse.Namespace) -> None:
-    """What cannot be written is said before minutes of work, not after them."""
-    if args.report is not None:
-        make_directory(args.report)
-    if args.json is not None:
-        write_text(args.json, "")
+def _write_page(directory: Path, name: str, text: str) -> None:
+    with whole_directory(directory) as report:
+        write_text(report / name, text)
 
 
 def _chosen_traps(args: argparse.Namespace) -> list[Trap]:

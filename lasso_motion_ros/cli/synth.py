@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.core.errors import ScenarioError
 from lasso_motion_ros.tools.synthesis import list_scenarios, synthesise
@@ -13,15 +13,19 @@ HELP = "Render a biplane sequence of the phantom, with seeds and exact truth, in
 EASIEST = "01_clear_view"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
+def add_arguments(parser: CommandParser) -> None:
     """Declare the command's arguments."""
-    parser.add_argument("output", type=Path, metavar="OUT.mcap", nargs="?", help="recording to write")
-    parser.add_argument(
-        "--scenario", default=EASIEST, metavar="NAME|FILE", help=f"one of --list, or a YAML file (default {EASIEST})"
+    parser.add_output("output", metavar="OUT.mcap", nargs="?", help="recording to write")
+    parser.add_input(
+        "--scenario",
+        type=str,
+        default=EASIEST,
+        metavar="NAME|FILE",
+        help=f"one of --list, or a YAML file (default {EASIEST})",
     )
     parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's seed")
     parser.add_argument("--frames", type=int, metavar="N", help="number of pairs instead of the scenario's")
-    parser.add_argument("--volume", metavar="FILE", help="CT volume (NIfTI, NRRD, MHA) as the patient's body")
+    parser.add_input("--volume", type=str, metavar="FILE", help="CT volume (NIfTI, NRRD, MHA) as the patient's body")
     parser.add_argument(
         "--volume-centre",
         nargs=3,
@@ -30,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="left atrium in the volume, mm in its LPS coordinates (default: its middle)",
     )
     parser.add_argument("--list", action="store_true", help="list the scenarios that come with the package")
-    parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
@@ -20,14 +19,13 @@ def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
     parser.epilog = f"{SEEDS_HELP}\n{CALIBRATION_HELP}"
-    parser.add_argument("recording", type=Path, metavar="IN.mcap", help="recording: MCAP file or bag directory")
-    parser.add_argument("-o", "--output", type=Path, required=True, metavar="OUT.mcap", help="file to write")
-    parser.add_argument("--config", type=Path, metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
-    parser.add_argument("--seeds", type=Path, metavar="FILE", help="clicks, for a recording without (or instead)")
-    parser.add_argument("--calibration", type=Path, metavar="FILE", help="projections, for a recording without")
+    parser.add_input("recording", metavar="IN.mcap", help="recording: MCAP file or bag directory")
+    parser.add_output("-o", "--output", required=True, metavar="OUT.mcap", help="file to write")
+    parser.add_input("--config", metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
+    parser.add_input("--seeds", metavar="FILE", help="clicks, for a recording without (or instead)")
+    parser.add_input("--calibration", metavar="FILE", help="projections, for a recording without")
     add_remap(parser, "read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)")
-    parser.add_argument("--overwrite", action="store_true", help="replace OUT.mcap if it exists")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the counts of pairs, poses, states, problems")
+    parser.add_output("--json", metavar="FILE", help="write the counts of pairs, poses, states, problems")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, port
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
@@ -28,9 +27,8 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument(
         "--allow-host", action="append", default=[], metavar="NAME", help="a further name browsers may ask for it by"
     )
-    parser.add_argument("--annotate", type=Path, metavar="IN.mcap", help="draw centrelines into a copy of a recording")
-    parser.add_argument("-o", "--output", type=Path, metavar="OUT.mcap", help="with --annotate: the copy")
-    parser.add_argument("--overwrite", action="store_true", help="with --annotate: replace OUT.mcap if it exists")
+    parser.add_input("--annotate", metavar="IN.mcap", help="draw centrelines into a copy of a recording")
+    parser.add_output("-o", "--output", metavar="OUT.mcap", help="with --annotate: the copy")
     add_remap(parser, "with --annotate: read the recorded topic FROM as TO")
     parser.add_argument(
         "--ros-args", nargs=argparse.REMAINDER, default=[], help="what follows goes to ROS (-r __ns:=/lab, -p …)"

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
+from lasso_motion_ros.core.terminal import bar_stream
+
 Item = TypeVar("Item")
 
 
@@ -24,7 +26,7 @@ def progress(iterable: Iterable[Item], total: int | None, label: str, quiet: boo
         return
     from tqdm import tqdm
 
-    yield from tqdm(iterable, total=total, desc=label, leave=False, file=sys.stderr)
+    yield from tqdm(iterable, total=total, desc=label, leave=False, file=bar_stream())
 
 
 @contextmanager
@@ -38,11 +40,11 @@ def busy(label: str, quiet: bool) -> Iterator[None]:
     if quiet or not sys.stderr.isatty():
         yield
         return
-    print(f"{label} …", end="", file=sys.stderr, flush=True)
+    print(f"{label} …", end="", file=bar_stream(), flush=True)
     try:
         yield
     finally:
-        print(f"\r{' ' * (len(label) + 2)}\r", end="", file=sys.stderr, flush=True)
+        print(f"\r{' ' * (len(label) + 2)}\r", end="", file=bar_stream(), flush=True)
 
 
 @contextmanager
@@ -61,7 +63,7 @@ def counting(label: str, quiet: bool) -> Iterator[Callable[[int], None]]:
         return
     from tqdm import tqdm
 
-    with tqdm(desc=label, leave=False, file=sys.stderr) as bar:
+    with tqdm(desc=label, leave=False, file=bar_stream()) as bar:
         yield lambda count: _set(bar, count)
 
 

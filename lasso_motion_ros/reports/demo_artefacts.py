@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import write_json, write_text
 from lasso_motion_ros.evaluation.measures import PairEstimate, PairScore, Truth, score_pairs
 from lasso_motion_ros.evaluation.same_pair import of_pair
 from lasso_motion_ros.evaluation.summary import Summary, evaluation_record, format_table, summarise
@@ -41,6 +41,7 @@ Array = npt.NDArray[np.float64]
 
 VIDEO, MOTION_PLOT, ERROR_PLOT = "overlay.mp4", "motion.png", "error_2d.png"
 TABLE_TEXT, TABLE_JSON = "table.txt", "table.json"
+ARTEFACTS = (VIDEO, MOTION_PLOT, ERROR_PLOT, TABLE_TEXT, TABLE_JSON)
 CELL_PX = 512
 _GAP_PX = 4
 _STATIC_COLOUR: Colour = (143, 180, 216)
@@ -93,25 +94,31 @@ class DemoArtefacts:
     summary: Summary | None
     scores: tuple[PairScore, ...]
 
+    def moved(self, directory: Path) -> DemoArtefacts:
+        """The same, with the files in another directory."""
 
-def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
-    """Write the demonstration's results into a directory, replacing those of an earlier run.
+        def there(path: Path | None) -> Path | None:
+            return None if path is None else directory / path.name
+
+        return replace(
+            self,
+            video=directory / self.video.name,
+            motion_plot=directory / self.motion_plot.name,
+            error_plot=there(self.error_plot),
+            table_text=there(self.table_text),
+            table_json=there(self.table_json),
+        )
+
+
+def write_demo_artefacts(run: DemoRun, directory: Path) -> DemoArtefacts:
+    """Write the demonstration's results into an empty directory.
 
     Raises:
         RecordingError: no pair was played, or a file cannot be written.
     """
     if not run.pairs:
         raise RecordingError("no image pair was played: there is nothing to show")
-    directory = Path(directory)
-    paths = {name: directory / name for name in (VIDEO, MOTION_PLOT, ERROR_PLOT, TABLE_TEXT, TABLE_JSON)}
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        # A file of an earlier run must not remain beside this one's.
-        for path in paths.values():
-            path.unlink(missing_ok=True)
-    except OSError as error:
-        raise RecordingError(f"{directory}: cannot be written to: {error.strerror}") from error
-
+    paths = {name: directory / name for name in ARTEFACTS}
     video = paths[VIDEO]
     with VideoWriter(video, _frames_per_second(run.pairs)) as writer:
         for number in range(len(run.pairs)):
@@ -131,11 +138,8 @@ def write_demo_artefacts(run: DemoRun, directory: str | Path) -> DemoArtefacts:
 
     summary = summarise(scores)
     table_text, table_json = paths[TABLE_TEXT], paths[TABLE_JSON]
-    try:
-        table_text.write_text(f"{format_table({run.name: summary})}\n\n{_PAPER_NOTE}\n", encoding="utf-8")
-        table_json.write_text(json.dumps(evaluation_record({run.name: scores}), indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{error.filename}: cannot be written: {error.strerror}") from error
+    write_text(table_text, f"{format_table({run.name: summary})}\n\n{_PAPER_NOTE}\n")
+    write_json(table_json, evaluation_record({run.name: scores}))
     return DemoArtefacts(video, motion_plot, error_plot, table_text, table_json, summary, scores)
 
 

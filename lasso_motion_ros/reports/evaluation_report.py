@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.parameters import Value, parameter_table
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import write_text
 from lasso_motion_ros.evaluation.axes import displacements_mm, residuals_mm
 from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import PairScore
@@ -43,6 +43,13 @@ Figures = dict[str, tuple[Any, str]]
 """Plots (matplotlib Figures) and captions, by name."""
 
 PAGE = "report.html"
+REPORT_FILES = (
+    PAGE,
+    "comparison.png",
+    "timing.png",
+    *(f"*_{name}.png" for name in ("target_error", "error_2d", "motion", "axes", "worst_[0-9]*")),
+)
+"""What a report consists of."""
 TEMPLATE = "evaluation_report.html.j2"
 MOST_KEY_FIGURES = 3
 """With more results than these, the key figures of each would push the tables off the screen."""
@@ -56,10 +63,10 @@ def write_report(
     versions: Mapping[str, str],
     show: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> Path:
-    """Write `report.html` and its pictures into a directory, replacing those of an earlier report.
+    """Write `report.html` and its pictures into an empty directory.
 
     Args:
-        directory: made if it does not exist.
+        directory: where.
         results: in the order of the rows; several of one recording stand side by side.
         worst: for each result its worst frames, the worst first.
         versions: what the figures were made with, by name.
@@ -79,12 +86,8 @@ def write_report(
         lstrip_blocks=True,
     )
     page = directory / PAGE
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        contents = _Contents(directory, results, worst).all(versions, show)
-        page.write_text(templates.get_template(TEMPLATE).render(contents), encoding="utf-8")
-    except OSError as error:
-        raise RecordingError(f"{error.filename or directory}: cannot be written: {error.strerror}") from error
+    contents = _Contents(directory, results, worst).all(versions, show)
+    write_text(page, templates.get_template(TEMPLATE).render(contents))
     return page
 
 

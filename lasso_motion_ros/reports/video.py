@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
@@ -10,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import UnfinishedFile, cannot_write
 from lasso_motion_ros.overlay.windowing import RgbImage
 
 TIME_BASE = Fraction(1, 90_000)
 
 
 class VideoWriter:
-    """Writes RGB pictures of one size to an MP4, as a context manager; an existing file is replaced.
+    """Writes RGB pictures of one size to an MP4, overwriting, whole or not at all, as a context manager.
 
     Browsers decode 4:2:0 only, which needs even sides: an odd last row or column is dropped.
 
@@ -37,6 +39,7 @@ class VideoWriter:
         if not 0.0 < frames_per_second <= 240.0:
             raise RecordingError(f"{path}: a video plays at 0 to 240 frames/s, found {frames_per_second}")
         self._path = Path(path)
+        self._unfinished = UnfinishedFile(self._path)
         self._rate = Fraction(frames_per_second).limit_denominator(1001)
         self._quality = quality
         self._av = av
@@ -45,10 +48,10 @@ class VideoWriter:
         self._frames = 0
         try:
             # PyAV opens the file only with the first picture; a bad path must fail at once.
-            self._path.open("wb").close()
-            self._container = av.open(str(path), "w", format="mp4", options={"movflags": "+faststart"})
+            self._unfinished.path.open("wb").close()
+            self._container = av.open(str(self._unfinished.path), "w", format="mp4", options={"movflags": "+faststart"})
         except (OSError, av.FFmpegError) as error:
-            raise RecordingError(f"{path}: cannot be written: {error}") from error
+            raise cannot_write(self._path, error) from error
 
     def __enter__(self) -> VideoWriter:
         return self
@@ -56,7 +59,10 @@ class VideoWriter:
     def __exit__(
         self, kind: type[BaseException] | None, value: BaseException | None, traceback: TracebackType | None
     ) -> None:
-        self.close()
+        if kind is None:
+            self.close()
+        else:
+            self._discard()
 
     def write(self, picture: RgbImage) -> None:
         """Append one picture (H, W, 3) uint8 RGB; all have the first one's size.
@@ -79,15 +85,31 @@ class VideoWriter:
         self._mux(frame)
 
     def close(self) -> None:
-        """Finish the file; calling it again is harmless."""
+        """Finish the file; calling it again is harmless.
+
+        Raises:
+            RecordingError: the disk is full; nothing is left then.
+        """
         if self._container is None:
             return
         try:
             if self._stream is not None:
                 self._mux(None)
-        finally:
             self._container.close()
-            self._container = None
+        except BaseException as error:
+            self._discard()
+            if isinstance(error, (OSError, self._av.FFmpegError)):
+                raise cannot_write(self._path, error) from error
+            raise
+        self._container = None
+        self._unfinished.finish()
+
+    def _discard(self) -> None:
+        container, self._container = self._container, None
+        if container is not None:
+            with suppress(OSError, self._av.FFmpegError):  # it is thrown away: a full disk does not matter any more
+                container.close()
+        self._unfinished.discard()
 
     def _open_stream(self, width: int, height: int) -> None:
         stream = self._container.add_stream("libx264", rate=self._rate)
@@ -104,4 +126,4 @@ class VideoWriter:
             for packet in self._stream.encode(frame):
                 self._container.mux(packet)
         except (OSError, self._av.FFmpegError) as error:
-            raise RecordingError(f"{self._path}: cannot be written: {error}") from error
+            raise cannot_write(self._path, error) from error

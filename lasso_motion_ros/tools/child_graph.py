@@ -16,6 +16,8 @@ START_WAIT_S = 60.0
 """How long nodes may take to come up: on a busy machine half a minute is no fault."""
 LOOK_PERIOD_S = 0.05
 COMMAND = "lasso_motion_ros.cli.main"
+LOGS = "logs"
+"""Folder beside the results, for what the processes say; each run writes its own over the last one's."""
 
 
 class TooLateError(LassoMotionError):

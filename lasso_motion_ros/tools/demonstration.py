@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -11,14 +12,16 @@ import numpy as np
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import whole_directory
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.evaluation.summary import Summary
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.overlay.surface_files import write_stl
 from lasso_motion_ros.overlay.windowing import RgbImage
-from lasso_motion_ros.reports.demo_artefacts import DemoArtefacts, DemoRun, write_demo_artefacts
+from lasso_motion_ros.reports.demo_artefacts import ARTEFACTS, DemoArtefacts, DemoRun, write_demo_artefacts
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
+from lasso_motion_ros.tools.child_graph import LOGS
 from lasso_motion_ros.tools.demo_surface import demo_surface, truth_if_any
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.recordings.reader import RecordingReader
@@ -26,6 +29,9 @@ from msg_adapters.recordings.tracking_topics import check_tracking_topics
 from msg_adapters.topics import overlay_topic, seed_topic
 
 SURFACE = "left_atrium.stl"
+LIVE_RECORDING = "live.mcap"
+DEMO_FILES = (*ARTEFACTS, SURFACE, LIVE_RECORDING)
+"""What the demonstration leaves in its directory, beside the logs."""
 LIMITS: Mapping[str, float] = {
     "missing": 0,
     "lost_in_silence": 0,
@@ -55,7 +61,7 @@ class Demonstration:
 def demonstrate(
     recording: Path, configuration: Path, directory: Path, say: Callable[[str], None], *, quiet: bool = True
 ) -> Demonstration:
-    """Play a recording through the live graph in real time; write video, plots and table.
+    """Play a recording through the live graph in real time; write video, plots and table, all or none.
 
     Args:
         recording: what is played; it must be whole.
@@ -73,28 +79,30 @@ def demonstrate(
     pairs = read_pairs(recording, load_configuration(configuration, StreamConfig))
     truth = truth_if_any(recording)
     surface = demo_surface(truth)
-    directory.mkdir(parents=True, exist_ok=True)
-    write_stl(directory / SURFACE, surface, "mm")
-    given = DemonstrationInput(
-        recording=recording,
-        configuration=configuration,
-        surface=directory / SURFACE,
-        whole_pairs=sum(pair.is_whole for pair in pairs),
-        pictures={plane: sum(plane not in pair.missing for pair in pairs) for plane in PLANES},
-        directory=directory,
-    )
-    live = run_graph(given, say)
-    run = DemoRun(
-        name=recording.stem,
-        pairs=pairs,
-        estimates=read_estimates(live),
-        overlays=read_pictures(live),
-        surface=surface,
-        truth=truth,
-    )
-    with busy("writing video, plots and table", quiet):
-        artefacts = write_demo_artefacts(run, directory)
-    return Demonstration(run, artefacts, live)
+    with whole_directory(directory, DEMO_FILES) as staged:
+        write_stl(staged / SURFACE, surface, "mm")
+        live = staged / LIVE_RECORDING
+        given = DemonstrationInput(
+            recording=recording,
+            configuration=configuration,
+            surface=staged / SURFACE,
+            whole_pairs=sum(pair.is_whole for pair in pairs),
+            pictures={plane: sum(plane not in pair.missing for pair in pairs) for plane in PLANES},
+            live=live,
+            logs=directory / LOGS,
+        )
+        run_graph(given, say)
+        run = DemoRun(
+            name=recording.stem,
+            pairs=pairs,
+            estimates=read_estimates(live),
+            overlays=read_pictures(live),
+            surface=surface,
+            truth=truth,
+        )
+        with busy("writing video, plots and table", quiet):
+            artefacts = write_demo_artefacts(run, staged)
+    return Demonstration(run, artefacts.moved(directory), directory / LIVE_RECORDING)
 
 
 def demonstrate_page(
@@ -112,7 +120,7 @@ def demonstrate_page(
     Args:
         recording: what is played.
         configuration: the tracker's parameter file.
-        directory: where surface and logs go; made if need be.
+        directory: where the logs go; made if need be.
         say: takes a line for the user: where the page is.
         host: address of the page.
         port: TCP port of the page.
@@ -128,14 +136,14 @@ def demonstrate_page(
     seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
     load_configuration(configuration, StreamConfig)
     truth = truth_if_any(recording)
-    surface: Path | None = None
-    directory.mkdir(parents=True, exist_ok=True)
-    if truth is not None and truth.loop is not None:
-        surface = directory / SURFACE
-        write_stl(surface, demo_surface(truth), "mm")
-    elif not quiet:
-        say("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
-    run_page(PageInput(recording, configuration, surface, seeded, host, port, directory), say)
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_") as working:
+        surface: Path | None = None
+        if truth is not None and truth.loop is not None:
+            surface = Path(working) / SURFACE
+            write_stl(surface, demo_surface(truth), "mm")
+        elif not quiet:
+            say("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
+        run_page(PageInput(recording, configuration, surface, seeded, host, port, directory), say)
 
 
 def read_pairs(recording: Path, config: StreamConfig) -> list[FramePair]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from lasso_motion_ros.config.parameters import configuration_values, load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.output_files import whole_directory
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import version
 from lasso_motion_ros.evaluation.evaluated import Evaluated, Timing
@@ -70,7 +71,7 @@ def evaluate_recordings(
 
 
 def write_evaluation_report(directory: Path, results: Sequence[Evaluated], worst: int, *, quiet: bool = True) -> Path:
-    """Write the page with tables, plots and pictures.
+    """Write the page with tables, plots and pictures, all or nothing.
 
     Args:
         directory: where; made if need be.
@@ -84,12 +85,14 @@ def write_evaluation_report(directory: Path, results: Sequence[Evaluated], worst
     Raises:
         LassoMotionError: a recording that cannot be read again, or a file that cannot be written.
     """
-    from lasso_motion_ros.reports.evaluation_report import write_report
+    from lasso_motion_ros.reports.evaluation_report import REPORT_FILES, write_report
 
     frames = [worst_frames(one, worst) for one in progress(results, len(results), "worst frames", quiet)]
-    return write_report(
-        directory, results, frames, versions(), lambda numbers: progress(numbers, len(numbers), "plots", quiet)
-    )
+    with whole_directory(directory, REPORT_FILES) as staged:
+        page = write_report(
+            staged, results, frames, versions(), lambda numbers: progress(numbers, len(numbers), "plots", quiet)
+        )
+    return directory / page.name
 
 
 def versions() -> dict[str, str]:

@@ -13,6 +13,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.output_files import make_directory
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import HALF_PAIRS, PAIRS
 from lasso_motion_ros.tools.child_graph import START_WAIT_S, TooLateError, child_graph
@@ -25,8 +26,6 @@ ANSWER_WAIT_S = 20.0
 PICTURE_WAIT_S = 3.0
 MOTION_WAIT_S = 0.3
 """How long the overlay waits for an image's own motion: nobody looks on live, so rather late than of another pair."""
-LOGS = "logs"
-LIVE_RECORDING = "live.mcap"
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,8 @@ class DemonstrationInput:
         surface: the STL that the overlay draws, world millimetres.
         whole_pairs: how many pairs, those with an image of both planes, must be answered.
         pictures: how many images of each plane must come back with the overlay drawn in.
-        directory: where the live recording and the logs go.
+        live: where what comes over the wire is recorded.
+        logs: where the logs go; made if need be.
     """
 
     recording: Path
@@ -47,18 +47,16 @@ class DemonstrationInput:
     surface: Path
     whole_pairs: int
     pictures: Mapping[Plane, int]
-    directory: Path
+    live: Path
+    logs: Path
 
 
-def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
+def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> None:
     """Play a recording through the live graph in real time.
 
     Args:
         given: what to play.
         say: takes one line of progress for the user.
-
-    Returns:
-        The recording of what came over the wire.
 
     Raises:
         LassoMotionError: a process failed, or did not answer in time; none is left behind.
@@ -66,9 +64,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
     """
     stay_on_this_machine()
     domain = free_domain()
-    logs = given.directory / LOGS
-    logs.mkdir(parents=True, exist_ok=True)
-    output = given.directory / LIVE_RECORDING
+    make_directory(given.logs)
     # `state`, the one that is latched, comes last: when it is heard, the tracker knows of all the others.
     topics = [
         *(overlay_topic(plane) for plane in PLANES),
@@ -77,9 +73,9 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
         *(topic for topic in OUTPUTS if topic is not STATE),
         STATE,
     ]
-    with RecordingWriter(output, compression="none", overwrite=True) as writer:
+    with RecordingWriter(given.live, compression="none", overwrite=True) as writer:
         wire = _Wire(writer)
-        with Listener(topics, wire, domain=domain, raw=True) as listener, child_graph(domain, logs) as graph:
+        with Listener(topics, wire, domain=domain, raw=True) as listener, child_graph(domain, given.logs) as graph:
             say(f"starting tracker and overlay (ROS_DOMAIN_ID={domain}, this machine only)")
             graph.start_tracker(given.configuration)
             graph.start_overlay(given.surface, {"motion_wait_s": MOTION_WAIT_S})
@@ -105,8 +101,7 @@ def run_graph(given: DemonstrationInput, say: Callable[[str], None]) -> Path:
             statuses = graph.stop()
     failed = {name: status for name, status in statuses.items() if status != 0}
     if failed:
-        raise LassoMotionError(f"ended badly: {failed}; their output is in {logs}")
-    return output
+        raise LassoMotionError(f"ended badly: {failed}; their output is in {given.logs}")
 
 
 class _Wire:

@@ -126,8 +126,6 @@ def track_recording(
     check_tracking_topics(reader.path, reader.topics, calibrated=calibration is not None)
     if given_seeds is None:
         _check_seeds(reader)
-    if output.exists() and any(output.samefile(file) for file in reader.files):
-        raise RecordingError(f"{output} is the recording itself")
     messages = RecordedMessages()
     pipeline = TrackingPipeline(config, messages, tracker)
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from lasso_motion_ros.tools.child_graph import START_WAIT_S, child_graph
+from lasso_motion_ros.core.output_files import make_directory
+from lasso_motion_ros.tools.child_graph import LOGS, START_WAIT_S, child_graph
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 
-LOGS = "logs"
 READY = "the page is at "
 
 
@@ -52,7 +52,7 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
     # A domain that the user has chosen is kept, so that other tools see the graph.
     domain = int(os.environ.get("ROS_DOMAIN_ID") or free_domain())
     logs = given.directory / LOGS
-    logs.mkdir(parents=True, exist_ok=True)
+    make_directory(logs)
     with contextlib.suppress(KeyboardInterrupt), child_graph(domain, logs) as graph:
         graph.start_tracker(given.configuration)
         if given.surface is not None:

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import TracebackType
 
 import numpy as np
 
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_files import whole_directory
 from lasso_motion_ros.core.progress import busy, progress
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
-from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.geometry.frames import PLANES, FramePair
 from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
@@ -28,6 +30,8 @@ from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics
 
 CELL_PX = 768
+FRAMES = tuple(f"plane_{plane}_*.png" for plane in PLANES)
+"""Names of the frames in a directory."""
 
 
 @dataclass(frozen=True)
@@ -106,45 +110,41 @@ def render_recording(
     problems: Counter[Problem] = Counter()
     pairs = recorded_pairs(reader, replace(StreamConfig(), sync=config.sync), problems)
     rendered = []
-    with _Output(output, view, rate_hz) as pictures:
+    with ExitStack() as stack:
+        place = output if is_video(output) else stack.enter_context(whole_directory(output, FRAMES))
+        pictures = stack.enter_context(_Output(place, view, rate_hz))
         for number, pair in enumerate(progress(pairs, len(estimates) or None, "rendering", quiet)):
             drawn = overlay.draw(pair)
             pictures.write(number, pair, drawn)
             rendered.append(RenderedPair(pair.stamp_ns, drawn.compensated, drawn.status))
-    lines = problem_lines(problems)
-    if not rendered:
-        raise RecordingError(f"{recording}: no image pair could be made{': ' if lines else ''}{'; '.join(lines)}")
+        lines = problem_lines(problems)
+        if not rendered:
+            raise RecordingError(f"{recording}: no image pair could be made{': ' if lines else ''}{'; '.join(lines)}")
     return RenderSummary(shown.description, tuple(rendered), tuple(lines), reader.damage)
 
 
 class _Output:
-    """The video, or the directory of frames, as a context manager."""
+    """The video, or the frames in a directory that is there, as a context manager."""
 
     def __init__(self, path: Path, view: OverlayView, rate_hz: float | None) -> None:
         self._path, self._view, self._rate_hz = path, view, rate_hz
         self._video: VideoWriter | None = None
         self._first: tuple[int, DrawnPair] | None = None
         self._start_ns = 0
-        if not is_video(self._path):
-            try:
-                self._path.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise RecordingError(f"{self._path}: cannot be made: {error.strerror}") from error
 
     def __enter__(self) -> _Output:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        if self._path.is_dir():
-            with suppress(OSError):  # refused where a picture is in it, as it should be
-                self._path.rmdir()
-        if self._first is not None:  # a recording of one pair has no rate of its own
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if kind is None and self._first is not None:  # a recording of one pair has no rate of its own
             self._add_frame(*self._first, self._rate_hz or 1.0)
         if self._video is not None:
-            self._video.close()
+            self._video.__exit__(kind, error, trace)
 
     def write(self, number: int, pair: FramePair, drawn: DrawnPair) -> None:
-        if not is_video(self._path):
+        if self._path.is_dir():
             for plane, picture in drawn.planes.items():
                 write_png(self._path / f"plane_{plane}_{number:05d}.png", picture)
             return

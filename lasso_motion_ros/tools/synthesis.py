@@ -17,7 +17,7 @@ from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_line_strip, encode_points
 from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped
-from msg_adapters.recordings.writer import RecordingWriter, check_free
+from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
 
 WORLD_FRAME = "patient_table"
@@ -52,7 +52,6 @@ def synthesise(
     Raises:
         LassoMotionError: a scenario or a volume that cannot be read, or an output that cannot be written.
     """
-    check_free(output, overwrite)  # before a volume is read, which takes a while
     rendered = adapted(load_scenario(scenario), seed=seed, pairs=pairs)
     body = None
     if volume is not None:

@@ -13,13 +13,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_checks import OutputPlace, check_outputs
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.images import Pixels, decode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.recordings.copy import RecordingCopier
 from msg_adapters.recordings.reader import RawMessage, RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics, recorded_image_topic
-from msg_adapters.recordings.writer import RecordingWriter, check_free
+from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import decode_polygon, encode_polygon
 from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.sync.partner import PartnerRule
@@ -82,9 +83,7 @@ class AnnotatedRecording:
     ) -> None:
         self._reader = RecordingReader(recording, remap)
         check_tracking_topics(recording, self._reader.topics, calibrated=True)
-        if output.exists() and any(output.samefile(file) for file in self._reader.files):
-            raise RecordingError(f"{output} is the recording itself; the copy needs a name of its own")
-        check_free(output, overwrite)
+        check_outputs([OutputPlace(output)], self._reader.files, overwrite)
         self.name = self._reader.path.name
         self.output = output
         self._image_topics = {recorded_image_topic(plane, self._reader.topics).recorded_name: plane for plane in PLANES}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -13,6 +12,8 @@ import yaml
 from mcap.writer import CompressionType, Writer
 
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.output_checks import check_free
+from lasso_motion_ros.core.output_files import UnfinishedFile, cannot_write, is_device
 from msg_adapters.messages import RecordedMessages, jazzy_types
 
 LIBRARY = "lasso_motion_ros"
@@ -60,14 +61,14 @@ class RecordingWriter:
         if self.path.is_dir():
             raise RecordingError(f"{self.path} is a directory: expected the name of a file to write")
         check_free(self.path, overwrite)
-        self._unfinished: Path | None = None
-        if whole and not _is_device(self.path):
-            place = self.path.resolve()  # the target of a link
-            self._unfinished = place.with_name(f".{place.name}.unfinished")
+        self._unfinished = UnfinishedFile(self.path) if whole else None
         try:
-            self._file = (self._unfinished or self.path).open("wb" if overwrite or self._unfinished else "xb")
+            if self._unfinished is not None:
+                self._file = self._unfinished.path.open("wb")
+            else:
+                self._file = self.path.open("wb" if overwrite or is_device(self.path) else "xb")
         except OSError as error:
-            raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+            raise cannot_write(self.path, error) from error
         self._writer = Writer(self._file, compression=_COMPRESSIONS[compression])
         self._writer.start(profile="ros2", library=LIBRARY)
         self._messages = RecordedMessages()
@@ -154,7 +155,7 @@ class RecordingWriter:
         try:
             self._writer.add_message(channel.id, log_time_ns, data, published, channel.count)
         except OSError as error:
-            raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+            raise cannot_write(self.path, error) from error
         channel.count += 1
         self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
         self._last_ns = max(self._last_ns, log_time_ns)
@@ -171,7 +172,7 @@ class RecordingWriter:
         try:
             self._writer.flush()
         except OSError as error:
-            raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+            raise cannot_write(self.path, error) from error
 
     @property
     def counts(self) -> dict[str, int]:
@@ -190,21 +191,18 @@ class RecordingWriter:
         try:
             self._writer.add_metadata("rosbag2", {"serialized_metadata": self._bag_metadata()})
             self._writer.finish()
-            if self._unfinished is not None:
-                self._file.flush()
-                os.fsync(self._file.fileno())
             self._file.close()
-            if self._unfinished is not None:
-                self._unfinished.replace(self.path.resolve())
         except OSError as error:
             if self._unfinished is not None:
                 self._discard(self._unfinished)
-            raise RecordingError(f"{self.path} cannot be written: {error.strerror}") from error
+            raise cannot_write(self.path, error) from error
+        if self._unfinished is not None:
+            self._unfinished.finish()
 
-    def _discard(self, unfinished: Path) -> None:
+    def _discard(self, unfinished: UnfinishedFile) -> None:
         with suppress(OSError):  # the file is thrown away: a full disk does not matter any more
             self._file.close()
-        unfinished.unlink(missing_ok=True)
+        unfinished.discard()
 
     def _add_channel(
         self, topic: str, type_name: str, latched: bool, reliable: bool, definition: str | None
@@ -260,20 +258,6 @@ class RecordingWriter:
             "ros_distro": "jazzy",
         }
         return yaml.safe_dump(document, sort_keys=False, width=1 << 20)
-
-
-def check_free(path: Path, overwrite: bool) -> None:
-    """Check that an output file or directory may be written; every command that writes one calls this.
-
-    Raises:
-        RecordingError: it exists, and is not to be overwritten.
-    """
-    if path.exists() and not overwrite and not (path.is_dir() and not any(path.iterdir())):
-        raise RecordingError(f"{path} exists: choose another name or add --overwrite")
-
-
-def _is_device(path: Path) -> bool:
-    return path.exists() and not path.is_file()
 
 
 def _definition(type_name: str) -> str:

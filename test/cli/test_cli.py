@@ -110,7 +110,7 @@ def test_an_output_that_exists_is_kept_and_said_alike(
     name = words.split(maxsplit=1)[0]
     if name == "record":
         pytest.importorskip("rclpy", reason="needs ROS 2")
-    out = tmp_path / "out.mcap"
+    out = tmp_path / ("out.mp4" if name == "render" else "out.mcap")
     out.write_bytes(b"mine")
     files = {"IN": str(bundled_recording()), "OUT": str(out)}
     assert cli.main([files.get(word, word) for word in words.split()]) == 2

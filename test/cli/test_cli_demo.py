@@ -73,6 +73,7 @@ def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
         assert demo.wait(60) == 130
         assert demo.stderr.read() == "lasso-motion demo: interrupted\n"
         assert not any(is_running(child) for child in children)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["logs"]
 
 
 @pytest.mark.ros
@@ -85,7 +86,8 @@ def test_a_node_that_fails_ends_it_with_its_own_words(tmp_path: Path) -> None:
         surface=tmp_path / "none.stl",
         whole_pairs=1,
         pictures={},
-        directory=tmp_path,
+        live=tmp_path / "live.mcap",
+        logs=tmp_path / "logs",
     )
     with pytest.raises(LassoMotionError, match=r"the overlay ended with status 2: .*none.stl: cannot be read"):
         run_graph(given, lambda line: None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import resource
 import signal
 import subprocess
 from pathlib import Path
@@ -186,10 +187,44 @@ def test_names(tmp_path: Path) -> None:
         live_topics("lab", ["/plane_a/image_raw"])
 
 
-def test_nothing_comes(graph: Graph, tmp_path: Path) -> None:
-    start(graph, tmp_path / "out.mcap", "--duration", "0.3")
+@pytest.mark.parametrize("old", [None, b"precious"])
+def test_nothing_comes_and_nothing_is_left_behind_but_what_was_there(
+    old: bytes | None, graph: Graph, tmp_path: Path
+) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    if old is not None:
+        (folder / "out.mcap").write_bytes(old)
+    start(graph, folder / "out.mcap", "--duration", "0.3", "--overwrite")
     assert graph.wait_for_end("record") == 2
     assert re.match(r"lasso-motion record: no message came in \d+ s", graph.processes.log("record", 1))
+    assert [path.read_bytes() for path in folder.iterdir()] == ([] if old is None else [old])
+
+
+def test_on_a_full_disk_what_came_and_what_was_there_is_kept(graph: Graph, tmp_path: Path) -> None:
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    output = folder / "out.mcap"
+    output.write_bytes(b"precious")
+    publisher = graph.publisher(IMAGE_A)
+    child = start(graph, output, "--overwrite")
+    graph.wait_until(lambda: heard_by(publisher))
+    resource.prlimit(child.pid, resource.RLIMIT_FSIZE, (1 << 20, resource.RLIM_INFINITY))
+    sent = itertools.count()
+
+    def full() -> bool:
+        publisher.publish(message(IMAGE_A, next(sent)))
+        return child.poll() is not None
+
+    graph.wait_until(full)
+    assert graph.wait_for_end("record") == 2
+    kept = folder / "out.earlier.mcap"
+    assert graph.processes.log("record", 1) == (
+        f"lasso-motion record: {output} cannot be written: File too large; the earlier recording is kept as {kept}"
+    )
+    assert kept.read_bytes() == b"precious"
+    assert 0 < written(output) < 9
+    assert sorted(folder.iterdir()) == [kept, output]
 
 
 def test_a_recording_is_not_replaced_unless_told_to(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -227,7 +227,7 @@ def test_output_is_not_overwritten_by_accident(tmp_path: Path, capsys: pytest.Ca
     recording = record(tmp_path / "in.mcap")
     before = recording.read_bytes()
     assert track(recording, "-o", recording, "--overwrite") == 2
-    assert "is the recording itself" in capsys.readouterr().err
+    assert "is an input, and no input is overwritten" in capsys.readouterr().err
     assert recording.read_bytes() == before
     (tmp_path / "out.mcap").write_bytes(b"mine")
     assert track(recording, "-o", tmp_path / "out.mcap") == 2

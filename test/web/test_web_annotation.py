@@ -99,7 +99,7 @@ def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
     copy.write_bytes(b"mine")
     with pytest.raises(RecordingError, match="exists: choose another name or add --overwrite"):
         Annotation(AnnotatedRecording(bare, copy))
-    with pytest.raises(RecordingError, match="is the recording itself"):
+    with pytest.raises(RecordingError, match="is an input, and no input is overwritten"):
         Annotation(AnnotatedRecording(bare, bare, overwrite=True))
     Annotation(AnnotatedRecording(bare, copy, overwrite=True)).save()
     assert copy.read_bytes() != b"mine"

@@ -1,0 +1,36 @@
+"""The parser of one command, as `lasso-motion` makes it, with what it has declared."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+from collections.abc import Mapping
+from typing import Any
+
+from lasso_motion_ros.cli.arguments import CommandParser, OutputArgument
+from lasso_motion_ros.cli.main import COMMANDS
+
+
+class DeclaredParser(CommandParser):
+    """A command's parser whose declarations can be looked at."""
+
+    @property
+    def inputs(self) -> list[str]:
+        return self._inputs
+
+    @property
+    def outputs(self) -> dict[str, OutputArgument]:
+        return {one.name: one for one in self._outputs}
+
+    def namespace(self, values: Mapping[str, Any]) -> argparse.Namespace:
+        """Options with some values, all others as they are without arguments; whatever exists may be overwritten."""
+        defaults = {action.dest: action.default for action in self._actions}
+        return argparse.Namespace(**{**defaults, **values, "overwrite": True})
+
+
+def command_parser(name: str) -> DeclaredParser:
+    """The parser of a command."""
+    module = importlib.import_module(f"lasso_motion_ros.cli.{next(one.module for one in COMMANDS if one.name == name)}")
+    parser = DeclaredParser(prog=name)
+    module.add_arguments(parser)
+    return parser
