@@ -18,7 +18,7 @@ RUN = $(VENV)/.installed-run
 DEV = $(VENV)/.installed-dev
 UBUNTU = $(UBUNTU_VENV)/.installed
 
-.PHONY: help demo test test-ubuntu soak fuzz lint format screenshots config lock clean
+.PHONY: help demo test test-ubuntu soak starts fuzz lint format screenshots config lock clean
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
@@ -33,6 +33,9 @@ test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions 
 
 soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
 	$(VENV)/bin/python -m lasso_motion_ros.bench.soak $(ARGS)
+
+starts: $(RUN) ## tracker and player started 20 times as a user does, and 40 times under use_sim_time (eight minutes)
+	$(VENV)/bin/python -m lasso_motion_ros.bench.starts $(ARGS)
 
 fuzz: $(DEV) ## 100,000 spoilt messages, files and recordings: clear errors only, no hang, no memory blow-up (ten minutes)
 	PYTHONPATH=test $(VENV)/bin/python test/support/fuzz.py $(ARGS)

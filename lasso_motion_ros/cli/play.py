@@ -15,9 +15,12 @@ from lasso_motion_ros.nodes.running import require_ros
 from lasso_motion_ros.tools.processes import held_signals, stay_on_this_machine
 from msg_adapters.recordings.reader import RecordingReader
 
+DEFAULT_WAIT_S = 20.0
+
 HELP = """Publish a recording on its topics, at its recorded timing, reliably, latched topics latched. What a tracker
-has put out is left out, so that one can be run on it. Only this machine sees it, unless
-ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
+has put out is left out, so that one can be run on it. It begins when every topic that a tracker listens to has a
+subscriber: the clicks come with the first images, and who subscribes later never hears them. Only this machine sees
+it, unless ROS_AUTOMATIC_DISCOVERY_RANGE says otherwise."""
 
 
 def add_arguments(parser: CommandParser) -> None:
@@ -33,11 +36,17 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_output("--json", metavar="FILE", help="write what was published, and how punctually")
     parser.add_argument("--all", action="store_true", help="publish a tracker's recorded outputs too")
     add_remap(parser, "publish the recorded topic FROM as TO")
-    parser.add_argument(
-        "--wait", type=not_negative, default=0.0, metavar="S", help="first wait, at most S seconds, for subscribers"
+    waiting = parser.add_mutually_exclusive_group()
+    waiting.add_argument(
+        "--wait",
+        type=not_negative,
+        metavar="S",
+        help=f"wait for subscribers at most S seconds, and stop where one is missing (default: at most "
+        f"{DEFAULT_WAIT_S:g} s, then say who is missing and play all the same)",
     )
+    waiting.add_argument("--no-wait", action="store_true", help="begin at once, as `ros2 bag play` does")
     parser.add_argument(
-        "--subscribers", type=int, default=1, metavar="N", help="with --wait: so many on each image topic (default 1)"
+        "--subscribers", type=int, default=1, metavar="N", help="wait for so many on each image topic (default 1)"
     )
 
 
@@ -55,11 +64,12 @@ def run(args: argparse.Namespace) -> int:
         start_s=args.start,
         clock=args.clock,
         everything=args.all,
-        wait_s=args.wait,
+        wait_s=0.0 if args.no_wait else DEFAULT_WAIT_S if args.wait is None else args.wait,
+        insist=args.wait is not None,
         subscribers=args.subscribers,
     )
     with held_signals() as interrupted, counting("published", args.quiet) as show:
-        summary = play(reader, options, interrupted, show)
+        summary = play(reader, options, interrupted, show, _say)
     if args.json is not None:
         write_json(args.json, asdict(summary))
     if not args.quiet:
@@ -78,3 +88,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"lasso-motion play: {summary.damage}", file=sys.stderr)
         return EXIT_PART
     return EXIT_DONE
+
+
+def _say(text: str) -> None:
+    print(f"lasso-motion play: {text}", file=sys.stderr, flush=True)

@@ -23,6 +23,7 @@ from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.plane_inputs import PlaneInputs
 from lasso_motion_ros.nodes.qos import topic_publisher, topic_subscription
 from lasso_motion_ros.nodes.running import guarded
+from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
@@ -91,7 +92,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self._live = LiveParameters(self, self._config, self._on_tuning)
         # Viewers that come later, or get no images at all, must learn too that nothing is compensated.
-        self.create_timer(SURFACE_PERIOD_S, self._on_surface_timer)
+        steady_timer(self, SURFACE_PERIOD_S, self._on_surface_timer)
         self._thread.start()
 
     def close(self) -> None:

@@ -32,6 +32,8 @@ class _Tuning:
         log_period_s: least time between two complaints of a kind.
         kind_length: letters of a complaint that tell its kind.
         error_pause_s: after an error of the executor itself: one that recurs at once must not take the processor.
+        spin_s: the longest wait for the next callback, after which it is looked whether to stop. Waking the executor
+            does not end its wait while no timer is due.
         switch_interval_s: how long one Python thread may keep another waiting; Python's 5 ms are a third of what a
             pair may take.
     """
@@ -39,6 +41,7 @@ class _Tuning:
     log_period_s: float = 5.0
     kind_length: int = 40
     error_pause_s: float = 0.005
+    spin_s: float = 0.2
     switch_interval_s: float = 0.001
 
 
@@ -215,7 +218,7 @@ def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:
 
     while not stopped.is_set():
         try:
-            executor.spin_once()
+            executor.spin_once(timeout_sec=_TUNING.spin_s)
         except (ExternalShutdownException, ShutdownException):
             stopped.set()
         except Exception as error:

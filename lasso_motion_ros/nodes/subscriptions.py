@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from typing import Any
 
@@ -10,8 +11,10 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 
 from lasso_motion_ros.nodes.qos import offered_reliably, qos
+from lasso_motion_ros.nodes.steady_timer import steady_timer
 
 DISCOVERY_PERIOD_S = 0.1
+REMEMBERED = 32  # messages of which a second hearing is known as such; latched ones are few
 
 
 class OfferedSubscription:
@@ -48,7 +51,7 @@ class OfferedSubscription:
         self._reliable: bool | None = None
         self._timer = None
         if reliability == "auto":
-            self._timer = node.create_timer(DISCOVERY_PERIOD_S, self._discover)
+            self._timer = steady_timer(node, DISCOVERY_PERIOD_S, self._discover)
             self._discover()
         else:
             self._subscribe(reliability == "reliable")
@@ -122,3 +125,40 @@ class CalibrationSubscription:
         """Stop listening."""
         self._per_frame.destroy()
         self._node.destroy_subscription(self._latched)
+
+
+class SeedSubscription:
+    """Hears clicks from publishers that latch them and from those that do not, each message once.
+
+    Two subscriptions, as `CalibrationSubscription` has; a seed that came twice would begin the track anew.
+
+    Args:
+        node: the node.
+        message_type: geometry_msgs/msg/PolygonStamped.
+        topic: name, relative or absolute, before remapping.
+        callback: called with each message.
+        depth: of the queues.
+    """
+
+    def __init__(self, node: Node, message_type: type, topic: str, callback: Callable[[Any], None], depth: int) -> None:
+        self._node = node
+        self._callback = callback
+        self._heard: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+        self._subscriptions = [
+            node.create_subscription(
+                message_type, topic, self._on_message, qos(depth=depth, latched=latched), event_callbacks=events
+            )
+            for latched, events in ((False, None), (True, quiet))
+        ]
+
+    def destroy(self) -> None:
+        """Stop listening."""
+        for subscription in self._subscriptions:
+            self._node.destroy_subscription(subscription)
+
+    def _on_message(self, message: Any, information: dict[str, Any]) -> None:
+        mark = int(information["source_timestamp"]), int(information["publication_sequence_number"] or 0)
+        if mark not in self._heard:
+            self._heard.append(mark)
+            self._callback(message)

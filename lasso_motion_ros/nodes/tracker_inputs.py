@@ -15,7 +15,7 @@ from std_msgs.msg import Header
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
-from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
+from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription, SeedSubscription
 from lasso_motion_ros.nodes.watch import Offer
 from msg_adapters.topics import R_PEAK, camera_info_topic, click_topic, image_topic, seed_topic
 
@@ -69,15 +69,14 @@ class TrackerInputs:
             node.create_subscription(Header, R_PEAK.name, callbacks.r_peak, qos(depth=R_PEAK.depth, reliable=False))
         ]
         for plane in PLANES:
-            seed, click = seed_topic(plane), click_topic(plane)
-            for message_type, topic, callback in (
-                (PolygonStamped, seed, callbacks.seed),
-                (Point, click, callbacks.click),
-            ):
-                profile = qos(depth=topic.depth)
-                self._others.append(
-                    node.create_subscription(message_type, topic.name, partial(callback, plane), profile)
-                )
+            click = click_topic(plane)
+            profile = qos(depth=click.depth)
+            self._others.append(node.create_subscription(Point, click.name, partial(callbacks.click, plane), profile))
+        self._seeds = [
+            SeedSubscription(node, PolygonStamped, topic.name, partial(callbacks.seed, plane), topic.depth)
+            for plane in PLANES
+            for topic in (seed_topic(plane),)
+        ]
 
     def destroy(self) -> None:
         """Stop listening."""
@@ -85,6 +84,8 @@ class TrackerInputs:
             images.destroy()
         for infos in self._infos.values():
             infos.destroy()
+        for seeds in self._seeds:
+            seeds.destroy()
         for subscription in self._others:
             self._node.destroy_subscription(subscription)
 

@@ -21,6 +21,7 @@ from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, t
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
+from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
@@ -79,7 +80,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         )
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
-        self.create_timer(_TUNING.diagnostics_s, self._on_timer)
+        steady_timer(self, _TUNING.diagnostics_s, self._on_timer)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so.
@@ -295,7 +296,11 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             return
         statistics = self._pipeline.statistics()
         complaints = self._watch.complaints(
-            time.monotonic(), self._inputs.offers(), statistics.calibrated, statistics.pairing["a"].paired
+            time.monotonic(),
+            self._inputs.offers(),
+            statistics.calibrated,
+            statistics.pairing["a"].paired,
+            statistics.waiting_clicks,
         )
         for subject, text in complaints:
             self.complaints.complain(subject, text, kind=kind_of(text), period_s=_TUNING.stream_complaint_s)

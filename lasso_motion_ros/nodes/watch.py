@@ -23,7 +23,7 @@ class _Limits:
     """When a stream is complained about.
 
     Attributes:
-        silence_s: so long may a topic have no publisher, or images no calibration.
+        silence_s: so long may a topic have no publisher, images no calibration, or clicks no pair.
         images: stamps remembered, to count gaps between them.
         enough_intervals: intervals that are needed to tell the frame period.
         lags: images whose stamp is compared with their receipt.
@@ -82,6 +82,7 @@ class StreamWatch:
         self._began_s = now_s
         self._arrivals: dict[Plane, _Arrivals] = {plane: _Arrivals() for plane in PLANES}
         self._whole_pairs = 0
+        self._clicks_wait_since_s: float | None = None
 
     def add_image(self, plane: Plane, stamp_ns: int, now_ns: int) -> None:
         """Note an image.
@@ -123,7 +124,12 @@ class StreamWatch:
         return expected - len(stamps), expected
 
     def complaints(
-        self, now_s: float, offers: dict[Plane, Offer], calibrated: tuple[Plane, ...], whole_pairs: int
+        self,
+        now_s: float,
+        offers: dict[Plane, Offer],
+        calibrated: tuple[Plane, ...],
+        whole_pairs: int,
+        waiting_clicks: str = "",
     ) -> Iterator[tuple[str, str]]:
         """What is wrong now: topic and words.
 
@@ -132,6 +138,7 @@ class StreamWatch:
             offers: per plane, what is published.
             calibrated: the planes that have a valid calibration.
             whole_pairs: pairs of both planes so far.
+            waiting_clicks: what clicks are kept and what they wait for, in words; empty where none are kept.
         """
         for plane, offer in offers.items():
             images, infos = image_topic(plane).name, camera_info_topic(plane).name
@@ -163,6 +170,12 @@ class StreamWatch:
                         f" best effort, probably without room for an image in shared memory; {PROFILE_CURE}"
                     ),
                 )
+        if not waiting_clicks:
+            self._clicks_wait_since_s = None
+        elif self._clicks_wait_since_s is None:
+            self._clicks_wait_since_s = now_s
+        elif now_s - self._clicks_wait_since_s >= _LIMITS.silence_s:
+            yield "seed", waiting_clicks
         offset_s = self.clock_offset_s()
         stalled = whole_pairs == self._whole_pairs
         self._whole_pairs = whole_pairs

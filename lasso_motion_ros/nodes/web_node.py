@@ -23,6 +23,7 @@ from lasso_motion_ros.nodes.page_services import DRAWINGS, TRIGGERS, PageService
 from lasso_motion_ros.nodes.plane_inputs import OverlayInputs, PlaneInputs
 from lasso_motion_ros.nodes.qos import qos, topic_publisher, topic_subscription
 from lasso_motion_ros.nodes.running import guarded
+from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live_stream import LiveStream
@@ -102,7 +103,7 @@ class WebNode(ConfiguredNode[WebConfig]):
             DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
         )
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
-        self.create_timer(_WAITS.graph_s, self._on_timer)
+        steady_timer(self, _WAITS.graph_s, self._on_timer)
         self._server.start()
         self.get_logger().info(f"the page is at {self._server.url}")
         if not self._server.is_local:

@@ -27,11 +27,15 @@ class _Clicks:
 class ClickedPairs:
     """Remembers the last pairs and finds the one that was clicked.
 
+    Of clicks that do not fit each other those that came last stand: whoever clicks again means the new ones.
+
     Args:
         capacity: pairs remembered.
 
     Attributes:
         number: of the last task given out.
+        waiting: what clicks are kept and what they wait for, in words; empty where none are kept. May be read at any
+            time.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -40,6 +44,7 @@ class ClickedPairs:
         self._clicks: dict[Plane, _Clicks] = {}
         self._complaints: list[tuple[Plane, str]] = []
         self.number = 0
+        self.waiting = ""
 
     def take_complaints(self) -> list[tuple[Plane, str]]:
         """Clicks that were refused since the last call: plane and reason."""
@@ -50,6 +55,7 @@ class ClickedPairs:
         """Forget pairs and clicks; a held pair stays, since somebody is looking at it."""
         self._pairs.clear()
         self._clicks.clear()
+        self.waiting = ""
 
     def hold(self) -> FramePair | None:
         """Keep the last pair with both planes for clicks, however many pairs follow; None where there is none."""
@@ -91,8 +97,10 @@ class ClickedPairs:
             Where both planes' clicks are on a remembered pair: the task of that pair with its seed, and the pairs after
             it, to be answered again. Else None.
         """
+        self._clicks.pop(plane, None)  # in the order of arrival
         self._clicks[plane] = _Clicks(stamp_ns, points, hold)
         index = None if hold else self._clicked_index()
+        self.waiting = self._waiting_words()
         if index is None:
             return None
         first, *later = self._known()[index:]
@@ -118,6 +126,7 @@ class ClickedPairs:
             return [self._numbered(PairTask(pair))]
         known = self._known()
         index = len(known) - 1 if self._is_next_clicked(pair) else self._clicked_index()
+        self.waiting = self._waiting_words()
         if index is None:
             return [self._numbered(PairTask(pair))]
         seed = self._take_seed()
@@ -133,6 +142,7 @@ class ClickedPairs:
 
     def _take_seed(self) -> Seed:
         clicks, self._clicks = self._clicks, {}
+        self.waiting = ""
         return Seed(clicks["a"].points, clicks["b"].points)
 
     def _is_next_clicked(self, pair: FramePair) -> bool:
@@ -149,11 +159,7 @@ class ClickedPairs:
         if place == len(self._known()) - 1:
             return True
         if place != "future":
-            self._refuse(
-                plane,
-                f"the clicked image ({_seconds(self._clicks[plane].stamp_ns)}) is not of the next pair,"
-                " which the other plane's clicks (stamp 0) are meant for",
-            )
+            self._refuse_first()
         return False
 
     def _clicked_index(self) -> int | None:
@@ -171,36 +177,60 @@ class ClickedPairs:
         if places["a"] == places["b"]:
             place = places["a"]
             return place if isinstance(place, int) else None
-        # The later clicks may be the first half of a new attempt; the earlier ones will not be completed.
-        older: Plane = min(PLANES, key=lambda plane: self._clicks[plane].stamp_ns)
-        other: Plane = "b" if older == "a" else "a"
-        self._refuse(
-            older,
-            f"the clicks of both planes must be on one pair: plane {older.upper()}'s are on the image at"
-            f" {_seconds(self._clicks[older].stamp_ns)}, plane {other.upper()}'s at"
-            f" {_seconds(self._clicks[other].stamp_ns)}",
-        )
+        self._refuse_first()
         return None
 
     def _place(self, plane: Plane) -> int | str:
         """Index of the pair with the clicked image; `future` or `past` where it is not there (yet, or any more)."""
         wanted = self._clicks[plane].stamp_ns
         pairs = self._known()
-        newest = None
         for index in range(len(pairs) - 1, -1, -1):
             frame = pairs[index].frame(plane)
-            if frame is None:
-                continue
-            newest = frame.stamp_ns if newest is None else newest
-            if abs(frame.stamp_ns - wanted) <= _SAME_STAMP_NS:
+            if frame is not None and abs(frame.stamp_ns - wanted) <= _SAME_STAMP_NS:
                 return index
-        if newest is None:
-            newest = pairs[-1].stamp_ns if pairs else None
+        newest = self._newest_ns(plane)
         return "future" if newest is None or wanted > newest else "past"
+
+    def _newest_ns(self, plane: Plane) -> int | None:
+        """Stamp of the plane's newest image among the remembered pairs, or of the newest pair where it has none."""
+        pairs = self._known()
+        frames = [frame for pair in reversed(pairs) if (frame := pair.frame(plane)) is not None]
+        return frames[0].stamp_ns if frames else pairs[-1].stamp_ns if pairs else None
+
+    def _refuse_first(self) -> None:
+        """Refuse, of clicks that are on two pairs, those that came first: the others may be half of a new attempt."""
+        first, last = self._clicks
+        self._refuse(
+            first,
+            f"the clicks of both planes must be on one pair: {self._clicked_words(first)},"
+            f" {self._clicked_words(last)}, which came last",
+        )
 
     def _refuse(self, plane: Plane, reason: str) -> None:
         del self._clicks[plane]
         self._complaints.append((plane, reason))
+
+    def _clicked_words(self, plane: Plane) -> str:
+        stamp_ns = self._clicks[plane].stamp_ns
+        where = "for the next pair" if stamp_ns == _NEXT else f"on the image at {_seconds(stamp_ns)}"
+        return f"plane {plane.upper()}'s are {where}"
+
+    def _waiting_words(self) -> str:
+        """What clicks are kept, and what they wait for."""
+        if not self._clicks:
+            return ""
+        words = [f"plane {plane.upper()} has no clicks yet" for plane in PLANES if plane not in self._clicks]
+        for plane in sorted(self._clicks):
+            clicks = self._clicks[plane]
+            if clicks.held or (clicks.stamp_ns == _NEXT and not words):
+                words.append(f"plane {plane.upper()}'s clicks wait for the next pair")
+            elif clicks.stamp_ns != _NEXT and self._place(plane) == "future":
+                newest = self._newest_ns(plane)
+                came = "no calibrated image has come" if newest is None else f"the newest is at {_seconds(newest)}"
+                words.append(
+                    f"plane {plane.upper()}'s clicks wait for the image at {_seconds(clicks.stamp_ns)}; {came}"
+                )
+        return ", ".join(words)
 
 
 def _seconds(stamp_ns: int) -> str:

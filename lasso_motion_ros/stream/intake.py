@@ -127,6 +127,11 @@ class MessageIntake:
             return self._clicked.number
 
     @property
+    def waiting_clicks(self) -> str:
+        """What clicks are kept and what they wait for, in words; empty where none are kept."""
+        return self._clicked.waiting
+
+    @property
     def calibrated(self) -> tuple[Plane, ...]:
         """The planes whose last calibration is valid."""
         return tuple(plane for plane in PLANES if self._pairs.frames[plane].calibrated)

@@ -51,6 +51,7 @@ class PipelineStatistics:
         offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
         calibrated: the planes whose last calibration is valid.
         heartbeat: how the heartbeat is kept out of `motion`; None where it is not to be.
+        waiting_clicks: what clicks are kept and what they wait for, in words; empty where none are kept.
     """
 
     state: TrackerState
@@ -71,3 +72,4 @@ class PipelineStatistics:
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()
     heartbeat: HeartbeatStatus | None = None
+    waiting_clicks: str = ""

@@ -69,7 +69,7 @@ class TrackingPipeline:
         result, pair = session.last_result, session.last_pair
         return PipelineStatistics(
             state=session.state,
-            reason=session.reason,
+            reason=self._reason(),
             pairs=session.counts.pairs,
             half_pairs=session.counts.half_pairs,
             poses=session.counts.poses,
@@ -86,4 +86,14 @@ class TrackingPipeline:
             heartbeat=session.heartbeat.status,
             offset_ns=intake.offset_ns,
             calibrated=intake.calibrated,
+            waiting_clicks=intake.waiting_clicks,
         )
+
+    def _reason(self) -> str:
+        """Why the state is what it is; while a seed is waited for, what there is of one."""
+        reason, waiting = self.session.reason, self.intake.waiting_clicks
+        if waiting and self.session.state is TrackerState.WAITING_FOR_SEED:
+            return waiting
+        if waiting and self.session.state is TrackerState.WAITING_FOR_CALIBRATION:
+            return f"{reason}; {waiting}"
+        return reason

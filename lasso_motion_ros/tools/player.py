@@ -18,6 +18,7 @@ from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.tools.awaited_subscribers import AwaitedSubscribers
 from lasso_motion_ros.tools.later_stamps import is_stamped, with_later_stamp
 from lasso_motion_ros.tools.raw_topics import message_class_of
 from lasso_motion_ros.tools.read_ahead import ReadAhead
@@ -25,7 +26,6 @@ from msg_adapters.messages import NANOSECONDS, ns_to_stamp
 from msg_adapters.recordings.reader import RawMessage, RecordingReader
 from msg_adapters.topics import (
     GROUND_TRUTH,
-    IMAGE_TYPE,
     INPUTS,
     OUTPUTS,
     OVERLAY_SURFACE,
@@ -56,6 +56,8 @@ class PlayerTuning:
         depth: messages that a publisher keeps for a slow subscriber.
         read_ahead: messages read from the file before their time.
         clock_period_s: between two messages on /clock.
+        look_period_s: between two looks at who listens.
+        silent_wait_s: so long it waits for subscribers without a word.
         acknowledge_wait_s: for all subscribers to acknowledge the last messages.
         seed_wait_s: for the images to be acknowledged before the clicks on them go out.
         round_pause_s: between two rounds of an endless stream: what is filmed has its time to get from its last place
@@ -65,6 +67,8 @@ class PlayerTuning:
     depth: int = 32
     read_ahead: int = 16
     clock_period_s: float = 0.01
+    look_period_s: float = 0.02
+    silent_wait_s: float = 1.0
     acknowledge_wait_s: float = 10.0
     seed_wait_s: float = 0.2
     round_pause_s: float = 1.0
@@ -85,6 +89,7 @@ class PlayOptions:
         clock: publish /clock with the recording's time.
         everything: also what a tracker has put out.
         wait_s: wait this long for subscribers; 0 does not wait.
+        insist: play nothing where they have not come by then; else it is said, and played all the same.
         subscribers: how many each image topic must have before the first message.
     """
 
@@ -95,6 +100,7 @@ class PlayOptions:
     clock: bool = False
     everything: bool = False
     wait_s: float = 0.0
+    insist: bool = True
     subscribers: int = 1
 
 
@@ -127,6 +133,7 @@ class Player:
         options: how to play it.
         interrupted: set it to end early.
         show: told after each message how many were published.
+        say: told who is waited for, and who did not come.
     """
 
     def __init__(
@@ -135,8 +142,9 @@ class Player:
         options: PlayOptions,
         interrupted: threading.Event,
         show: Callable[[int], None] = lambda count: None,
+        say: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self._show = show
+        self._show, self._say = show, say
         self._reader = reader
         self._options = options
         self._interrupted = interrupted
@@ -165,21 +173,31 @@ class Player:
     def wait_for_subscribers(self) -> None:
         """Wait until the image topics have the subscribers asked for, and every other input as well has one.
 
+        A subscriber that is discovered after a message has gone out never hears it, and a recording's clicks go out
+        with its first images. Time on /clock stands still meanwhile, at the first message.
+
         Raises:
-            RecordingError: they have not come in time.
+            RecordingError: they have not come in time, and the options insist on them.
         """
-        inputs = {topic.recorded_name: topic for topic in INPUTS}
-        wanted = {
-            name: self._options.subscribers if inputs[name].type_name == IMAGE_TYPE else 1
-            for name in self._publishers
-            if name in inputs
-        }
-        deadline = time.monotonic() + self._options.wait_s
-        while lacking := [n for n, count in wanted.items() if self._publishers[n].get_subscription_count() < count]:
-            if self._interrupted.wait(0.02):
+        began, wait_s = time.monotonic(), self._options.wait_s
+        told = False
+        start_ns = self._reader.time_span_ns[0] + round(self._options.start_s * NANOSECONDS) if self._clock else 0
+        awaited = AwaitedSubscribers(self._node, self._publishers, self._latched, self._options.subscribers)
+        while missing := awaited.missing():
+            waited_s = time.monotonic() - began
+            if waited_s > wait_s:
+                fault = f"no subscriber on {', '.join(missing)} within {wait_s:g} s"
+                if self._options.insist:
+                    raise RecordingError(fault)
+                self._say(f"{fault}: played without")
                 return
-            if time.monotonic() > deadline:
-                raise RecordingError(f"no subscriber on {', '.join(lacking)} within {self._options.wait_s:g} s")
+            if waited_s > TUNING.silent_wait_s and not told:
+                self._say(f"waiting for subscribers on {', '.join(missing)}, {wait_s:g} s at most")
+                told = True
+            if self._clock is not None:
+                self._clock.publish(_clock_message(start_ns))
+            if self._interrupted.wait(TUNING.look_period_s):
+                return
 
     def play(self) -> PlaySummary:
         """Play to the end, or until interrupted, and wait until every subscriber has acknowledged everything."""
@@ -263,6 +281,7 @@ def play(
     options: PlayOptions,
     interrupted: threading.Event,
     show: Callable[[int], None] = lambda count: None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> PlaySummary:
     """Play a recording in this process.
 
@@ -271,14 +290,15 @@ def play(
         options: how.
         interrupted: set it to end early.
         show: told after each message how many were published.
+        say: told who is waited for, and who did not come.
 
     Raises:
-        RecordingError: nothing in it to play, or no subscriber in time.
+        RecordingError: nothing in it to play, or no subscriber in time where one is insisted on.
     """
     use_image_profile()
     rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
     try:
-        player = Player(reader, options, interrupted, show)
+        player = Player(reader, options, interrupted, show, say)
         try:
             if options.wait_s > 0.0:
                 player.wait_for_subscribers()

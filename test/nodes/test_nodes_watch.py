@@ -15,8 +15,10 @@ def feed(watch: StreamWatch, numbers: list[int], *, ahead_ns: int = 0, planes: t
             watch.add_image(plane, number * PERIOD + (ahead_ns if plane == "b" else 0), number * PERIOD)
 
 
-def complaints(watch: StreamWatch, now_s: float, offer: Offer = GOOD, calibrated: tuple = BOTH, pairs: int = 0) -> dict:
-    return dict(watch.complaints(now_s, dict.fromkeys(BOTH, offer), calibrated, pairs))
+def complaints(
+    watch: StreamWatch, now_s: float, offer: Offer = GOOD, calibrated: tuple = BOTH, pairs: int = 0, clicks: str = ""
+) -> dict:
+    return dict(watch.complaints(now_s, dict.fromkeys(BOTH, offer), calibrated, pairs, clicks))
 
 
 def test_a_good_stream_is_not_complained_about() -> None:
@@ -83,3 +85,13 @@ def test_a_new_run_begins_anew() -> None:
     feed(watch, list(range(100, 140)))
     feed(watch, list(range(3)))
     assert watch.missing("a") == (0, 3)
+
+
+def test_clicks_that_are_kept_are_said_after_two_seconds() -> None:
+    watch = StreamWatch(0.0)
+    feed(watch, list(range(40)))
+    assert complaints(watch, 4.0, clicks="plane B has no clicks yet", pairs=1) == {}
+    feed(watch, list(range(40, 61)))
+    assert complaints(watch, 6.0, clicks="plane B has no clicks yet", pairs=2) == {"seed": "plane B has no clicks yet"}
+    assert complaints(watch, 6.1, pairs=3) == {}
+    assert complaints(watch, 6.2, clicks="plane B has no clicks yet", pairs=4) == {}

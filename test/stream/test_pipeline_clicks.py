@@ -35,6 +35,47 @@ def test_clicks_on_two_pairs_are_refused_and_can_be_completed() -> None:
     assert [ready.pair.stamp_ns for ready in line.intake.add_seed("a", seed(stamp(2)))] == [stamp(2)]
 
 
+@pytest.mark.parametrize("stray", [("a", 1), ("a", 999), ("a", 0), ("b", 1), ("b", 999), ("b", 0)])
+@pytest.mark.parametrize("order", ["ab", "ba"])
+def test_a_stray_click_does_not_spoil_the_next_seed(stray: tuple[str, int], order: str) -> None:
+    """One plane's click of long ago, of a clock that is ahead, or for the next pair; then both planes of pair 3."""
+    plane, at = stray
+    line = pipeline()
+    run(line, stream(4, seeded=None))
+    assert line.intake.add_seed(plane, seed(0 if at == 0 else stamp(at))) == []
+    assert line.intake.add_seed(order[0], seed(stamp(3))) == []
+    (ready,) = line.intake.add_seed(order[1], seed(stamp(3)))
+    assert (ready.pair.stamp_ns, ready.seed is not None) == (stamp(3), True)
+    assert line.statistics().waiting_clicks == ""
+
+
+def test_clicks_for_the_next_pair_give_way_to_later_ones_on_an_earlier() -> None:
+    line = pipeline()
+    run(line, stream(4, seeded=None))
+    line.intake.add_seed("b", seed(0))
+    line.intake.add_seed("a", seed(stamp(2)))
+    run(line, stream(1, seeded=None, start=4))
+    assert [problem.topic for problem in line.problems.take()] == ["plane_b/seed"]
+    assert [ready.pair.stamp_ns for ready in line.intake.add_seed("b", seed(stamp(2)))] == [stamp(2)]
+
+
+def test_what_is_kept_is_said_until_it_is_judged() -> None:
+    line = pipeline()
+    line.intake.add_seed("b", seed(stamp(1)))
+    assert line.statistics().reason == (
+        "no calibration yet; plane A has no clicks yet, plane B's clicks wait for the image at "
+        f"{stamp(1) // 10**9}.{stamp(1) % 10**9:09d} s; no calibrated image has come"
+    )
+    run(line, stream(1, seeded=None))
+    assert line.statistics().reason.endswith(f"the newest is at {stamp(0) // 10**9}.{stamp(0) % 10**9:09d} s")
+    run(line, stream(1, seeded=None, start=1))
+    assert line.statistics().reason == line.statistics().waiting_clicks == "plane A has no clicks yet"
+    line.intake.add_seed("a", seed(0))
+    line.reset()
+    assert line.statistics().reason == "the model was forgotten"
+    assert line.statistics().waiting_clicks == ""
+
+
 def test_clicks_on_an_image_that_is_gone_are_refused() -> None:
     line = pipeline(seed_buffer_pairs=3)
     run(line, stream(6, seeded=None))

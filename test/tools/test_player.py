@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import threading
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +17,12 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 
 from support.node_harness import Graph, Heard
 
+from lasso_motion_ros.tools import player
 from lasso_motion_ros.tools.listener import Listener
-from lasso_motion_ros.tools.processes import LOOPBACK
+from lasso_motion_ros.tools.processes import LOOPBACK, free_domain
 from msg_adapters.images import encode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
+from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.topics import MOTION, Topic, image_topic
 
@@ -83,7 +87,7 @@ def test_every_large_image_arrives_once_and_in_order(
         expected = np.random.default_rng(1).integers(0, 4096, (1024, 1024), dtype=np.uint16)
         np.testing.assert_array_equal(np.frombuffer(first.data, np.uint16).reshape(1024, 1024), expected)
         assert started.heard.messages["motion"] == []  # what a tracker put out is left out
-        assert started.processes.log("player").startswith(f"published {2 * FRAMES + 1} messages on 3 topics")
+        assert started.processes.log("player", 1).startswith(f"published {2 * FRAMES + 1} messages on 3 topics")
 
 
 def test_a_latched_message_is_there_whatever_the_start(
@@ -142,7 +146,7 @@ def test_who_joins_late_gets_what_is_latched_though_it_lay_before_the_start(
 
 @pytest.mark.parametrize("more", [(), ("--loop",)])
 def test_a_start_behind_the_end_is_refused(recording: Path, more: tuple[str, ...]) -> None:
-    done = run("play", str(recording), "--start", "60", *more)
+    done = run("play", str(recording), "--no-wait", "--start", "60", *more)
     assert done.returncode == 2
     assert done.stderr == (f"lasso-motion play: {recording}: nothing is left to play 60 s after its first message\n")
 
@@ -153,10 +157,26 @@ def test_nobody_listens(tmp_path: Path, recording: Path) -> None:
     assert done.stderr == ("lasso-motion play: no subscriber on /plane_a/image_raw, /plane_b/image_raw within 0.1 s\n")
 
 
+def test_without_an_option_it_says_who_is_missing_and_plays_all_the_same(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, small: Path
+) -> None:
+    said: list[str] = []
+    monkeypatch.setattr(player, "TUNING", replace(player.TUNING, silent_wait_s=0.1))
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+    options = player.PlayOptions(rate=100.0, wait_s=0.3, insist=False)
+    done = player.play(RecordingReader(small), options, threading.Event(), say=said.append)
+    topics = "/plane_a/image_raw, /plane_b/image_raw"
+    assert said == [
+        f"waiting for subscribers on {topics}, 0.3 s at most",
+        f"no subscriber on {topics} within 0.3 s: played without",
+    ]
+    assert done.published["/plane_a/image_raw"] == FRAMES
+
+
 def test_a_recording_cut_short_is_played_as_far_as_it_goes(tmp_path: Path, recording: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[: recording.stat().st_size // 2])
-    done = run("play", str(cut), "--rate", "100")
+    done = run("play", str(cut), "--no-wait", "--rate", "100")
     assert done.returncode == 3
     assert done.stdout.startswith("published ")
     assert done.stderr.startswith(f"lasso-motion play: {cut}: ")

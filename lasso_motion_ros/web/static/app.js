@@ -187,9 +187,9 @@ function reasonWords() {
   }[status.state] ?? "";
 }
 
-/** Whether the tracker says why it has not accepted the clicks. */
+/** Whether the tracker says why it has not accepted the clicks: not that it waits for more. */
 function refused() {
-  return Boolean(status.reason) && status.reason !== "no seed yet";
+  return Boolean(status.reason) && !/^no seed yet$|has no clicks yet|clicks wait for/.test(status.reason);
 }
 
 function detailWords() {

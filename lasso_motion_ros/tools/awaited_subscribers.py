@@ -1,0 +1,62 @@
+"""Whose subscriptions a player waits for before its first message."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.tools.raw_topics import offer_of
+from msg_adapters.topics import IMAGE_TYPE, INPUTS, camera_info_topic, image_topic, seed_topic
+
+_CLICKED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
+_NEEDED_WITH_CLICKS = frozenset(
+    make(plane).recorded_name for make in (image_topic, camera_info_topic) for plane in PLANES
+)
+
+
+class AwaitedSubscribers:
+    """Tells on which of the tracker's inputs somebody is still missing.
+
+    A node that takes clicks needs the clicked images, too. It may subscribe to them later than to the clicks: once it
+    has discovered how they are offered. Meanwhile another node's subscription must not pass for its own.
+
+    Args:
+        node: the node that publishes.
+        publishers: by topic; those of topics that are no input are not looked at.
+        latched: the topics of these that are latched.
+        on_images: how many subscribers each image topic must have; every other input one.
+    """
+
+    def __init__(
+        self, node: Node, publishers: Mapping[str, Publisher], latched: Collection[str], on_images: int
+    ) -> None:
+        self._node = node
+        self._latched = latched
+        self._publishers = {
+            topic.recorded_name: publishers[topic.recorded_name]
+            for topic in INPUTS
+            if topic.recorded_name in publishers
+        }
+        self._wanted = {
+            topic.recorded_name: on_images if topic.type_name == IMAGE_TYPE else 1
+            for topic in INPUTS
+            if topic.recorded_name in publishers
+        }
+
+    def missing(self) -> list[str]:
+        """The topics that have too few subscribers now."""
+        take_clicks: set[str] = set().union(*(self._nodes_on(name) for name in _CLICKED_NAMES & self._wanted.keys()))
+        return [
+            name
+            for name, wanted in self._wanted.items()
+            if self._publishers[name].get_subscription_count() < wanted
+            or (name in _NEEDED_WITH_CLICKS and not take_clicks <= self._nodes_on(name))
+        ]
+
+    def _nodes_on(self, name: str) -> set[str]:
+        """The nodes with a subscription that hears what is published on a topic."""
+        subscriptions = self._node.get_subscriptions_info_by_topic(self._publishers[name].topic_name)
+        return {one.node for one in map(offer_of, subscriptions) if name in self._latched or not one.latched}
