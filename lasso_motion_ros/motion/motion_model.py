@@ -3,7 +3,7 @@
 The process is a Matérn-5/2 in state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to
 temporal Gaussian process regression models", MLSP 2010), its directional covariance learned from the motion so far, at
 first that of `breathing_prior`: breathing nearly follows a line, so depth follows from height. On top of it lie the
-heartbeat, for which there are several sizes, each a model of its own, and a mean.
+heartbeat, for which there are several sizes and directions, each a model of its own, and a mean.
 """
 
 from __future__ import annotations
@@ -44,8 +44,14 @@ class MotionTuning:
     longest_history: int = 16  # sure displacements after which the past is no longer kept
     # Of breathing, which is smoother than a Matérn process: longer than its period over 2π.
     time_scale_s: float = 1.0
-    heartbeats_m: tuple[float, ...] = (0.00015, 0.0004, 0.0009, 0.0018)  # of the heart's motion, standard deviations
-    heartbeat_odds: tuple[float, ...] = (0.25, 0.35, 0.25, 0.15)  # before any measurement
+    # Standard deviations of the heart's motion, alike in all directions.
+    heartbeats_m: tuple[float, ...] = (0.00015, 0.0004, 0.0009, 0.0018)
+    # Or mostly along the direction that both planes see, as hearts and jet ventilators may well move it: then little
+    # of it is in either plane's depth. This share of it is across.
+    heartbeats_along_m: tuple[float, ...] = (0.0009, 0.0018)
+    across_share: float = 0.35
+    # Before any measurement, of the one kind and the other.
+    heartbeat_odds: tuple[float, ...] = (0.2, 0.25, 0.15, 0.1, 0.15, 0.15)
     heartbeat_time_scale_s: float = 0.12
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
@@ -56,18 +62,25 @@ class MotionTuning:
 
     @cached_property
     def heart_variances(self) -> Array:
-        """(filters,) m²."""
-        return np.square(self.heartbeats_m)
+        """(filters,) m², along the direction in which it is largest."""
+        return np.square((*self.heartbeats_m, *self.heartbeats_along_m))
 
     @cached_property
     def odds(self) -> Array:
-        """(filters,) of the heartbeat's sizes, before any measurement."""
+        """(filters,) of the heartbeat's sizes and directions, before any measurement."""
         return np.array(self.heartbeat_odds)
 
     @cached_property
     def log_odds(self) -> Array:
         """(filters,) their natural logarithms."""
         return np.log(self.odds)
+
+    def heart_covariances(self, along: Array) -> Array:
+        """(filters, 3, 3) m² of the heartbeat; `along` (3,) is the unit vector that both planes see."""
+        across = self.across_share**2
+        shapes = [_IDENTITY_3] * len(self.heartbeats_m)
+        shapes += [across * _IDENTITY_3 + (1.0 - across) * np.outer(along, along)] * len(self.heartbeats_along_m)
+        return self.heart_variances[:, None, None] * np.stack(shapes)
 
 
 TUNING = MotionTuning()
@@ -147,24 +160,30 @@ class Spread:
         return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
 
 
-def first_covariance(spread: Array, tuning: MotionTuning) -> Array:
-    """(filters, SIZE, SIZE) of the state before any measurement, given the motion's covariance (3, 3) m²."""
-    covariance = np.zeros((len(tuning.heartbeats_m), SIZE, SIZE))
+def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:
+    """(filters, SIZE, SIZE) of the state before any measurement.
+
+    Args:
+        spread: (3, 3) m² of breathing.
+        heart: (filters, 3, 3) m² of the heartbeat.
+        tuning: what is expected of it.
+    """
+    covariance = np.zeros((len(heart), SIZE, SIZE))
     covariance[:, :9, :9] = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
-    covariance[:, HEARTBEAT, HEARTBEAT] = tuning.heart_variances[:, None, None] * _IDENTITY_3
+    covariance[:, HEARTBEAT, HEARTBEAT] = heart
     covariance[:, MEAN, MEAN] = spread
     return covariance
 
 
 def moved_on(
-    state: Array, covariance: Array, interval_s: float, spread: Array, tuning: MotionTuning
+    state: Array, covariance: Array, interval_s: float, spread: Array, heart: Array, tuning: MotionTuning
 ) -> tuple[Array, Array]:
     """States (filters, SIZE) and their covariances (filters, SIZE, SIZE) after an interval without measurements."""
     scales_s = tuning.time_scale_s, tuning.heartbeat_time_scale_s
     transition, breathing, renewed = _passage(round(interval_s * 1e9), scales_s)
     covariance = transition @ covariance @ transition.T
     covariance[:, :9, :9] += _in_each_direction(breathing, spread)
-    covariance[:, HEARTBEAT, HEARTBEAT] += (renewed * tuning.heart_variances)[:, None, None] * _IDENTITY_3
+    covariance[:, HEARTBEAT, HEARTBEAT] += renewed * heart
     return state @ transition.T, 0.5 * (covariance + covariance.swapaxes(-1, -2))
 
 

@@ -4,9 +4,10 @@ Every exposure of a plane measures the centre across its ray, at its own time. A
 stationary process (`motion_model`) joins them: it brackets plane A's exposure between two of plane B's, carries the
 depth over a missing plane, predicts the next pair and gives the covariance of all that.
 
-How far the heartbeat moves the atrium differs tenfold between patients. It is learned: filters that differ only in that
-run side by side, each weighted by the probability that it gives to the measurements so far (a static bank of models:
-Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 11.6.2).
+How far the heartbeat moves the atrium differs tenfold between patients, and so does its direction. Both are learned:
+filters that differ only in that run side by side, each weighted by the probability that it gives to the measurements so
+far (a static bank of models: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, section 11.6.2).
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from lasso_motion_ros.motion.motion_model import (
 Array = npt.NDArray[np.float64]
 
 _IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
+_ALONG_BODY = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +68,7 @@ class RespiratoryMotion:
         *,
         shape: Array = _IDENTITY_3,
         between: Observation | None = None,
+        along: Array = _ALONG_BODY,
         tuning: MotionTuning = TUNING,
     ) -> None:
         """Start at the seed pair.
@@ -75,11 +78,13 @@ class RespiratoryMotion:
             time_b_s: plane B's, not earlier.
             shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
             between: what the seed pair shows of the displacement at plane B's exposure.
+            along: (3,) unit vector that both planes see, across their rays.
             tuning: what is expected of breathing and heart.
         """
         self._start_s = time_a_s, time_b_s
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
+        self._heart = tuning.heart_covariances(along)
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._begin()
@@ -88,8 +93,8 @@ class RespiratoryMotion:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
         self._log_weights = self._tuning.log_odds
-        self._state = np.zeros((len(self._tuning.heartbeats_m), SIZE))
-        self._covariance = first_covariance(self.spread, self._tuning)
+        self._state = np.zeros((len(self._heart), SIZE))
+        self._covariance = first_covariance(self.spread, self._heart, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
         self._blocks: dict[int, Estimate] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
@@ -125,13 +130,13 @@ class RespiratoryMotion:
 
     @property
     def weights(self) -> Array:
-        """(filters,) probability of each size of the heartbeat."""
+        """(filters,) probability of each size and direction of the heartbeat."""
         weights = np.exp(self._log_weights - self._log_weights.max())
         return np.asarray(weights / weights.sum())
 
     @property
     def heartbeat_m(self) -> float:
-        """Standard deviation of the heartbeat's motion, as learned so far, metres."""
+        """Standard deviation of the heartbeat's motion along its largest direction, as learned so far, metres."""
         return float(np.sqrt(self.weights @ self._tuning.heart_variances))
 
     def _mixed(self, h: Array, state: Array, covariance: Array) -> Estimate:
@@ -246,7 +251,7 @@ class RespiratoryMotion:
             if len(self._ahead) >= self._tuning.times_ahead:
                 self._ahead.clear()
             interval_s = time_s - self._time_s
-            ahead = moved_on(self._state, self._covariance, interval_s, self.spread, self._tuning)
+            ahead = moved_on(self._state, self._covariance, interval_s, self.spread, self._heart, self._tuning)
             self._ahead[time_s] = ahead
         return ahead
 

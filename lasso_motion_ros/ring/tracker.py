@@ -61,6 +61,7 @@ class RingTracker:
             max(0.0, detector.seconds(frames["b"].stamp_ns)),
             shape=breathing_shape(projections, self._config.posture),
             between=model.between,
+            along=model.normal,
         )
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
         self._track = track = Track(

@@ -4,19 +4,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.respiration_inputs import DIRECTION, INTERVAL_S, RISE, breathing, observation, run, step
+from support.respiration_inputs import DIRECTION, INTERVAL_S, RISE, SIGHT, breathing, observation, run, step
 
 from lasso_motion_ros.motion.motion_model import TUNING
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
+ALIKE = replace(TUNING, heartbeats_m=(4e-4,) * 4, heartbeats_along_m=(), heartbeat_odds=(0.25,) * 4)
 
-def beating(heart_m, late_s, pairs=60, seed=0):
+
+def beating(heart_m, late_s, pairs=60, seed=0, tuning=TUNING):
     """A motion whose heart moves the ring at random, no two exposures alike, and the errors in units of the covariance.
 
-    The heart's standard deviation (in each direction) changes to nothing in the time in which one exposure is taken.
+    The heart's standard deviation, in each direction or (3,) of them, changes to nothing in the time in which one
+    exposure is taken.
     """
     random = np.random.default_rng(seed)
-    motion = RespiratoryMotion(0.0, late_s)
+    motion = RespiratoryMotion(0.0, late_s, tuning=tuning)
     first = random.normal(scale=heart_m, size=(2, 3))
     if late_s == 0.0:
         first[1] = first[0]
@@ -53,6 +56,24 @@ def test_the_covariance_follows_the_heart_that_was_learned(heart_mm):
     assert np.mean(normalised < 7.8) > 0.88  # 95 % of three
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_heart_that_moves_in_the_direction_that_both_planes_see_leaves_the_depth_alone(seed):
+    along = 1e-3 * np.array([0.4, 0.4, 1.8])
+    motion, normalised = beating(along, 0.15, seed=seed)
+    assert motion.weights[len(TUNING.heartbeats_m) :].sum() > 0.6
+    any_way = replace(TUNING, heartbeats_along_m=(), heartbeat_odds=TUNING.heartbeat_odds[:4])
+    blind, _ = beating(along, 0.15, seed=seed, tuning=any_way)
+    # Plane A measures along its image: its depth is what only plane B tells, half a frame later.
+    depth, blind_depth = (np.sqrt(SIGHT["a"] @ one.at_a.covariance @ SIGHT["a"]) for one in (motion, blind))
+    assert depth < 0.85 * blind_depth
+    assert np.mean(normalised[15:] < 7.8) > 0.88  # 95 % of three: and yet it is no less true
+
+
+def test_a_heart_that_moves_in_all_directions_is_not_taken_for_one_that_moves_in_one():
+    motion, _ = beating(1.2e-3, 0.15)
+    assert motion.weights[len(TUNING.heartbeats_m) :].sum() < 0.3
+
+
 def test_before_any_measurement_the_heart_is_of_any_size():
     np.testing.assert_allclose(RespiratoryMotion(0.0, 0.0).weights, TUNING.odds, atol=1e-12)
     np.testing.assert_allclose(RespiratoryMotion(0.0, 0.15, between=RISE).weights, TUNING.odds, atol=1e-12)
@@ -69,7 +90,7 @@ def test_what_was_learned_of_the_heart_fades():
 def test_likelihoods_by_hand():
     # Filters that are all alike are one: Student's density in two dimensions, whose peak is the normal one's.
     freedom = TUNING.freedom
-    motion, *_ = run(10, 0.0, tuning=replace(TUNING, heartbeats_m=(4e-4,) * 4))
+    motion, *_ = run(10, 0.0, tuning=ALIKE)
     time_s = 11 * INTERVAL_S
     foreseen = motion.predict(time_s)
     for away in (np.zeros(3), np.array([0.002, -0.001, 0.004])):
