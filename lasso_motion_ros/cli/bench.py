@@ -22,7 +22,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import bundled_recording, share_file
-from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.nodes.ros_start import require_ros
 from msg_adapters.recordings.reader import RawMessage
 
 HELP = """Measure the tracker stage by stage on one thread, from the undecoded messages of a recording to the serialised

@@ -10,7 +10,7 @@ from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.recorded_examination import describe_facts, examine_recording
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import TopicFacts

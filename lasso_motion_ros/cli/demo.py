@@ -12,7 +12,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import bundled_recording, share_file
 from lasso_motion_ros.evaluation.summary import evaluation_record
-from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.child_graph import LOGS
 from lasso_motion_ros.tools.demonstration import (
     DEMO_FILES,

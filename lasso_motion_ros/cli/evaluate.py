@@ -71,7 +71,7 @@ def add_arguments(parser: CommandParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Evaluate; returns the exit status (0, or 3 where a recording was only read in part)."""
+    """Evaluate; returns the exit status (0, or 3 where a recording was read in part, or left out)."""
     _check(args)
     results, complete = evaluate_recordings(
         args.recordings, args.result, args.config or [share_file(DEFAULT_CONFIG)], args.sid, _say, quiet=args.quiet

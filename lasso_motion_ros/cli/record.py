@@ -13,7 +13,7 @@ from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import EarlierFile, write_json
 from lasso_motion_ros.core.progress import busy, counting
-from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.listened_topics import NEEDED, live_topics
 from lasso_motion_ros.tools.processes import held_signals
 from msg_adapters.recordings.repair import repair_recording

@@ -8,7 +8,7 @@ import sys
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, port
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.nodes.running import require_ros
+from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.processes import stay_on_this_machine
 
 HELP = """A page in the browser: both planes live with overlay and tracked loop, state, motion and latency; clicking

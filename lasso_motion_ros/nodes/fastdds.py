@@ -44,6 +44,10 @@ TOO_SMALL = (
     "give the container more (docker run --shm-size=256m)"
 )
 
+NO_PROFILE = (
+    "the profile for images cannot be written into the folder for temporary files ({reason}): images may be lost"
+)
+
 _PROFILE = """\
 <?xml version="1.0" encoding="UTF-8"?>
 <!-- Room for whole X-ray images in shared memory. Export FASTRTPS_DEFAULT_PROFILES_FILE=<this file> for every process
@@ -120,9 +124,12 @@ def use_image_profile(environment: MutableMapping[str, str] | None = None) -> st
     if segment is None:
         needed_mib = TUNING.smallest_segment_bytes // MIB
         return TOO_SMALL.format(directory=SHARED_MEMORY, free_mib=free // MIB, needed_mib=needed_mib)
-    descriptor, path = tempfile.mkstemp(prefix="lasso_motion_fastdds_", suffix=".xml")
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(profile_xml(segment))
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="lasso_motion_fastdds_", suffix=".xml")
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(profile_xml(segment))
+    except OSError as error:
+        return NO_PROFILE.format(reason=error.strerror)
     atexit.register(Path(path).unlink, missing_ok=True)
     environment[PROFILE_VARIABLES[0]] = path
     return None

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.nodes.ros_start import require_ros, ros_problem, start_ros
 
-NO_ROS = "rclpy is not installed: install the [ros] extra or source a ROS 2 Jazzy installation"
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 EXIT_DONE = 0
@@ -46,18 +46,6 @@ class _Tuning:
 
 
 _TUNING = _Tuning()
-
-
-def require_ros() -> None:
-    """Say plainly when there is no ROS.
-
-    Raises:
-        LassoMotionError: rclpy cannot be imported.
-    """
-    try:
-        import rclpy  # noqa: F401 - only whether it is there
-    except ImportError as error:
-        raise LassoMotionError(NO_ROS) from error
 
 
 class ThrottledLog:
@@ -165,28 +153,30 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
     Returns:
         Exit status: 0 stopped by a signal, 1 failed, 2 bad parameters.
     """
+    stopped = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):  # before the imports, which take seconds
+        signal.signal(number, lambda *_: stopped.set())
     try:
         require_ros()
+        bound_threads()
+        warning = start_ros(arguments)
     except LassoMotionError as error:
         print(error, file=sys.stderr)  # noqa: T201 - there is no logger without ROS
         return EXIT_BAD_INPUT
     import rclpy
     from rclpy.executors import SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
+    from rclpy.logging import get_logger
 
-    from lasso_motion_ros.nodes.fastdds import use_image_profile
-
-    bound_threads()
-    stopped = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set())
-    warning = use_image_profile()
-    rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        if stopped.is_set():
+            return EXIT_DONE
         try:
             node = make_node()
-        except LassoMotionError as error:
-            rclpy.logging.get_logger("lasso_motion_ros").fatal(str(error))
+        except Exception as error:
+            words = str(error) if isinstance(error, LassoMotionError) else ros_problem(error)
+            if words is None:
+                raise
+            get_logger("lasso_motion_ros").fatal(words)
             return EXIT_BAD_INPUT
         if warning:
             node.get_logger().warning(warning)

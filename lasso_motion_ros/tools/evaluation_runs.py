@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import platform
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from lasso_motion_ros.config.parameters import configuration_values, load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import whole_directory
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import version
@@ -22,7 +24,7 @@ from lasso_motion_ros.evaluation.recorded_input import ReadTruth, read_estimates
 from lasso_motion_ros.evaluation.same_pair import of_pair
 from lasso_motion_ros.reports.worst_frames import WorstFrame, worst_pairs, worst_picture
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
-from lasso_motion_ros.tools.offline_tracking import track_recording, why_nothing
+from lasso_motion_ros.tools.offline_tracking import check_trackable, track_recording, why_nothing
 from lasso_motion_ros.tracking.wrapped_tracker import TimedTracker
 from msg_adapters.recordings.reader import RecordingReader
 
@@ -38,36 +40,63 @@ def evaluate_recordings(
 ) -> tuple[list[Evaluated], bool]:
     """Score what a tracker made of recordings with truth.
 
+    All that can be seen to be wrong is looked at before anything is tracked. Of several recordings one that cannot be
+    scored is said and left out.
+
     Args:
         recordings: MCAP files or bag directories.
         results: what a tracker published: several on one recording, or one on each; empty: each recording is tracked.
         configurations: parameter files to track with.
         sid_m: source–detector distance for millimetres on the detector, metres.
-        say: takes a line for the user: what is wrong with a recording.
+        say: takes a line for the user: what is wrong with a recording, or why it is left out.
         quiet: no progress bar.
 
     Returns:
-        The results in order, and whether all recordings could be read as a whole.
+        The results in order, and whether all recordings could be read and scored as a whole.
 
     Raises:
-        LassoMotionError: a file that cannot be read, or a recording without truth.
+        LassoMotionError: a parameter file that cannot be read, or no recording that can be scored.
     """
     many = len(recordings) > 1
-    complete = True
+    configs = {file: load_configuration(file, StreamConfig) for file in configurations if not results}
+    failures: list[LassoMotionError] = []
+    truths: dict[int, ReadTruth] = {}
+    for number, recording in enumerate(recordings):
+        with _noted(failures):
+            truths[number] = read_truth(recording)
+            if not results:
+                check_trackable(recording)
     found: list[Evaluated] = []
-    for number, recording in enumerate(progress(recordings, len(recordings), "evaluating", quiet or not many)):
-        read = read_truth(recording)
+    for number, read in progress(truths.items(), len(truths), "evaluating", quiet or not many):
+        recording = recordings[number]
         if read.damage is not None:
             say(read.damage)
-            complete = False
         name = _unused_name(recording, {one.recording for one in found})
-        files = configurations if not results else [results[number]] if many else results
+        files = list(configs) if not results else [results[number]] if many else results
         for file, result in zip(files, _distinct(files), strict=True):
-            if results:
-                found.append(_evaluated_file(name, recording, read, file, result, sid_m))
-            else:
-                found.append(_evaluated_tracking(name, recording, read, file, result, sid_m, say, quiet or many))
-    return found, complete
+            with _noted(failures):
+                if results:
+                    found.append(_evaluated_file(name, recording, read, file, result, sid_m))
+                else:
+                    given = configs[file]
+                    found.append(_evaluated_tracking(name, recording, read, given, result, sid_m, say, quiet or many))
+    if not found:
+        *before, failure = failures
+        for error in before:
+            say(str(error))
+        raise failure
+    for error in failures:
+        say(f"left out: {error}")
+    return found, not failures and all(read.damage is None for read in truths.values())
+
+
+@contextmanager
+def _noted(failures: list[LassoMotionError]) -> Iterator[None]:
+    """Note what goes wrong with one recording, and go on."""
+    try:
+        yield
+    except LassoMotionError as error:
+        failures.append(error)
 
 
 def write_evaluation_report(directory: Path, results: Sequence[Evaluated], worst: int, *, quiet: bool = True) -> Path:
@@ -147,14 +176,13 @@ def _evaluated_tracking(
     name: str,
     recording: Path,
     read: ReadTruth,
-    file: Path,
+    config: StreamConfig,
     result: str,
     sid_m: float,
     say: Callable[[str], None],
     quiet: bool,
 ) -> Evaluated:
-    """Track a recording with the parameters in `file` and score that; otherwise as `_evaluated_file`."""
-    config = load_configuration(file, StreamConfig)
+    """Track a recording with some parameters and score that; otherwise as `_evaluated_file`."""
     estimates, timing = _tracked(recording, config, say, quiet)
     scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
     return Evaluated(name, result, recording, read.truth, estimates, scores, timing, configuration_values(config))

@@ -8,9 +8,8 @@ import time
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
-from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, RawTopic, offer_of
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
@@ -31,10 +30,8 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
     Returns:
         The messages examined, and the facts of all topics under their contract names (without the namespace).
     """
-    use_image_profile()
     jazzy_types()  # takes a while the first time: not of the time to listen
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_session():
         node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
         examination = Examination(live=True)
         raw_topics = [
@@ -62,8 +59,6 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
         finally:
             executor.shutdown()
             node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
 
 
 def _facts(node: Node, namespace: str, examination: Examination, lost: dict[str, int]) -> dict[str, TopicFacts]:

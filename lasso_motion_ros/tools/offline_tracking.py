@@ -191,6 +191,17 @@ class _Run:
         )
 
 
+def check_trackable(recording: Path) -> None:
+    """Whether a recording has all that tracking needs: images, calibrations, clicks.
+
+    Raises:
+        RecordingError: it has not, or cannot be read.
+    """
+    reader = RecordingReader(recording)
+    check_tracking_topics(reader.path, reader.topics)
+    _check_seeds(reader)
+
+
 def _check_seeds(reader: RecordingReader) -> None:
     missing = [
         topic.recorded_name

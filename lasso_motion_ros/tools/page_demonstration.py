@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 from lasso_motion_ros.core.output_files import make_directory
+from lasso_motion_ros.nodes.ros_start import chosen_domain
 from lasso_motion_ros.tools.child_graph import LOGS, START_WAIT_S, child_graph
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 
@@ -50,7 +50,7 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
     """
     stay_on_this_machine()
     # A domain that the user has chosen is kept, so that other tools see the graph.
-    domain = int(os.environ.get("ROS_DOMAIN_ID") or free_domain())
+    domain = chosen_domain() or free_domain()
     logs = given.directory / LOGS
     make_directory(logs)
     with contextlib.suppress(KeyboardInterrupt), child_graph(domain, logs) as graph:

@@ -11,13 +11,12 @@ import rclpy
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
-from rclpy.signals import SignalHandlerOptions
 from rosgraph_msgs.msg import Clock
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.nodes.qos import qos
+from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.awaited_subscribers import AwaitedSubscribers
 from lasso_motion_ros.tools.later_stamps import is_stamped, with_later_stamp
 from lasso_motion_ros.tools.raw_topics import message_class_of
@@ -295,9 +294,7 @@ def play(
     Raises:
         RecordingError: nothing in it to play, or no subscriber in time where one is insisted on.
     """
-    use_image_profile()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_session():
         player = Player(reader, options, interrupted, show, say)
         try:
             if options.wait_s > 0.0:
@@ -305,8 +302,6 @@ def play(
             return player.play()
         finally:
             player.close()
-    finally:
-        rclpy.try_shutdown()
 
 
 def _clock_message(now_ns: int) -> Clock:

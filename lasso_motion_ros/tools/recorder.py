@@ -11,10 +11,9 @@ from dataclasses import dataclass, field
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
-from rclpy.signals import SignalHandlerOptions
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.nodes.fastdds import use_image_profile
+from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, HeardMessage, RawTopic
 from msg_adapters.messages import jazzy_types
 from msg_adapters.recordings.writer import RecordingWriter
@@ -136,10 +135,8 @@ def record(
     Raises:
         RecordingError: the disk is full.
     """
-    use_image_profile()
     jazzy_types()  # takes a while the first time, in which nothing would be heard
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
+    with ros_session():
         node = rclpy.create_node("lasso_recorder", enable_rosout=False, start_parameter_services=False)
         disk = _Disk(writer)
         summary = RecordSummary(dropped=disk.dropped)
@@ -168,5 +165,3 @@ def record(
         summary.left_out = {topics[topic.name]: topic.type_name or "" for topic in raw_topics if topic.unknown_type}
         summary.lost = {topics[topic.name]: topic.lost for topic in raw_topics if topic.lost}
         return summary
-    finally:
-        rclpy.try_shutdown()

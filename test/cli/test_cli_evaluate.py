@@ -90,3 +90,34 @@ def test_without_a_result_the_recording_is_tracked_first(recording: Path, tmp_pa
     summary = json.loads(figures.read_text())["recordings"]["ring"]["summary"]
     assert (summary["poses"], summary["missing"], summary["lost_in_silence"]) == (3, 0, 0)
     assert summary["removed_share"] > 0.9
+
+
+def test_what_is_wrong_is_seen_before_anything_is_tracked(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Minutes of tracking are not for nothing: the truth of all recordings, their clicks and the parameters first."""
+    from lasso_motion_ros.tools import evaluation_runs
+
+    monkeypatch.setattr(evaluation_runs, "track_recording", lambda *_, **__: pytest.fail("tracked"))
+    untrue = write_input(tmp_path / "untrue.mcap", [0.0, 2.0], truth=False)
+    assert main(["evaluate", str(untrue)]) == 2
+    assert "no truth" in capsys.readouterr().err
+    assert main(["evaluate", str(recording), "--config", str(tmp_path / "none.yaml")]) == 2
+    assert "none.yaml" in capsys.readouterr().err
+
+
+def test_of_several_recordings_one_that_fails_is_said_and_left_out(
+    recording: Path, result: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    untrue = write_input(tmp_path / "untrue.mcap", [0.0, 2.0], truth=False)
+    figures = tmp_path / "figures.json"
+    words = ["evaluate", "--quiet", str(untrue), str(recording), "--result", str(result), str(result)]
+    assert main([*words, "--json", str(figures)]) == 3
+    assert list(json.loads(figures.read_text())["recordings"]) == ["ring"]
+    said = capsys.readouterr()
+    assert said.err.startswith(f"lasso-motion evaluate: left out: {untrue}: no /ground_truth/motion")
+    assert said.err.count("\n") == 1
+    assert "75 %" in said.out
+    # None that could be scored: all are said, and it has failed.
+    assert main(["evaluate", "--quiet", str(untrue), str(tmp_path / "none.mcap")]) == 2
+    assert capsys.readouterr().err.count("\n") == 2

@@ -8,7 +8,8 @@ import sys
 import pytest
 
 from lasso_motion_ros.nodes import running
-from lasso_motion_ros.nodes.running import NO_ROS, ThrottledLog, guarded
+from lasso_motion_ros.nodes.ros_start import NO_ROS
+from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 
 
 @pytest.mark.parametrize(
