@@ -56,6 +56,8 @@ setup(
         "video": ["av>=12"],
         "volume": ["SimpleITK>=2.3", "vtk>=9.2"],
         "web": ["aiohttp>=3.9"],
+        # By this, and not by package.xml, `colcon test` knows that pytest is to be run.
+        "test": ["pytest"],
         "dev": [
             "colcon-common-extensions",
             "cyclonedds",

@@ -1,7 +1,7 @@
 """The bundled recording, over and over, with tracker and overlay: `ros2 launch lasso_motion_ros demo.launch.py`.
 
-RViz shows it; `rviz:=false` leaves it out, `web:=true` serves the page in the browser, `bag:=FILE` plays another
-recording with truth.
+RViz shows it where it is installed; `rviz:=false` leaves it out, `web:=true` serves the page in the browser,
+`bag:=FILE` plays another recording with truth.
 """
 
 from __future__ import annotations
@@ -10,7 +10,13 @@ import tempfile
 from pathlib import Path
 
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    ExecuteProcess,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    Shutdown,
+)
 from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
@@ -40,7 +46,9 @@ def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
             }.items(),
         ),
         ExecuteProcess(
-            cmd=[command, "play", str(recording), "--loop", "--wait", "20", "--subscribers", "2"], output="screen"
+            cmd=[command, "play", str(recording), "--loop", "--wait", "60", "--subscribers", "2"],
+            output="screen",
+            on_exit=Shutdown(reason="the player has ended"),
         ),
     ]
 
@@ -51,7 +59,7 @@ def generate_launch_description() -> LaunchDescription:
         [
             DeclareLaunchArgument("bag", default_value=str(bundled_recording()), description="recording to play"),
             DeclareLaunchArgument("web", default_value="false", description="serve the page in the browser"),
-            DeclareLaunchArgument("rviz", default_value="true", description="show it in RViz"),
+            DeclareLaunchArgument("rviz", default_value="auto", description="show it in RViz: true, false, auto"),
             OpaqueFunction(function=graph),
         ]
     )

@@ -1,24 +1,63 @@
 """Tracker and overlay: `ros2 launch lasso_motion_ros lasso_motion.launch.py volume_file:=/path/la.stl units:=mm`.
 
-`web:=true` serves the page in the browser, where clicks start the tracker; `rviz:=true` shows the graph in RViz.
+`web:=true` serves the page in the browser, where clicks start the tracker; `rviz:=true` shows the graph in RViz,
+`rviz:=auto` does where RViz is installed.
 """
 
 from __future__ import annotations
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument
+from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.conditions import IfCondition
+from launch.launch_description_entity import LaunchDescriptionEntity
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
 PACKAGE = "lasso_motion_ros"
+VIEWERS = ("rviz2", "tf2_ros")
 
 
 def text(argument: str) -> ParameterValue:
     """A launch argument as a string parameter, even where it looks like a number."""
     return ParameterValue(LaunchConfiguration(argument), value_type=str)
+
+
+def is_installed(package: str) -> bool:
+    """Whether a ROS package is there."""
+    try:
+        get_package_prefix(package)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def viewers(context: LaunchContext) -> list[LaunchDescriptionEntity]:
+    """RViz and the frame that it needs; asked for before any process runs, since a failed launch leaves them behind.
+
+    Raises:
+        RuntimeError: `rviz:=true`, and it is not installed.
+    """
+    wanted = LaunchConfiguration("rviz").perform(context).lower()
+    if wanted not in ("true", "false", "auto"):
+        raise RuntimeError(f"rviz:={wanted}: expected true, false or auto")
+    missing = ", ".join(package for package in VIEWERS if not is_installed(package))
+    if wanted == "false":
+        return []
+    if missing and wanted == "true":
+        raise RuntimeError(f"rviz:=true needs {missing}, not installed here: install it, or look with web:=true")
+    if missing:
+        return [LogInfo(msg=f"not shown in RViz: {missing} is not installed here; web:=true shows it in the browser")]
+    # All markers are in patient_table; RViz shows a frame only once somebody speaks of it on /tf_static.
+    frame = Node(
+        package="tf2_ros",
+        executable="static_transform_publisher",
+        arguments=["--frame-id", "map", "--child-frame-id", "patient_table"],
+    )
+    configuration = PathJoinSubstitution([FindPackageShare(PACKAGE), "config", "lasso_motion.rviz"])
+    return [frame, Node(package="rviz2", executable="rviz2", arguments=["-d", configuration])]
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -47,7 +86,7 @@ def generate_launch_description() -> LaunchDescription:
         ),
         DeclareLaunchArgument("web", default_value="false", description="serve the page in the browser"),
         DeclareLaunchArgument("web_port", default_value="8080", description="TCP port of the page"),
-        DeclareLaunchArgument("rviz", default_value="false", description="show it in RViz"),
+        DeclareLaunchArgument("rviz", default_value="false", description="show it in RViz: true, false, auto"),
     ]
     tracker = Node(
         package=PACKAGE,
@@ -84,18 +123,4 @@ def generate_launch_description() -> LaunchDescription:
         output="screen",
         condition=IfCondition(LaunchConfiguration("web")),
     )
-    shown = IfCondition(LaunchConfiguration("rviz"))
-    # All markers are in patient_table; RViz shows a frame only once somebody speaks of it on /tf_static.
-    frame = Node(
-        package="tf2_ros",
-        executable="static_transform_publisher",
-        arguments=["--frame-id", "map", "--child-frame-id", "patient_table"],
-        condition=shown,
-    )
-    rviz = Node(
-        package="rviz2",
-        executable="rviz2",
-        arguments=["-d", PathJoinSubstitution([share, "config", "lasso_motion.rviz"])],
-        condition=shown,
-    )
-    return LaunchDescription([*arguments, tracker, overlay, page, frame, rviz])
+    return LaunchDescription([*arguments, OpaqueFunction(function=viewers), tracker, overlay, page])

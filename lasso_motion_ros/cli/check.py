@@ -35,7 +35,11 @@ def add_arguments(parser: CommandParser) -> None:
         help="a recording (MCAP file or bag directory); none: the live graph",
     )
     parser.add_argument(
-        "--seconds", type=positive, default=DEFAULT_SECONDS, metavar="N", help="live: how long to look (default 5)"
+        "--seconds",
+        type=positive,
+        default=DEFAULT_SECONDS,
+        metavar="N",
+        help="live: how long to look, once somebody is found (default 5)",
     )
     parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
     add_remap(parser, "read the recorded topic FROM as TO")

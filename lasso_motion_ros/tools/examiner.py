@@ -17,13 +17,15 @@ from msg_adapters.messages import jazzy_types
 from msg_adapters.topics import INPUTS, STATE
 
 NODE = "lasso_check"
+DISCOVERY_WAIT_S = 5.0
+"""For the first publisher to be found; on a busy machine that takes seconds, and nothing is heard before."""
 
 
 def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tuple[Examination, dict[str, TopicFacts]]:
     """Listen to the tracker's inputs and its state.
 
     Args:
-        seconds: how long.
+        seconds: how long, from the first publisher found on; an empty graph is one in which none is found at all.
         namespace: of the nodes, `/lab` or empty.
         interrupted: set it to end early.
 
@@ -47,11 +49,14 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         try:
-            end, due = time.monotonic() + seconds, 0.0
+            found, due = False, 0.0
+            end = time.monotonic() + max(seconds, DISCOVERY_WAIT_S)
             while not interrupted.is_set() and time.monotonic() < end:
                 if time.monotonic() >= due:
                     for topic in raw_topics:
                         topic.discover()
+                    if not found and any(topic.offers for topic in raw_topics):
+                        found, end = True, time.monotonic() + seconds
                     due = time.monotonic() + DISCOVERY_PERIOD_S
                 executor.spin_once(timeout_sec=DISCOVERY_PERIOD_S)
             lost = {topic.name.removeprefix(namespace): topic.lost for topic in raw_topics}

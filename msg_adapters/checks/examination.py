@@ -27,6 +27,8 @@ from msg_adapters.topics import (
 # How often an image is decoded (by arrival); of the others only the stamps are read, which costs nothing.
 _SAMPLE_PERIOD_NS = NANOSECONDS
 _MOST_SEEDS = 100
+STATES_WITH_MODEL = ("TRACKING", "DEGRADED", "LOST", "DISPLACED")
+"""On `state`: the tracker has a model of the lasso, which clicks began."""
 
 
 class Examination:
@@ -122,7 +124,9 @@ class Examination:
                 )
         found += check_planes(projections)
         pairs, _ = pairs_of(self._stamps)
-        found += check_seeds(self._seeds, pairs, projections, live=self._live)
+        found += check_seeds(
+            self._seeds, pairs, projections, live=self._live, has_model=self._state in STATES_WITH_MODEL
+        )
         return sorted(found, key=lambda issue: SEVERITIES.index(issue.severity))
 
     def facts(self) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.checks.issue import Issue
 from msg_adapters.topics import (
     CATHETER,
@@ -96,22 +96,34 @@ def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Iss
             facts = topics.get(topic.recorded_name)
             if facts is not None:
                 yield from _check_publishers(topic, facts)
+        yield from _check_trackers(topics)
         for topic in (*INPUTS, MOTION, CATHETER):
             facts = topics.get(topic.recorded_name)
             if facts is not None:
                 yield from _check_subscriptions(topic, facts)
 
 
-def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: str, *, live: bool) -> Iterator[Issue]:
+def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: Plane, *, live: bool) -> Iterator[Issue]:
     name = topic.recorded_name
     facts = topics.get(name)
     if facts is not None and (not live or facts.publishers):
+        if facts.type_name == COMPRESSED_IMAGE_TYPE:
+            yield Issue("error", name, "it carries compressed images", _compressed_cure(name, plane, live=live))
+            return
         yield from _check_type(topic, topics)
         if facts.type_name == topic.type_name and facts.messages == 0:
             yield Issue("error", name, "nothing was heard on it", "see that its publisher sends, and that it is one")
         return
     candidate = _near_match(topic, topics, plane)
-    if candidate is None:
+    compressed = _compressed_match(topics, plane) if candidate is None and topic.type_name == IMAGE_TYPE else None
+    if compressed is not None:
+        yield Issue(
+            "error",
+            name,
+            f"{'nobody publishes it' if live else 'it is missing'}; {compressed} carries compressed images",
+            _compressed_cure(compressed, plane, live=live),
+        )
+    elif candidate is None:
         wanted = f"publish {topic.type_name} there"
         yield Issue("error", name, "nobody publishes it" if live else "it is missing", wanted)
     elif candidate.endswith(name):
@@ -132,6 +144,38 @@ def _namespace_cure(namespace: str, candidate: str, name: str, *, live: bool) ->
     if live:
         return f"start the nodes with --ros-args -r __ns:={namespace}, and this command with --namespace {namespace}"
     return f"--remap {candidate}:={name}"
+
+
+def _compressed_match(topics: Mapping[str, TopicFacts], plane: Plane) -> str | None:
+    """The topic with the plane's compressed images, or None."""
+    topic = compressed_image_topic(plane)
+    facts = topics.get(topic.recorded_name)
+    if facts is not None and facts.type_name == COMPRESSED_IMAGE_TYPE:
+        return topic.recorded_name
+    return _near_match(topic, topics, plane)
+
+
+def _compressed_cure(found: str, plane: Plane, *, live: bool) -> str:
+    if not live:
+        return f"--remap {found}:={compressed_image_topic(plane).recorded_name}"
+    return (
+        "ros2 run image_transport republish --ros-args -p in_transport:=compressed -p out_transport:=raw"
+        f" -r in/compressed:={found} -r out:={image_topic(plane).recorded_name}"
+        + (", and let the camera publish under another name" if found == image_topic(plane).recorded_name else "")
+    )
+
+
+def _check_trackers(topics: Mapping[str, TopicFacts]) -> Iterator[Issue]:
+    """More than one tracker at work: consumers would get the one's motion and the other's in turn."""
+    facts = topics.get(MOTION.recorded_name)
+    if facts is not None and len(facts.publishers) > 1:
+        nodes = ", ".join(sorted(publisher.node for publisher in facts.publishers))
+        yield Issue(
+            "error",
+            MOTION.recorded_name,
+            f"{len(facts.publishers)} publishers ({nodes})",
+            "leave one running, or give each a namespace of its own (--ros-args -r __ns:=/lab)",
+        )
 
 
 def _near_match(topic: Topic, topics: Mapping[str, TopicFacts], plane: str) -> str | None:

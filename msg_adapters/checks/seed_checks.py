@@ -56,6 +56,7 @@ def check_seeds(
     projections: Mapping[Plane, Projection | None],
     *,
     live: bool,
+    has_model: bool = False,
 ) -> Iterator[Issue]:
     """Issues with the clicks.
 
@@ -64,9 +65,12 @@ def check_seeds(
         pairs: the stream's pairs, of stamps.
         projections: per plane, its calibration or None.
         live: a running graph: clicks may still come.
+        has_model: a tracker has had its clicks before.
     """
     counts = {plane: len(messages.get(plane, ())) for plane in PLANES}
     if not any(counts.values()):
+        if has_model:
+            return
         severity: Severity = "note" if live else "warning"
         yield Issue(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
         return

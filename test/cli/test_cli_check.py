@@ -21,7 +21,7 @@ from support.node_harness import Graph
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.messages import RosMessages, header_fields, ns_to_stamp
-from msg_adapters.topics import Topic, camera_info_topic, image_topic
+from msg_adapters.topics import STATE, Topic, camera_info_topic, image_topic
 
 pytestmark = pytest.mark.ros
 
@@ -128,6 +128,21 @@ def test_millimetres_and_a_namespace(graph: Graph, figures: Path) -> None:
     errors = [one for one in answer(figures)["findings"] if one["severity"] == "error"]
     assert {one["subject"] for one in errors} == {"/plane_a/camera_info", "/plane_b/camera_info"}
     assert all("looks like millimetres" in one["problem"] for one in errors)
+
+
+def test_what_is_found_late_in_a_tracking_system_is_looked_at_in_full(graph: Graph, figures: Path) -> None:
+    """The time to look begins with the first publisher; a tracker that tracks has had its clicks."""
+    start(graph, "--json", str(figures), "--seconds", "1.5")
+    node = graph.listener.node
+    graph.wait_until(lambda: "lasso_check" in node.get_node_names())
+    threading.Event().wait(2.0)  # longer than it looks
+    state = graph.publisher(STATE, latched=True)
+    bridge = Bridge(graph)
+    state.publish(MESSAGES.make(STATE.type_name, {"data": "TRACKING"}))
+    bridge.publish_until(lambda: ended(graph))
+    assert answer(figures)["findings"] == []
+    assert answer(figures)["facts"]["state"] == "TRACKING"
+    assert graph.wait_for_end("check") == 0
 
 
 def test_an_empty_graph(graph: Graph) -> None:

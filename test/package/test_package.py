@@ -108,6 +108,18 @@ def test_colcon_installs_everything(colcon_prefix: Path) -> None:
 
 
 @pytest.mark.packaging
+@pytest.mark.timeout(300)
+def test_colcon_test_runs_the_tests(colcon_prefix: Path, sources: Path) -> None:
+    """It takes pytest only where setup.py names it; else it looks for unittests, finds none, and is content."""
+    (sources / "test").mkdir()
+    (sources / "test" / "test_that_is_run.py").write_text("def test_that_is_run():\n    pass\n")
+    colcon = str(Path(sys.executable).with_name("colcon"))
+    workspace = colcon_prefix.parents[1]
+    _run([colcon, "test"], cwd=workspace)
+    assert "Summary: 1 test, 0 errors" in _run([colcon, "test-result", "--all"], cwd=workspace)
+
+
+@pytest.mark.packaging
 def test_the_source_distribution_builds_by_itself(sources: Path, tmp_path: Path) -> None:
     _run([sys.executable, "setup.py", "--quiet", "sdist", "--dist-dir", str(tmp_path)], cwd=sources)
     (archive,) = tmp_path.glob("*.tar.gz")

@@ -71,3 +71,34 @@ def test_a_graph_in_a_namespace_is_recognised() -> None:
     issues = list(check_graph(topics, live=True))
     assert {issue.problem for issue in issues} == {"it is in the namespace /lab"}
     assert all(issue.cure.endswith("this command with --namespace /lab") for issue in issues)
+
+
+def test_two_trackers_on_one_motion() -> None:
+    tracker = Endpoint("/lasso_tracker", True, False)
+    (issue,) = live_graph(motion=TopicFacts("geometry_msgs/msg/PoseStamped", (tracker, tracker), (), 0))
+    assert (issue.severity, issue.subject) == ("error", "/motion")
+    assert issue.problem == "2 publishers (/lasso_tracker, /lasso_tracker)"
+    assert live_graph(motion=TopicFacts("geometry_msgs/msg/PoseStamped", (tracker,), (), 0)) == []
+
+
+COMPRESSED = TopicFacts("sensor_msgs/msg/CompressedImage", (RELIABLE,), (), 10)
+
+
+@pytest.mark.parametrize("name", ["/plane_a/image_raw", "/plane_a/image_raw/compressed", "/cath/frontal/compressed"])
+@pytest.mark.parametrize("live", [True, False])
+def test_compressed_images_are_named_where_they_are(name: str, live: bool) -> None:
+    topics = {topic.recorded_name: TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
+    del topics["/plane_a/image_raw"]
+    issues = list(check_graph({**topics, name: COMPRESSED}, live=live))
+    if not live and name == "/plane_a/image_raw/compressed":
+        assert issues == []  # as it should be
+        return
+    (issue,) = issues
+    assert (issue.severity, issue.subject) == ("error", "/plane_a/image_raw")
+    assert "carries compressed images" in issue.problem
+    assert name == "/plane_a/image_raw" or name in issue.problem
+    assert (
+        f"in/compressed:={name} " in issue.cure
+        if live
+        else issue.cure == (f"--remap {name}:=/plane_a/image_raw/compressed")
+    )
