@@ -74,6 +74,8 @@ def launch(monkeypatch: pytest.MonkeyPatch) -> None:
             return made
 
     for name in (
+        "ament_index_python",
+        "ament_index_python.packages",
         "launch",
         "launch.actions",
         "launch.conditions",
@@ -102,10 +104,7 @@ def described(name: str) -> dict[str, list[Any]]:
     ("name", "executables"),
     [
         ("tracker.launch.py", ["lasso_tracker"]),
-        (
-            "lasso_motion.launch.py",
-            ["lasso_tracker", "lasso_overlay", "lasso_web", "static_transform_publisher", "rviz2"],
-        ),
+        ("lasso_motion.launch.py", ["lasso_tracker", "lasso_overlay", "lasso_web"]),
     ],
 )
 def test_launch_files_start_the_nodes(name: str, executables: list[str]) -> None:
@@ -115,6 +114,16 @@ def test_launch_files_start_the_nodes(name: str, executables: list[str]) -> None
     for node in nodes:
         if node.keywords["package"] == "lasso_motion_ros":
             assert f'f"{node.keywords["executable"]} = ' in scripts
+
+
+@pytest.mark.usefixtures("launch")
+@pytest.mark.parametrize("wanted", ["true", "auto", "false"])
+def test_rviz_is_shown_where_it_is_wanted(wanted: str) -> None:
+    """Here everything passes for installed; `test/package/test_launch_files.py` tries it where it is not."""
+    found = described("lasso_motion.launch.py")
+    nodes = found["OpaqueFunction"][0].keywords["function"]({"rviz": wanted})
+    shown = [] if wanted == "false" else ["static_transform_publisher", "rviz2"]
+    assert [node.keywords["executable"] for node in nodes] == shown
 
 
 @pytest.mark.usefixtures("launch")

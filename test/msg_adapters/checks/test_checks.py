@@ -40,7 +40,7 @@ from msg_adapters.seeds import encode_polygon
 
 def check(path: Path, capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, list[Issue]]:
     figures = path.with_suffix(".json")
-    status = main(["check", str(path), "--json", str(figures), "--quiet", *arguments])
+    status = main(["check", str(path), "--json", str(figures), "--overwrite", "--quiet", *arguments])
     answer = json.loads(figures.read_text(encoding="utf-8"))
     assert answer["works"] == (status != 2)
     shown = [one for one in answer["findings"] if one["severity"] != "note"]
