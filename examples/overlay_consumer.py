@@ -7,7 +7,8 @@
 - `reference` (std_msgs/Header, latched): the pair at which your registration is valid. Nothing is compensated before it
   has come. When it changes, the registration changes with it.
 - `state` (std_msgs/String, latched): there is a motion in TRACKING and DEGRADED only. In any other state every motion
-  that you still hold is void: draw the volume uncompensated, and say so in the picture.
+  that you still hold is void: draw the volume uncompensated, and say so in the picture. A tracker says its state every
+  second at least: one from which nothing was heard for 2.5 s is gone or hangs, and the latched state with it is void.
 - `motion` (geometry_msgs/PoseStamped): T with p_now = T · p_reference, metres, under the stamp of plane A's image. So
   the volume is drawn at T · registration over the image with that stamp, and over no other.
 
@@ -44,6 +45,7 @@ STATES_WITH_MOTION = ("TRACKING", "DEGRADED")
 KEPT_MOTIONS = 100
 MOTION_WAIT_S = 0.05  # the tracker answers in less; waiting longer shows old pictures
 STALE_NS = 1_000_000_000  # in one second a breath moves the heart by 10 mm and more
+TRACKER_SILENT_S = 2.5  # a tracker says its state every second at least
 NEW_RUN_NS = 1_000_000_000  # stamps that go back by more belong to another recording
 
 
@@ -137,6 +139,7 @@ class OverlayConsumer(Node):
         self._compensation = Compensation(np.eye(4))  # put your registration here
         self._waiting_ns: int | None = None  # stamp of the image that is not drawn yet
         self._deadline_s = 0.0
+        self._heard_s = 0.0
         # Latched topics hand their last message to whoever comes late, if the subscription asks for it.
         latched = QoSProfile(depth=1, durability=QoSDurabilityPolicy.TRANSIENT_LOCAL)
         # Best effort hears every publisher of images, whether it is reliable or not.
@@ -152,10 +155,12 @@ class OverlayConsumer(Node):
             self.get_logger().warning("new reference: register the volume at it again")
 
     def _on_state(self, state: String) -> None:
+        self._heard_s = time.monotonic()
         self._compensation.take_state(state.data)
         self._draw_what_is_due()
 
     def _on_motion(self, motion: PoseStamped) -> None:
+        self._heard_s = time.monotonic()
         self._compensation.take_motion(stamp_to_ns(motion.header.stamp), decode_pose(motion))
         self._draw_what_is_due()
 
@@ -171,6 +176,8 @@ class OverlayConsumer(Node):
         if stamp_ns is None or (self._compensation.awaits(stamp_ns) and time.monotonic() < self._deadline_s):
             return
         self._waiting_ns = None
+        if time.monotonic() - self._heard_s > TRACKER_SILENT_S:
+            self._compensation.take_state("the tracker is silent")  # the last state that it said is none any more
         self._draw(stamp_ns, self._compensation.place(stamp_ns))
 
     def _draw(self, stamp_ns: int, place: Place) -> None:

@@ -75,6 +75,10 @@ MOTION_WITH_COVARIANCE = Topic("motion_with_covariance", "geometry_msgs/msg/Pose
 REFERENCE = Topic("reference", "std_msgs/msg/Header", latched=True, depth=1)
 CATHETER = Topic("catheter", "visualization_msgs/msg/Marker")
 STATE = Topic("state", "std_msgs/msg/String", latched=True, depth=1)
+STATE_RENEWED_S = 1.0
+"""A running tracker says its state at least this often, and with every pair."""
+STATE_VALID_S = 2.5
+"""A state that nobody has renewed for so long (steady clock) is no state: its tracker is gone, or hangs."""
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
 LAST_LATENCY_KEY = "latency of the last pair (ms)"
 """Under which the tracker's diagnostics say it, and the evaluation finds it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from lasso_motion_ros.config.parameters import group, parameter
+from lasso_motion_ros.config.parameters import group, parameter, tuning
 from lasso_motion_ros.config.tracker import TrackerConfig
 
 
@@ -82,5 +82,13 @@ class StreamConfig(TrackerConfig):
         "", "YAML file with the clicks of both planes, for unattended runs; see lasso-motion track --help"
     )
     image_depth: int = parameter(10, "queue depth of each image subscription", minimum=1, maximum=100)
+    stream_timeout_s: float = tuning(
+        0.0,
+        "LOST, with the reason, where for so long no image of either plane has come, none could be used, or the tracker"
+        " has not answered; 0: three frame periods, at least 1 s",
+        unit="s",
+        minimum=0.0,
+        maximum=3600.0,
+    )
     sync: SyncConfig = group(SyncConfig)
     heartbeat: HeartbeatConfig = group(HeartbeatConfig)

@@ -9,6 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.nodes.state_watch import state_words
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.stream.outputs import PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -29,6 +30,7 @@ def tracker_status(
     statistics: PipelineStatistics | None = None,
     dropped_pairs: int = 0,
     latencies: Mapping[str, str] | None = None,
+    pose_age_s: float | None = None,
 ) -> dict[str, Any]:
     """Fields of the status `<node>: tracker`.
 
@@ -38,20 +40,20 @@ def tracker_status(
         statistics: the pipeline's counts; None while the node is not active.
         dropped_pairs: pairs that were never worked on.
         latencies: percentiles, in words.
+        pose_age_s: since the last pose was published, steady clock; None where none was.
     """
     values: dict[str, Any] = {}
-    reason = ""
+    message = state.value
     if statistics is not None:
-        reason = statistics.reason
+        message = state_words(state, statistics.reason, pose_age_s)
         values = {
             PAIRS: statistics.pairs,
             HALF_PAIRS: statistics.half_pairs,
             "poses": statistics.poses,
             DROPPED_PAIRS: dropped_pairs,
         }
-        if statistics.last_pair_ns is not None and statistics.last_pose_ns is not None:
-            # Freshness compares stamps with stamps: the images' clock need not be this machine's.
-            values["age of the last pose (s)"] = f"{1e-9 * (statistics.last_pair_ns - statistics.last_pose_ns):.3f}"
+        if pose_age_s is not None:
+            values["age of the last pose (s)"] = f"{pose_age_s:.3f}"
         values |= latencies or {}
         if statistics.pairs > statistics.half_pairs:
             values["time from A's to B's exposure (s)"] = f"{1e-9 * statistics.offset_ns:.3f}"
@@ -66,7 +68,6 @@ def tracker_status(
             if ring.spin_rad is not None:
                 values["ring's own spin (deg)"] = f"{math.degrees(ring.spin_rad):.1f}"
             values["ring's size, relative"] = f"{ring.size:.3f}"
-    message = f"{state.value}: {reason}" if reason else state.value
     return _status(f"{node_name}: tracker", _LEVELS.get(state, WARN), message, values)
 
 

@@ -39,12 +39,15 @@ from msg_adapters.topics import (
     MOTION,
     OVERLAY_SURFACE,
     STATE,
+    STATE_VALID_S,
     overlay_topic,
 )
 
 Array = npt.NDArray[np.float64]
 
 SURFACE_PERIOD_S = 1.0
+LOOK_PERIOD_S = 0.25
+"""Between two looks whether the tracker still says something; two that lie four times as far apart were held up."""
 SURFACE_NAMESPACE = "surface"
 
 
@@ -79,6 +82,9 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
         self._frame_ids: dict[Plane, str] = {}
         self._undrawn: dict[Plane, _UndrawnImage] = {}
+        self._compensated: dict[Plane, Frame] = {}  # what the last picture shows, where it is compensated
+        self._heard_s: float | None = None
+        self._looked_s = 0.0
         self._changed = threading.Condition()
         self._stopping = False
         self._pictures = {plane: topic_publisher(self, self.messages, overlay_topic(plane)) for plane in PLANES}
@@ -93,6 +99,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._live = LiveParameters(self, self._config, self._on_tuning)
         # Viewers that come later, or get no images at all, must learn too that nothing is compensated.
         steady_timer(self, SURFACE_PERIOD_S, self._on_surface_timer)
+        steady_timer(self, LOOK_PERIOD_S, self._on_look)
         self._thread.start()
 
     def close(self) -> None:
@@ -108,9 +115,29 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
 
     @guarded
     def _on_state(self, message: String) -> None:
+        self._heard_s = time.monotonic()
+        self._take_state(message.data)
+
+    @guarded
+    def _on_look(self) -> None:
+        """A tracker that says nothing any more may have been killed in the middle of TRACKING."""
+        now, looked_s = time.monotonic(), self._looked_s
+        self._looked_s = now
+        if self._heard_s is None or now - looked_s > 4.0 * LOOK_PERIOD_S:
+            return
+        silent_s = now - self._heard_s
+        if silent_s > STATE_VALID_S:
+            self._take_state(f"tracker silent for {silent_s:.0f} s")
+
+    def _take_state(self, state: str) -> None:
         with self._changed:
-            self._history.add_state(message.data)
+            self._history.add_state(state)
             compensated = self._history.has_pose
+            if not compensated:
+                # No new image may come: the last picture must not go on showing a compensated place.
+                for plane, frame in self._compensated.items():
+                    self._undrawn.setdefault(plane, _UndrawnImage(frame, time.monotonic()))
+                self._compensated.clear()
             self._changed.notify()
         if not compensated and self._surface_shown:
             self._publish_surface(0, None)
@@ -120,6 +147,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         if message.header.frame_id != self._config.world_frame:
             raise MessageError(f"motion is in frame {message.header.frame_id!r}, expected {self._config.world_frame!r}")
         motion = decode_pose(message)
+        self._heard_s = time.monotonic()
         with self._changed:
             self._history.add_motion(stamp_to_ns(message.header.stamp), motion)
             compensated = self._history.has_pose
@@ -193,6 +221,9 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             if self._stopping:
                 return
             choice = self._history.choose(plane, frame.stamp_ns)
+            self._compensated.pop(plane, None)
+            if choice.motion is not None:
+                self._compensated[plane] = frame
         if choice.motion is None and self._surface_shown:
             self._publish_surface(frame.stamp_ns, None)
         self._draw(plane, frame, choice)

@@ -69,14 +69,24 @@ class ThrottledLog:
             kind: tells complaints of one subject apart that do not hold each other back.
             period_s: the least time between two of them.
         """
+        if line := self._due(subject, text, kind, period_s):
+            self._logger.warning(line)
+
+    def inform(self, subject: str, text: str, *, kind: str = "") -> None:
+        """Say what is no complaint, as seldom; the arguments as those of `complain`."""
+        if line := self._due(subject, text, kind, _TUNING.log_period_s):
+            self._logger.info(line)
+
+    def _due(self, subject: str, text: str, kind: str, period_s: float) -> str:
+        """The line to log; empty while it is held back."""
         now = time.monotonic()
         key = f"{subject} {kind}"
-        if now - self._last.get(key, -period_s) < period_s:
+        if now - self._last.get(key, now - period_s) < period_s:
             self._held_back[key] += 1
-            return
+            return ""
         self._last[key] = now
         more = self._held_back.pop(key, 0)
-        self._logger.warning(f"{subject}: {text}" + (f" (and {more} more)" if more else ""))
+        return f"{subject}: {text}" + (f" (and {more} more)" if more else "")
 
     def error(self, error: Exception) -> None:
         """Complain about an exception."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
@@ -21,13 +21,16 @@ from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, t
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
+from lasso_motion_ros.nodes.state_watch import StateWatch, last_pose_words
 from lasso_motion_ros.nodes.steady_timer import steady_timer
+from lasso_motion_ros.nodes.stream_timeout import StreamTimeout
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
@@ -35,7 +38,7 @@ from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
-from msg_adapters.topics import DIAGNOSTICS, seed_topic
+from msg_adapters.topics import DIAGNOSTICS, camera_info_topic, image_topic, seed_topic
 
 
 @dataclass(frozen=True)
@@ -44,16 +47,22 @@ class _Tuning:
 
     Attributes:
         waiting_pairs: pairs that may wait for the tracker. Ten come at once where calibrations were sent again.
+        look_s: between two looks whether images still come and are answered.
+        patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
         stream_complaint_s: between two complaints about a stream as a whole.
     """
 
     waiting_pairs: int = 12
+    look_s: float = 0.1
+    patience_s: float = 5.0
     diagnostics_s: float = 1.0
     stream_complaint_s: float = 30.0
 
 
 _TUNING = _Tuning()
+
+_IMAGE_INPUTS = {make(plane).name for plane in PLANES for make in (image_topic, camera_info_topic)}
 
 
 class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[misc]
@@ -74,13 +83,15 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._frame_ids: dict[Plane, str] = {}
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies = Latencies()
-        self._warm = False
-        self._tracker_publishers = TrackerPublishers(
-            self, self.messages, self.complaints.error, self._publish_diagnostics
-        )
+        self._warm = self._silent = False
+        self._tracker_publishers = TrackerPublishers(self, self.messages, self.complaints.error, self._on_state_change)
+        self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
-        self._tracker_services = TrackerServices(self, self._active, self._enqueue, self._reset, self._show)
+        self._tracker_services = TrackerServices(
+            self, self._active, self._enqueue, self._reset, self._set_reference, self._show
+        )
         steady_timer(self, _TUNING.diagnostics_s, self._on_timer)
+        steady_timer(self, _TUNING.look_s, self._on_look)
 
     def start(self) -> None:
         """Configure and activate, if `autostart` says so.
@@ -157,6 +168,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             name="tracker",
         )
         self._watch = StreamWatch(time.monotonic())
+        self._state_watch.begin(StreamTimeout(config.stream_timeout_s, time.monotonic()))
         self._by_arrival = config.stamp_source == "arrival"
         self._tracker_publishers.publish(pipeline.session.initial_outputs())
         for plane in PLANES:
@@ -170,8 +182,11 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self._inputs.destroy()
             self._inputs = None
         if self._worker is not None:
-            self._worker.stop()
+            if not self._worker.stop(_TUNING.patience_s):
+                self.get_logger().error("the tracker hangs in a pair and is left behind: configure the node anew")
+                self._pipeline, self._answering = None, threading.Lock()
             self._worker = None
+        self._state_watch.begin(None)
         if self._pipeline is not None:
             self._pipeline.intake.release()
         self._tracker_services.give_up("the node is not active")
@@ -187,6 +202,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()
         self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
+        if (timeout := self._state_watch.timeout) is not None:
+            timeout.add_image(plane, time.monotonic())
         pipeline = self._active()
         self._enqueue(pipeline.intake.add_image(plane, message))
         if plane in pipeline.intake.calibrated:
@@ -201,7 +218,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         pipeline = self._active()
         self._enqueue(pipeline.intake.add_camera_info(plane, message, latched=latched))
         if self._tracker_publishers.state == TrackerState.WAITING_FOR_CALIBRATION.value:
-            with self._answering:
+            with self._between_answers():
                 self._tracker_publishers.publish(pipeline.pending_outputs())
 
     @guarded
@@ -219,14 +236,48 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
 
     def _on_tuning(self, config: StreamConfig) -> None:
         if self._pipeline is not None:
-            self._pipeline.session.reconfigure(config)
+            with self._between_answers():
+                self._pipeline.session.reconfigure(config)
+        if (timeout := self._state_watch.timeout) is not None:
+            timeout.reconfigure(config.stream_timeout_s)
 
     def _reset(self) -> None:
         pipeline = self._active()
-        if self._worker is not None:
-            self._worker.clear()
-        with self._answering:
+        with self._between_answers():
+            if self._worker is not None:
+                self._worker.clear()
+            if (timeout := self._state_watch.timeout) is not None:
+                timeout.forget()
             self._tracker_publishers.publish(pipeline.reset())
+
+    def _set_reference(self) -> None:
+        session = self._active().session
+        with self._between_answers():
+            told = self._told()
+            if told.state is not session.state:
+                raise TrackingError(f"there is no present phase to refer to: {told.reason}")
+            session.set_reference()
+
+    @contextlib.contextmanager
+    def _between_answers(self) -> Iterator[None]:
+        """While no pair is being answered; does not wait for a tracker that hangs.
+
+        Raises:
+            TrackingError: it has not answered in time.
+        """
+        if not self._answering.acquire(timeout=_TUNING.patience_s):
+            raise TrackingError(f"the tracker hangs: it has not answered a pair for {_TUNING.patience_s:g} s or more")
+        try:
+            yield
+        finally:
+            self._answering.release()
+
+    def _loss_outputs(self) -> list[Output]:
+        return self._active().session.loss_outputs()
+
+    def _told(self) -> PipelineStatistics:
+        """The pipeline's counts, with the state as published."""
+        return self._state_watch.told(self._active().statistics())
 
     def _active(self) -> TrackingPipeline:
         if self._pipeline is None or self._worker is None:
@@ -238,15 +289,22 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             for task in tasks:
                 if not task.answered:  # else it waited for clicks, not for us
                     self._latencies.begin(task.number, time.monotonic())
+            if (timeout := self._state_watch.timeout) is not None:
+                timeout.asked(tasks[-1].number, time.monotonic())
             self._worker.put(tasks)
         self._complain()
 
     def _track(self, task: PairTask) -> None:
-        pipeline = self._active()
+        pipeline, worker = self._active(), self._worker
         refusal = "the tracker failed on these clicks; its log says why"
+        outputs: list[Output] = []
         try:
             with self._answering:
-                self._tracker_publishers.publish(pipeline.session.process(task))
+                try:
+                    outputs = pipeline.session.process(task)
+                finally:
+                    if self._worker is worker:  # else it hung, and the node was deactivated meanwhile
+                        self._state_watch.answer(task.number, outputs)
             refusal = pipeline.session.last_refusal
         finally:
             self._tracker_services.seeded(task, refusal)
@@ -264,13 +322,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         pair = board.pair or pipeline.session.last_pair
         if pair is None:
             return
-        result, statistics = pipeline.session.last_result, pipeline.statistics()
+        result, statistics = pipeline.session.last_result, self._told()
         loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
         clicks = {plane: board.clicks(plane) for plane in PLANES}
         frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
         ids, held = dict(self._frame_ids), pair is board.pair
+        remark = last_pose_words(self._state_watch.pose_age_s) if statistics.state.is_alarm else ""
         self._tracker_publishers.show(
-            TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held)
+            TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held, remark)
         )
 
     def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
@@ -278,7 +337,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         with contextlib.suppress(MessageError):  # the intake has complained about it
             stamp = stamp_to_ns(message.header.stamp)
             self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message))
-            statistics = self._active().statistics()
+            statistics = self._told()
             shown, ids = dict(self._uncalibrated), dict(self._frame_ids)
             self._tracker_publishers.show(TrackingPicture(shown, None, statistics.state, statistics.reason, {}, ids))
 
@@ -286,12 +345,25 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._pipeline is not None:
             for problem in self._pipeline.problems.take():
                 self.complaints.complain(problem.topic or "stream", problem.text, kind=kind_of(problem.text))
+                if (timeout := self._state_watch.timeout) is not None and problem.topic in _IMAGE_INPUTS:
+                    timeout.add_problem(f"{problem.topic}: {problem.text}")
+
+    @guarded
+    def _on_look(self) -> None:
+        pipeline = self._pipeline
+        state = TrackerState.INACTIVE if pipeline is None or self._worker is None else pipeline.session.state
+        self._silent = self._state_watch.look(state)
+
+    def _on_state_change(self) -> None:
+        if self._pipeline is not None and self._worker is not None:
+            self._state_watch.log_change(self._told())
+        self._publish_diagnostics()
 
     @guarded
     def _on_timer(self) -> None:
         self._publish_diagnostics()
-        if self._tracker_services.board.pair is not None:
-            self._show()  # for viewers that come later
+        if self._tracker_services.board.pair is not None or self._silent:
+            self._show()  # for viewers that come later, and with the time that has passed
         if self._pipeline is None or self._inputs is None:
             return
         statistics = self._pipeline.statistics()
@@ -312,8 +384,11 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if pipeline is None or worker is None or inputs is None:
             statuses = [tracker_status(name, TrackerState.INACTIVE)]
         else:
-            statistics = pipeline.statistics()
-            statuses = [tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words())]
+            statistics = self._told()
+            age_s = self._state_watch.pose_age_s
+            statuses = [
+                tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words(), age_s)
+            ]
             statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)
         fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -21,7 +22,7 @@ from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import encode_image
 from msg_adapters.messages import MessageFactory, header_fields
-from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, OUTPUTS, STATE, Topic, tracking_topic
+from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, OUTPUTS, STATE, STATE_RENEWED_S, Topic, tracking_topic
 
 GOODBYE_WAIT_S = 1.0
 
@@ -38,6 +39,7 @@ class TrackingPicture:
         clicks: per plane (N, 2) pixels; empty where none are collected.
         frame_ids: per plane, of the images.
         held: the pair is frozen: no other is shown after it.
+        remark: a further line under the reason, or empty.
     """
 
     frames: dict[Plane, Frame | UncalibratedFrame]
@@ -47,6 +49,7 @@ class TrackingPicture:
     clicks: dict[Plane, npt.NDArray[np.float64]]
     frame_ids: dict[Plane, str]
     held: bool = False
+    remark: str = ""
 
 
 class TrackerPublishers:
@@ -70,6 +73,9 @@ class TrackerPublishers:
         self._on_change = on_change
         self._showing = threading.Lock()
         self._held = False
+        # What belongs to one pair goes out together: no state of another thread comes between a pair's state and pose.
+        self._publishing = threading.RLock()
+        self._stated_s = 0.0
         self.state = ""
         self._publishers: dict[str, Publisher] = {
             topic.name: topic_publisher(node, messages, topic)
@@ -83,18 +89,29 @@ class TrackerPublishers:
     def publish(self, outputs: Iterable[Output]) -> None:
         """Publish answers, in their order."""
         changed = False
-        for output in outputs:
-            if output.topic is STATE:
-                changed = changed or output.message.data != self.state
-                self.state = output.message.data
-            self._publishers[output.topic.name].publish(output.message)
+        with self._publishing:
+            for output in outputs:
+                if output.topic is STATE:
+                    changed = changed or output.message.data != self.state
+                    self.state = output.message.data
+                    self._stated_s = time.monotonic()
+                self._publishers[output.topic.name].publish(output.message)
         if changed:
             self._on_change()
 
     def publish_state(self, state: TrackerState) -> None:
         """Publish a state, unless it is the last one published."""
         if state.value != self.state:
-            self.publish([Output(STATE, self._messages.make(STATE.type_name, {"data": state.value}), 0)])
+            self.publish([self._state_output(state.value)])
+
+    def renew_state(self) -> None:
+        """Publish the last state again, if that was long ago: a state that nobody renews is no state."""
+        with self._publishing:
+            if self.state and time.monotonic() - self._stated_s >= STATE_RENEWED_S:
+                self.publish([self._state_output(self.state)])
+
+    def _state_output(self, state: str) -> Output:
+        return Output(STATE, self._messages.make(STATE.type_name, {"data": state}), 0)
 
     def publish_fields(self, topic: Topic, fields: dict[str, Any]) -> None:
         """Publish a message of any of the topics."""
@@ -126,7 +143,9 @@ class TrackerPublishers:
             if frame is None or publisher.get_subscription_count() == 0:
                 continue
             clicks = picture.clicks.get(plane)
-            drawn = draw_tracking(frame, picture.loop, picture.state, picture.reason, clicks=clicks)
+            drawn = draw_tracking(
+                frame, picture.loop, picture.state, picture.reason, clicks=clicks, remark=picture.remark
+            )
             fields = encode_image(drawn, header_fields(frame.stamp_ns, picture.frame_ids.get(plane, "")))
             message = self._messages.make(IMAGE_TYPE, fields)
             with self._showing:

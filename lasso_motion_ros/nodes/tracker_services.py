@@ -26,6 +26,7 @@ class TrackerServices:
         active: gives the pipeline, or raises LassoMotionError while the node is not active.
         enqueue: has tasks worked on.
         reset: forgets the model.
+        set_reference: makes the present phase the reference.
         show: has the pictures drawn anew.
     """
 
@@ -35,11 +36,13 @@ class TrackerServices:
         active: Callable[[], TrackingPipeline],
         enqueue: Callable[[Sequence[PairTask]], None],
         reset: Callable[[], None],
+        set_reference: Callable[[], None],
         show: Callable[[], None],
     ) -> None:
         self.board = ClickBoard()
         self._node = node
-        self._active, self._enqueue, self._reset, self._show = active, enqueue, reset, show
+        self._active, self._enqueue, self._show = active, enqueue, show
+        self._reset, self._set_reference = reset, set_reference
         self._lock = threading.Lock()
         self._awaited: tuple[int, Future] | None = None
         node.create_service(Trigger, "~/reset", self._on_reset)
@@ -90,10 +93,7 @@ class TrackerServices:
         return self._answer(response, reset)
 
     def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        def set_reference() -> None:
-            self._active().session.set_reference()
-
-        return self._answer(response, set_reference)
+        return self._answer(response, self._set_reference)
 
     def _on_freeze(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         def freeze() -> None:

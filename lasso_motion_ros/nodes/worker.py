@@ -69,14 +69,22 @@ class Worker(Generic[Item]):
         with self._changed:
             self._waiting.clear()
 
-    def stop(self) -> None:
-        """Finish the item being worked on, forget those that wait, and end the thread."""
+    def stop(self, patience_s: float | None = None) -> bool:
+        """Finish the item being worked on, forget those that wait, and end the thread.
+
+        Args:
+            patience_s: how long to wait for that item; None: as long as it takes.
+
+        Returns:
+            Whether the thread has ended; else it ends with the item, if ever.
+        """
         with self._changed:
             self._stopping = True
             self._waiting.clear()
             self._changed.notify()
         if self._thread is not threading.current_thread():
-            self._thread.join()
+            self._thread.join(patience_s)
+        return not self._thread.is_alive()
 
     def _run(self) -> None:
         while True:

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 KEPT = 64
 NANOSECONDS = 1_000_000_000
-NOT_YET = "not yet received"
+NOT_YET = "no motion yet"
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class MotionHistory:
         self._intervals = FrameIntervals()
 
     def add_state(self, state: str) -> None:
-        """Take a `state`. One without a pose invalidates every motion before it."""
+        """Take a `state`, or words for why there is none. One without a pose invalidates every motion before it."""
         self._state = state
         if not self.has_pose:
             self._forget()
@@ -93,7 +93,7 @@ class MotionHistory:
         at, motion = earlier[-1]
         age_s = (stamp_ns - at) / NANOSECONDS
         if stamp_ns - at > self._timeout_ns:
-            return Choice(None, f"{age_s:.1f} s old")
+            return Choice(None, f"motion {age_s:.1f} s old")
         return Choice(motion, f"{remark}, motion {age_s:.2f} s old".removeprefix(", "), self._loop(at))
 
     @property

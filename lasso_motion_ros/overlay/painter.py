@@ -115,4 +115,4 @@ class OverlayPainter:
 
 def static_banner(status: str) -> str:
     """The words over a picture that is not compensated."""
-    return f"STATIC OVERLAY – motion {status}" if status else "STATIC OVERLAY – no motion"
+    return f"STATIC OVERLAY – {status or 'no motion'}"

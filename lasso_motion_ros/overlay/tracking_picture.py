@@ -40,6 +40,7 @@ def draw_tracking(
     reason: str = "",
     *,
     clicks: Array | None = None,
+    remark: str = "",
 ) -> RgbImage:
     """One plane as `plane_x/tracking` shows it.
 
@@ -50,6 +51,7 @@ def draw_tracking(
         state: the tracker's state.
         reason: why, in a few words; printed under the state.
         clicks: (M, 2) the user's clicks so far, pixels.
+        remark: a further line under the reason.
 
     Returns:
         (H, W, 3) uint8 RGB, of the image's size.
@@ -63,17 +65,17 @@ def draw_tracking(
         size = max(5, picture.shape[0] // 100)
         for x, y in np.rint(clicks[np.isfinite(clicks).all(axis=1)]).astype(int):
             cv2.drawMarker(picture, (int(x), int(y)), CLICK_COLOUR, cv2.MARKER_CROSS, size, 1, cv2.LINE_AA)
-    _draw_state(picture, state, reason, colour)
+    _draw_state(picture, state, [line for line in (reason, remark) if line], colour)
     return picture
 
 
-def _draw_state(picture: RgbImage, state: TrackerState, reason: str, colour: Colour) -> None:
+def _draw_state(picture: RgbImage, state: TrackerState, texts: list[str], colour: Colour) -> None:
     scale = text_scale(picture)
     large = 1.3 * scale
     words = state.value.replace("_", " ")
     margin = round(16 * scale) + 2
     word_width, word_height = text_size(words, large)
-    lines = [fit_text(reason, scale, picture.shape[1] - 3 * margin)] if reason else []
+    lines = [fit_text(text, scale, picture.shape[1] - 3 * margin) for text in texts]
     width = max([word_width, *(text_size(line, scale)[0] for line in lines)]) + 2 * margin
     line_height = round(1.9 * text_size("Xg", scale)[1])
     height = word_height + 2 * margin + line_height * len(lines)

@@ -42,8 +42,6 @@ class PipelineStatistics:
         problems: problems, by topic.
         frames: per plane, what became of images and calibrations before pairing.
         pairing: per plane, what became of images in pairing.
-        last_pair_ns: stamp of the last pair answered, or None.
-        last_pose_ns: stamp of the last pose, or None.
         residual_px: per plane, the last result's residual.
         ring: what the ring did by itself in the last pair.
         seed_gap_mm: by which the planes disagreed at the seed, mm; None without a seed, or where that is not judged.
@@ -63,8 +61,6 @@ class PipelineStatistics:
     problems: dict[str, int]
     frames: dict[Plane, CalibrationCounts]
     pairing: dict[Plane, PlaneCounts]
-    last_pair_ns: int | None
-    last_pose_ns: int | None
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None

@@ -66,7 +66,7 @@ class TrackingPipeline:
     def statistics(self) -> PipelineStatistics:
         """Counts since the start; never waits for the tracker."""
         session, intake = self.session, self.intake
-        result, pair = session.last_result, session.last_pair
+        result = session.last_result
         return PipelineStatistics(
             state=session.state,
             reason=self._reason(),
@@ -77,8 +77,6 @@ class TrackingPipeline:
             problems=self.problems.counts,
             frames=intake.frame_counts,
             pairing=intake.pairing_counts,
-            last_pair_ns=None if pair is None else pair.stamp_ns,
-            last_pose_ns=session.last_pose_ns,
             residual_px={} if result is None else dict(result.residual_px),
             temporal_filter={} if result is None else dict(result.temporal_filter),
             ring=None if result is None else result.ring,

@@ -33,6 +33,10 @@ class ResultMessages:
         """The state alone, at a pair's stamp; 0 where no pair brought it."""
         return self._output(STATE, {"data": state.value}, stamp_ns)
 
+    def of_loss(self) -> list[Output]:
+        """LOST, and no loop, where no pair brought it; what consumers know of the next pair's does not change."""
+        return [self.of_state(TrackerState.LOST, 0), self._delete_output(0)]
+
     def of_result(
         self, result: TrackResult, published: PublishedMotion | None, *, is_new: bool = False
     ) -> list[Output]:

@@ -46,7 +46,6 @@ class TrackingSession:
         last_refusal: why the last clicks were refused; empty where they were not.
         last_pair: the last pair answered, or None.
         last_result: the tracker's answer to it; None where there was no model.
-        last_pose_ns: stamp of the last pose, or None.
     """
 
     def __init__(
@@ -72,7 +71,6 @@ class TrackingSession:
         self.last_refusal = ""
         self.last_pair: FramePair | None = None
         self.last_result: TrackResult | None = None
-        self.last_pose_ns: int | None = None
 
     def initial_outputs(self) -> list[Output]:
         """What is published on start: the state. A model from before it is LOST till a pair comes."""
@@ -82,6 +80,10 @@ class TrackingSession:
             self._set_state(TrackerState.LOST, "no pair since activation")
             self.last_result = None
             return [self._state_output(0), *self._messages.take_catheter_away(0)]
+
+    def loss_outputs(self) -> list[Output]:
+        """What says that the tracker is lost though it has not answered; never waits for it."""
+        return self._messages.of_loss()
 
     def calibrated(self) -> list[Output]:
         """Both planes have a valid calibration; what is to be published, if that is news."""
@@ -191,7 +193,6 @@ class TrackingSession:
         published = None
         if result.state.has_pose and result.motion is not None:
             published = self.heartbeat.publish(result, is_new=is_new)
-            self.last_pose_ns = result.stamp_ns
         return self._messages.of_result(result, published, is_new=is_new)
 
     def _forget(self, stamp_ns: int) -> list[Output]:

@@ -167,7 +167,8 @@ def read_pictures(live: Path) -> dict[Plane, dict[int, RgbImage]]:
     for recorded in RecordingReader(live).messages(list(plane_of)):
         message = recorded.message
         picture = np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
-        pictures[plane_of[recorded.topic]][stamp_to_ns(message.header.stamp)] = picture
+        # Once the recording has ended, the last image is drawn again, without motion.
+        pictures[plane_of[recorded.topic]].setdefault(stamp_to_ns(message.header.stamp), picture)
     return pictures
 
 

@@ -44,6 +44,16 @@ class TrackerState(Enum):
         """Whether `motion` is published in this state."""
         return self in (TrackerState.TRACKING, TrackerState.DEGRADED)
 
+    @property
+    def is_alarm(self) -> bool:
+        """Whether there is a model and yet no pose."""
+        return self in (TrackerState.LOST, TrackerState.DISPLACED)
+
+    @property
+    def has_model(self) -> bool:
+        """Whether the tracker has something to follow."""
+        return self.has_pose or self.is_alarm
+
     @classmethod
     def tells_of_pose(cls, published: str) -> bool:
         """Whether a word published on `state` tells of a pose; none that is unknown does, nor an empty one."""

@@ -64,6 +64,8 @@ class Bench:
         ]
         self._publishers = {topic.name: graph.publisher(topic, latched=topic.latched) for topic in inputs}
         graph.wait_until(lambda: all(publisher.get_subscription_count() for publisher in self._publishers.values()))
+        self._state = ""
+        self._renewal = graph.listener.node.create_timer(topics.STATE_RENEWED_S, self._renew)
         # The node knows of this listener's subscriptions once it has told it that nothing is compensated.
         graph.heard.wait_for(lambda: bool(graph.heard.messages["overlay/surface"]))
 
@@ -74,7 +76,17 @@ class Bench:
         self.send(topics.MOTION, encode_pose_stamped(shift(z_mm), header_fields(stamp(pair), frame)))
 
     def state(self, state: str) -> None:
-        self.send(topics.STATE, {"data": state})
+        """Say a state, and again every second, as a tracker does."""
+        self._state = state
+        self._renew()
+
+    def _renew(self) -> None:
+        if self._state:
+            self.send(topics.STATE, {"data": self._state})
+
+    def fall_silent(self) -> None:
+        """Say no state any more, as a tracker that was killed."""
+        self._state = ""
 
     def image(self, plane: str, pair: int, later_ns: int = 0) -> None:
         header = header_fields(stamp(pair) + later_ns, f"detector_{plane}")
@@ -91,7 +103,12 @@ class Bench:
         messages = self.graph.heard.messages[f"plane_{plane}/overlay"]
         wanted = stamp(pair) + later_ns
         self.graph.heard.wait_for(lambda: any(stamp_to_ns(m.header.stamp) == wanted for m in messages))
-        message = next(m for m in messages if stamp_to_ns(m.header.stamp) == wanted)
+        return self._pixels(plane, next(m for m in messages if stamp_to_ns(m.header.stamp) == wanted))
+
+    def last_picture(self, plane: str) -> np.ndarray:
+        return self._pixels(plane, self.graph.heard.messages[f"plane_{plane}/overlay"][-1])
+
+    def _pixels(self, plane: str, message: Any) -> np.ndarray:
         assert (message.encoding, message.header.frame_id) == ("rgb8", f"detector_{plane}")
         return np.frombuffer(message.data, np.uint8).reshape(message.height, message.width, 3)
 
@@ -155,7 +172,7 @@ def test_without_its_motion_it_is_drawn_with_the_last_and_its_age_then_static(gr
     bench.image("a", 1)
     np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 5.0, "motion 0.25 s old"))
     bench.image("a", 3)
-    np.testing.assert_array_equal(bench.picture("a", 3), bench.expected("a", None, "0.8 s old"))
+    np.testing.assert_array_equal(bench.picture("a", 3), bench.expected("a", None, "motion 0.8 s old"))
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
 
 
@@ -165,10 +182,32 @@ def test_in_a_state_without_a_pose_the_picture_says_so(graph: Graph, tmp_path: P
     bench.state("TRACKING")
     bench.motion(0, 5.0)
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == ADD)
+    bench.image("a", 0)
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 5.0))
     bench.state(state)
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
+    # No image has come since: what stands on the screen is drawn again.
+    graph.heard.wait_for(lambda: len(graph.heard.messages["plane_a/overlay"]) == 2)
+    np.testing.assert_array_equal(bench.last_picture("a"), bench.expected("a", None, state))
+    bench.image("a", 1)
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", None, state))
+
+
+def test_a_tracker_that_says_nothing_any_more_is_not_compensated_with(graph: Graph, tmp_path: Path) -> None:
+    bench = Bench(graph, tmp_path, "motion_wait_s:=0.0", "motion_timeout_s:=60.0")
+    bench.state("TRACKING")
+    bench.motion(0, 5.0)
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None, state))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 5.0))
+    bench.fall_silent()
+    graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
+    graph.heard.wait_for(lambda: len(graph.heard.messages["plane_a/overlay"]) == 2)
+    silent = [bench.expected("a", None, f"tracker silent for {seconds} s") for seconds in (2, 3, 4)]
+    assert any((bench.last_picture("a") == one).all() for one in silent)
+    bench.state("TRACKING")
+    bench.motion(1, 6.0)
+    bench.image("a", 1)
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 6.0))
 
 
 def test_before_a_tracker_is_heard_it_is_static(graph: Graph, tmp_path: Path) -> None:
@@ -231,7 +270,7 @@ def test_a_motion_in_another_frame_is_refused_and_the_node_ends_cleanly(graph: G
     bench.motion(0, 5.0, frame="map")
     graph.wait_until(lambda: "motion is in frame 'map', expected 'patient_table'" in graph.processes.log("overlay"))
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None, "not yet received"))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None, "no motion yet"))
     graph.processes.send("overlay", signal.SIGINT)
     assert graph.wait_for_end("overlay") == 0
 

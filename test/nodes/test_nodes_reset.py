@@ -19,12 +19,17 @@ from support.message_inputs import stamp
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.nodes.tracker_node import TrackerNode
 from lasso_motion_ros.nodes.tracker_services import RESET_MEANWHILE, TrackerServices
+from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.tools.processes import free_domain
+from msg_adapters.topics import STATE
 
 pytestmark = pytest.mark.ros
 
 TASK = PairTask(FramePair(stamp(0), None, None), number=1)
+
+
+ANSWER, FORGOTTEN = Output(STATE, "TRACKING", 0), Output(STATE, "WAITING_FOR_SEED", 0)
 
 
 class FakePipeline:
@@ -38,13 +43,13 @@ class FakePipeline:
     def __init__(self) -> None:
         self.intake = self.session = self.problems = self
 
-    def process(self, task: PairTask) -> list[str]:
+    def process(self, task: PairTask) -> list[Output]:
         if self.failure is not None:
             raise self.failure
-        return ["TRACKING"]
+        return [ANSWER]
 
-    def reset(self) -> list[str]:
-        return ["WAITING_FOR_SEED"]
+    def reset(self) -> list[Output]:
+        return [FORGOTTEN]
 
     def release(self) -> None:
         self.released = True
@@ -61,7 +66,7 @@ def node() -> Iterator[TrackerNode]:
     rclpy.init(args=[], domain_id=free_domain())
     made = TrackerNode()
     made._pipeline = FakePipeline()
-    made._worker = SimpleNamespace(clear=lambda: None, stop=lambda: None)
+    made._worker = SimpleNamespace(clear=lambda: None, stop=lambda _: True)
     yield made
     made.close()
     made.destroy_node()
@@ -69,15 +74,15 @@ def node() -> Iterator[TrackerNode]:
 
 
 def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
-    published: list[str] = []
+    published: list[Output] = []
     publishing, was_reset = threading.Event(), threading.Event()
 
-    def publish(outputs: list[str]) -> None:
-        if outputs == ["TRACKING"]:
+    def publish(outputs: list[Output]) -> None:
+        if outputs == [ANSWER]:
             publishing.set()
             was_reset.wait(0.3)
         published.extend(outputs)
-        if outputs != ["TRACKING"]:
+        if outputs != [ANSWER]:
             was_reset.set()
 
     with monkeypatch.context() as patched:
@@ -87,7 +92,7 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
         assert publishing.wait(5.0)
         node._reset()
         worker.join()
-    assert published == ["TRACKING", "WAITING_FOR_SEED"]
+    assert published == [ANSWER, FORGOTTEN]
 
 
 def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,7 +113,7 @@ def test_no_pair_is_held_beyond_deactivation(node: TrackerNode) -> None:
 def test_a_reset_answers_who_waits_for_a_model() -> None:
     stub = SimpleNamespace(create_service=lambda *_, **__: None, executor=None)
     pipeline = FakePipeline()
-    calls = TrackerServices(stub, lambda: pipeline, lambda _: None, lambda: None, lambda: None)
+    calls = TrackerServices(stub, lambda: pipeline, lambda _: None, lambda: None, lambda: None, lambda: None)
     calls.board.seed = lambda: Seed(np.zeros((6, 2)), np.zeros((6, 2)))
     waiting = calls._on_initialize(Trigger.Request(), Trigger.Response())
     waiting.send(None)

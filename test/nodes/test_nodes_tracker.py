@@ -53,7 +53,8 @@ def offline(recording: Path) -> list[np.ndarray]:
 
 
 def start(graph: Graph, *parameters: str) -> None:
-    words = [word for parameter in parameters for word in ("-p", parameter)]
+    # These streams wait for events: one that pauses is not lost.
+    words = [word for parameter in ("stream_timeout_s:=600.0", *parameters) for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     graph.client(ChangeState, "/lasso_tracker/change_state")
     for service in ("reset", "set_reference"):

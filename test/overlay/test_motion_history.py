@@ -60,7 +60,7 @@ def test_an_old_motion_is_not_used() -> None:
     assert made.choose("a", PERIOD + 1000 * MS).motion is not None
     choice = made.choose("a", PERIOD + 1100 * MS)
     assert choice.motion is None
-    assert choice.status == "1.1 s old"
+    assert choice.status == "motion 1.1 s old"
 
 
 def test_a_pause_is_not_taken_for_a_frame_period() -> None:

@@ -75,7 +75,7 @@ def test_without_motion_the_picture_warns_and_shows_the_static_place_only():
 
 
 def test_the_banner_says_why():
-    assert static_banner("LOST: no lasso") == "STATIC OVERLAY – motion LOST: no lasso"
+    assert static_banner("LOST: no lasso") == "STATIC OVERLAY – LOST: no lasso"
     assert static_banner("") == "STATIC OVERLAY – no motion"
 
 

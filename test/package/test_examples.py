@@ -223,6 +223,11 @@ def test_the_consumer_draws_each_image_with_its_own_motion(graph: Graph) -> None
     graph.wait_until(lambda: all(one.get_subscription_count() == 2 for one in publishers.values()))  # the harness too
     stamps = itertools.count(1_000_000_000, 1000)
 
+    states: list[str] = []
+
+    def state(value: str) -> None:
+        states[:] = [value]
+
     def say(topic: Topic, fields: Any) -> None:
         publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
 
@@ -236,6 +241,7 @@ def test_the_consumer_draws_each_image_with_its_own_motion(graph: Graph) -> None
 
         def show() -> bool:
             shown.append(next(stamps))
+            say(STATE, {"data": states[-1]})  # as a tracker does, again and again
             say(image_topic("a"), encode_image(np.zeros((8, 8), np.uint8), header_fields(shown[-1])))
             if z_mm is not None:
                 say(MOTION, encode_pose_stamped(moved(z_mm), header_fields(shown[-1])))
@@ -246,7 +252,7 @@ def test_the_consumer_draws_each_image_with_its_own_motion(graph: Graph) -> None
         graph.wait_until(show)
         return as_expected[0]
 
-    say(STATE, {"data": "TRACKING"})
+    state("TRACKING")
     show_until(5.0, "UNCOMPENSATED (no reference yet), volume at [0. 0. 0.]")
     say(REFERENCE, header_fields(1))
     at_ns = show_until(5.0, "compensated, volume at [0. 0. 5.]")
@@ -254,7 +260,13 @@ def test_the_consumer_draws_each_image_with_its_own_motion(graph: Graph) -> None
     show_until(None, "compensated (motion 0.00 s old), volume at [0. 0. 7.]")
     say(REFERENCE, header_fields(at_ns))  # ~/set_reference
     show_until(1.0, "compensated, volume at [0. 0. 6.]")
-    say(STATE, {"data": "LOST"})
+    state("LOST")
     show_until(None, "UNCOMPENSATED (LOST), volume at [0. 0. 5.]")
     say(REFERENCE, header_fields(9))  # other clicks
     graph.wait_until(lambda: "register the volume at it again" in graph.processes.log("consumer", lines=10_000))
+
+    def show_in_silence() -> bool:
+        say(image_topic("a"), encode_image(np.zeros((8, 8), np.uint8), header_fields(next(stamps))))
+        return "UNCOMPENSATED (the tracker is silent)" in graph.processes.log("consumer")
+
+    graph.wait_until(show_in_silence)

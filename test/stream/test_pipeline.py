@@ -217,7 +217,6 @@ def test_statistics_count_what_came_and_what_became_of_it() -> None:
     assert {state.value: count for state, count in statistics.states.items()} == {"TRACKING": 5}
     assert statistics.pairing["a"].paired == 5
     assert statistics.frames["b"].images == 5
-    assert statistics.last_pose_ns == stamp(4)
     assert statistics.residual_px == {"a": 0.5, "b": 0.4}
     assert statistics.temporal_filter == {"a": 0.35}
 

@@ -205,12 +205,18 @@ def diagnosed(graph: Graph, part: str) -> dict[str, str]:
     return {}
 
 
-def start_tracker(graph: Graph, *parameters: str, name: str = "tracker") -> None:
-    """Start a tracker and wait until it says a state."""
+def start_tracker(graph: Graph, *parameters: str, name: str = "tracker", module: str = "") -> None:
+    """Start a tracker, or a module that is one, and wait until it says a state.
+
+    A stream that pauses is not lost here, unless the parameters say so: these streams wait for events.
+    """
     for service, service_type in SERVICES.items():
         graph.client(service_type, f"/lasso_tracker/{service}")
-    words = [word for parameter in parameters for word in ("-p", parameter)]
+    words = [word for parameter in ("stream_timeout_s:=600.0", *parameters) for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     before = len(graph.heard.messages["state"])
-    graph.processes.start_node(name, "lasso_tracker", arguments)
+    if module:
+        graph.processes.start(name, module, arguments)
+    else:
+        graph.processes.start_node(name, "lasso_tracker", arguments)
     graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > before)

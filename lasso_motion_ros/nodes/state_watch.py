@@ -1,0 +1,128 @@
+"""Keeps `state` true between the answers: LOST where none comes, renewed while nothing changes, told in the log."""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+import time
+from collections.abc import Callable, Sequence
+
+from lasso_motion_ros.nodes.running import ThrottledLog, kind_of
+from lasso_motion_ros.nodes.stream_timeout import StreamTimeout
+from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
+from lasso_motion_ros.tracking.tracker import TrackerState
+from msg_adapters.topics import MOTION_RAW
+
+# Two looks that lie further apart were held up: images that came meanwhile still wait to be taken.
+_HELD_UP_S = 0.5
+
+
+class StateWatch:
+    """What stands between the tracker's answers and the topic: they are published by it, and what they leave unsaid.
+
+    It may be used from several threads, and waits for no pair that is being worked on.
+
+    Args:
+        publishers: of the node.
+        complaints: the node's log.
+        loss: makes what is published where the tracker is lost without an answer.
+
+    Attributes:
+        timeout: what has come, and what was answered; None while the node is not active.
+    """
+
+    def __init__(
+        self, publishers: TrackerPublishers, complaints: ThrottledLog, loss: Callable[[], Sequence[Output]]
+    ) -> None:
+        self._publishers, self._complaints, self._loss = publishers, complaints, loss
+        self._lock = threading.RLock()
+        self._silence = ""
+        self._looked_s = 0.0
+        self._posed_s: float | None = None
+        self._without_pose = ""
+        self.timeout: StreamTimeout | None = None
+
+    def begin(self, timeout: StreamTimeout | None) -> None:
+        """The node was activated, or deactivated (None)."""
+        with self._lock:
+            self.timeout, self._silence, self._posed_s = timeout, "", None
+
+    def answer(self, number: int, outputs: Sequence[Output]) -> None:
+        """Publish the tracker's answer to the task with this number."""
+        with self._lock:
+            now_s = time.monotonic()
+            if self.timeout is not None:
+                self.timeout.answered(number, now_s)
+            self._silence = ""
+            if any(output.topic is MOTION_RAW for output in outputs):
+                self._posed_s = now_s
+            self._publishers.publish(outputs)
+
+    def look(self, state: TrackerState) -> bool:
+        """See whether the tracker still answers; says LOST where it does not. To be called several times a second.
+
+        Args:
+            state: by the tracker's last answer.
+
+        Returns:
+            Whether something has failed to come.
+        """
+        with self._lock:
+            now_s = time.monotonic()
+            held_up = now_s - self._looked_s > _HELD_UP_S
+            self._looked_s = now_s
+            if self.timeout is not None and not held_up:
+                began = not self._silence
+                self._silence = self.timeout.reason(now_s)
+                if self._silence and began and state.has_model:
+                    self._publishers.publish(self._loss())
+            self._publishers.renew_state()
+            return bool(self._silence)
+
+    def told(self, statistics: PipelineStatistics) -> PipelineStatistics:
+        """The pipeline's counts, with the state and reason that hold though the tracker has not said so."""
+        with self._lock:
+            silence = self._silence
+        if not silence:
+            return statistics
+        if statistics.state.has_model:
+            return dataclasses.replace(statistics, state=TrackerState.LOST, reason=silence)
+        return dataclasses.replace(statistics, reason="; ".join(filter(None, (statistics.reason, silence))))
+
+    @property
+    def pose_age_s(self) -> float | None:
+        """Seconds since the last pose was published (steady clock); None where none was."""
+        posed_s = self._posed_s
+        return None if posed_s is None else time.monotonic() - posed_s
+
+    def log_change(self, statistics: PipelineStatistics) -> None:
+        """Tell the log of a loss, and of its end; throttled.
+
+        Args:
+            statistics: as `told`, after a change of the state.
+        """
+        state = statistics.state
+        with self._lock:
+            before, self._without_pose = self._without_pose, state.value if state.is_alarm else ""
+            if before == self._without_pose:
+                return
+        if state.is_alarm:
+            words = state_words(state, statistics.reason, self.pose_age_s)
+            self._complaints.complain("state", words, kind=kind_of(words))
+        elif state.has_pose:
+            self._complaints.inform("state", f"{state.value} again", kind="again")
+
+
+def state_words(state: TrackerState, reason: str, pose_age_s: float | None) -> str:
+    """State, reason and, where there is a model but no pose, how old the last one is, in a line."""
+    words = f"{state.value}: {reason}" if reason else state.value
+    age = last_pose_words(pose_age_s) if state.is_alarm else ""
+    return f"{words}; {age}" if age else words
+
+
+def last_pose_words(age_s: float | None) -> str:
+    """How old the last pose is, in words; empty where there was none."""
+    if age_s is None:
+        return ""
+    return f"last good pose {age_s:.1f} s ago" if age_s < 60.0 else f"last good pose {age_s / 60.0:.0f} min ago"
