@@ -115,7 +115,7 @@ def parameter_reference() -> str:
                 "default": f"`{_scalar(spec.default)}`",
                 "unit": spec.unit,
                 "allowed": _allowed(spec),
-                "live": "" if spec.read_only else "yes",
+                "live": "" if spec.read_only else spec.holds_from or "yes",
                 "meaning": spec.description,
             }
             lines.append(_row([cells[column] for column in columns]))

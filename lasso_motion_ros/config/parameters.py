@@ -7,6 +7,7 @@ table says; a configuration has its own method's parameters and those of every m
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -20,6 +21,8 @@ from lasso_motion_ros.core.suggestions import did_you_mean
 Value = bool | int | float | str
 Config = TypeVar("Config")
 
+_LOG = logging.getLogger(__name__)
+
 METHOD = "method"  # the parameter whose value selects the rows of the table that apply
 
 
@@ -32,6 +35,7 @@ def parameter(
     maximum: float | None = None,
     choices: tuple[str, ...] = (),
     read_only: bool = True,
+    holds_from: str = "",
     method: str = "",
 ) -> Any:
     """A dataclass field that is a ROS parameter; the metadata is what declaration and documentation show.
@@ -47,6 +51,7 @@ def parameter(
             "maximum": maximum,
             "choices": choices,
             "read_only": read_only,
+            "holds_from": holds_from,
             "method": method,
         },
     )
@@ -75,6 +80,7 @@ class ParameterSpec:
         maximum: largest value allowed, or None.
         choices: the strings allowed, or empty.
         read_only: whether it is fixed once the node is up.
+        holds_from: when a change holds, in words, where that is not at once.
         method: the tracking method that it belongs to, or empty for every method.
     """
 
@@ -86,6 +92,7 @@ class ParameterSpec:
     maximum: float | None
     choices: tuple[str, ...]
     read_only: bool
+    holds_from: str
     method: str
 
     def checked(self, value: Any) -> Value:
@@ -144,17 +151,36 @@ def applicable_parameters(config_type: type, values: Mapping[str, Any]) -> dict[
         ConfigurationError: no such method, an unknown name, or a parameter of another method.
     """
     table = {spec.name: spec for spec in parameter_table(config_type)}
-    selector = table.get(METHOD)
-    method = selector.checked(values.get(METHOD, selector.default)) if selector else ""
+    method = _method(table, values)
     for name in values:
-        if name not in table:
-            hint = did_you_mean(name, table)
-            raise ConfigurationError(f"unknown parameter {name!r}" + (f"; {hint}" if hint else ""))
-        if table[name].method not in ("", method):
-            raise ConfigurationError(
-                f"{name} is a parameter of the method {table[name].method}, but {METHOD} is {method}"
-            )
+        if why := _why_inapplicable(name, table, method):
+            raise ConfigurationError(why)
     return {name: spec for name, spec in table.items() if spec.method in ("", method)}
+
+
+def inapplicable_parameters(config_type: type, values: Mapping[str, Any]) -> dict[str, str]:
+    """Of these values, by dotted name, those that the table does not know or that are another method's, and why.
+
+    Raises:
+        ConfigurationError: no such method.
+    """
+    table = {spec.name: spec for spec in parameter_table(config_type)}
+    method = _method(table, values)
+    return {name: why for name in values if (why := _why_inapplicable(name, table, method))}
+
+
+def _method(table: Mapping[str, ParameterSpec], values: Mapping[str, Any]) -> Value:
+    selector = table.get(METHOD)
+    return selector.checked(values.get(METHOD, selector.default)) if selector else ""
+
+
+def _why_inapplicable(name: str, table: Mapping[str, ParameterSpec], method: Value) -> str:
+    if name not in table:
+        hint = did_you_mean(name, table)
+        return f"unknown parameter {name!r}" + (f"; {hint}" if hint else "")
+    if table[name].method not in ("", method):
+        return f"{name} is a parameter of the method {table[name].method}, but {METHOD} is {method}"
+    return ""
 
 
 def configuration_from_values(config_type: type[Config], values: Mapping[str, Any]) -> Config:
@@ -170,24 +196,43 @@ def configuration_from_values(config_type: type[Config], values: Mapping[str, An
 def load_configuration(path: str | Path, config_type: type[Config], node_name: str = "lasso_tracker") -> Config:
     """Read a ROS 2 parameter YAML file.
 
-    Sections `/**` and the node's own name (with or without a leading `/`, `/**/`) apply, in the order written.
+    Sections `/**` and the node's own name (with or without a leading `/`, `/**/`) apply, in the order written. What
+    `/**` alone names and the table does not know is another node's, or mistyped: passed over, with a warning.
 
     Raises:
         ConfigurationError: unreadable file, not parameter YAML, or a value that is not allowed.
     """
-    document = read_plain_yaml(path)
-    if not isinstance(document, dict):
-        raise ConfigurationError(f"{path}: expected ROS parameter YAML (node name: ros__parameters: …)")
     values: dict[str, Any] = {}
-    for section, body in document.items():
-        if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
-            raise ConfigurationError(f"{path}: section {section!r} has no ros__parameters")
-        if str(section) in {"/**", node_name, f"/{node_name}", f"/**/{node_name}"}:
-            values.update(_flatten(body["ros__parameters"]))
+    own: set[str] = set()
+    for section, parameters in parameter_sections(path):
+        if section in {"/**", node_name, f"/{node_name}", f"/**/{node_name}"}:
+            values.update(parameters)
+            own.update(parameters if section != "/**" else ())
     try:
+        for name, why in inapplicable_parameters(config_type, values).items():
+            if name not in own:
+                _LOG.warning("%s: passed over in section /**: %s", path, why)
+                del values[name]
         return configuration_from_values(config_type, values)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from error
+
+
+def parameter_sections(path: str | Path) -> list[tuple[str, dict[str, Any]]]:
+    """The sections of a ROS 2 parameter YAML file: the node's name as written, and values by dotted name.
+
+    Raises:
+        ConfigurationError: unreadable file, or not parameter YAML.
+    """
+    document = read_plain_yaml(path)
+    if not isinstance(document, dict):
+        raise ConfigurationError(f"{path}: expected ROS parameter YAML (node name: ros__parameters: …)")
+    sections = []
+    for section, body in document.items():
+        if not isinstance(body, dict) or not isinstance(body.get("ros__parameters"), dict):
+            raise ConfigurationError(f"{path}: section {section!r} has no ros__parameters")
+        sections.append((str(section), _flatten(body["ros__parameters"])))
+    return sections
 
 
 def configuration_values(config: Any) -> dict[str, Value]:

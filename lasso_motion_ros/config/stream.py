@@ -24,34 +24,34 @@ class SyncConfig:
 
 @dataclass(frozen=True)
 class HeartbeatConfig:
-    """How the heartbeat is kept out of motion; motion_raw keeps it."""
+    """How the heartbeat is kept out of motion; motion_raw keeps it. A change begins anew with the next pair."""
 
-    mode: str = parameter(
+    mode: str = tuning(
         "none",
         "none: motion is motion_raw; gate: motion is updated in one window of each beat, which needs R peaks; filter:"
         " the heartbeat is estimated and subtracted, with R peaks or, at enough pairs a second, without",
         choices=("none", "gate", "filter"),
     )
-    window_start: float = parameter(
+    window_start: float = tuning(
         0.45, "gate: the window opens at this fraction of the beat, counted from the R peak", minimum=0.0, maximum=1.0
     )
-    window_end: float = parameter(
+    window_end: float = tuning(
         0.8,
         "gate: the window closes at this fraction; if below window_start, it spans the R peak",
         minimum=0.0,
         maximum=1.0,
     )
-    slowest_bpm: float = parameter(
+    slowest_bpm: float = tuning(
         45.0, "filter without R peaks: slowest heart rate considered", unit="1/min", minimum=20.0, maximum=240.0
     )
-    fastest_bpm: float = parameter(
+    fastest_bpm: float = tuning(
         110.0,
         "filter without R peaks: fastest heart rate considered; needs more than twice as many pairs a minute",
         unit="1/min",
         minimum=20.0,
         maximum=240.0,
     )
-    excursion_mm: float = parameter(
+    excursion_mm: float = tuning(
         0.8, "filter: rough size of the heartbeat's motion", unit="mm", minimum=0.05, maximum=10.0
     )
 

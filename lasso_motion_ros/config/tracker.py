@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lasso_motion_ros.config.brost2009 import FeatureConfig, ModelConfig, RegistrationConfig
-from lasso_motion_ros.config.parameters import group, parameter
+from lasso_motion_ros.config.parameters import group, parameter, tuning
 from lasso_motion_ros.config.ring import JudgementConfig, RingConfig, SearchConfig
 
 APPEARANCE, BROST2009 = METHODS = ("appearance", "brost2009")
@@ -31,17 +31,19 @@ class TrackerConfig:
     method: str = parameter(
         APPEARANCE, "tracking method: appearance is this package's own, brost2009 the published one", choices=METHODS
     )
-    polarity: str = parameter(
+    polarity: str = tuning(
         "auto",
         "whether the catheter is darker or brighter than its background; auto: as the clicks show",
         choices=("auto", "dark", "bright"),
+        holds_from="from the next clicks on",
     )
-    posture: str = parameter(
+    posture: str = tuning(
         "supine",
         "how the patient lies, which tells where breathing moves the heart before any motion has been seen; needs the"
         " head at the top of the images, the detectors above the patient and plane A the more frontal; unknown: no"
         " assumption",
         choices=POSTURES,
+        holds_from="from the next clicks on",
         method=APPEARANCE,
     )
     path: PathConfig = group(PathConfig)

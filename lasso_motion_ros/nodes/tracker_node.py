@@ -297,15 +297,17 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _track(self, task: PairTask) -> None:
         pipeline, worker = self._active(), self._worker
         refusal = "the tracker failed on these clicks; its log says why"
-        outputs: list[Output] = []
+        if worker is None:
+            return
         try:
             with self._answering:
-                try:
-                    outputs = pipeline.session.process(task)
-                finally:
+                for outputs in pipeline.session.answers(task, lambda: worker.waiting > 0):
                     if self._worker is worker:  # else it hung, and the node was deactivated meanwhile
                         self._state_watch.answer(task.number, outputs)
             refusal = pipeline.session.last_refusal
+        except Exception:
+            self._state_watch.answer(task.number, [])
+            raise
         finally:
             self._tracker_services.seeded(task, refusal)
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS

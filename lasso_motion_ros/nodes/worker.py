@@ -54,6 +54,11 @@ class Worker(Generic[Item]):
         """How many items were never worked on."""
         return self._dropped
 
+    @property
+    def waiting(self) -> int:
+        """How many items wait."""
+        return len(self._waiting)
+
     def put(self, items: Sequence[Item]) -> None:
         """Queue items that belong together; never blocks."""
         with self._changed:

@@ -59,12 +59,15 @@ class HeartbeatSeparation:
         config: mode and parameters.
         phases: the heart's phase at each pair; only read.
 
+    Attributes:
+        config: as given.
+
     Raises:
         ConfigurationError: parameters that contradict each other.
     """
 
     def __init__(self, config: HeartbeatConfig, phases: HeartPhases) -> None:
-        self._config = config
+        self.config = config
         self._phases = phases
         self._gate = CardiacGate(config.window_start, config.window_end)
         self._filter = RespiratoryFilter(config.slowest_bpm / 60.0, config.fastest_bpm / 60.0, config.excursion_mm)
@@ -79,7 +82,7 @@ class HeartbeatSeparation:
         """Forget the reference, with the model."""
         self._reference_ns = None
         self._poses = self._in_window = 0
-        self._status = None if self._config.mode == "none" else HeartbeatStatus(True, "no pose yet")
+        self._status = None if self.config.mode == "none" else HeartbeatStatus(True, "no pose yet")
 
     @property
     def status(self) -> HeartbeatStatus | None:
@@ -95,9 +98,9 @@ class HeartbeatSeparation:
         """
         if result.motion is None:
             return None
-        if self._config.mode == "gate":
+        if self.config.mode == "gate":
             return self._gated(result, result.motion)
-        if self._config.mode == "filter":
+        if self.config.mode == "filter":
             return self._filtered(result, result.motion, is_new=is_new)
         return PublishedMotion(result.motion, result.covariance)
 
@@ -122,7 +125,7 @@ class HeartbeatSeparation:
             inside = self._gate.is_open(self._phases.at(reference_ns), reference_ns)
             # Otherwise what the heart moves between the reference's phase and the window's stays in.
             values["reference in the window"] = "yes" if inside else "no, which leaves a constant part in motion"
-        window = f"{self._config.window_start:g} to {self._config.window_end:g} of the beat"
+        window = f"{self.config.window_start:g} to {self.config.window_end:g} of the beat"
         text = f"motion is updated from {window} only"
         if phase is None:
             text += f", and the heart's phase is not known ({self._phases.peaks_received} R peaks received)"

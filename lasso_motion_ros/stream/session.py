@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable, Iterator
 
 import cv2
 import numpy as np
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.stream.answer_counts import AnswerCounts
@@ -23,6 +23,9 @@ from msg_adapters.messages import MessageFactory
 
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
+
+# Four pairs a second are what many systems take: no breath is missed between two of them.
+_FOLLOWED_NS = 250_000_000
 
 
 class TrackingSession:
@@ -67,6 +70,7 @@ class TrackingSession:
         self._forgotten_seeds = 0  # seeds of tasks up to this number were clicked before a reset
         self.state, self.reason = TrackerState.WAITING_FOR_CALIBRATION, "no calibration yet"
         self.counts = AnswerCounts(config.seed_buffer_pairs)
+        self._phases = phases
         self.heartbeat = HeartbeatSeparation(config.heartbeat, phases)
         self.last_refusal = ""
         self.last_pair: FramePair | None = None
@@ -99,11 +103,20 @@ class TrackingSession:
         Pairs may be left out when there is no time for them, but not come out of order. A seed or a new run that
         was left out is made up for with the next pair.
         """
+        return [output for answer in self.answers(task) for output in answer]
+
+    def answers(self, task: PairTask, in_hurry: Callable[[], bool] = lambda: False) -> Iterator[list[Output]]:
+        """As `process`, each pair's outputs as soon as they are there: a model's first pose waits for no other pair.
+
+        Args:
+            task: the pair, and those since then where its clicks came late.
+            in_hurry: whether newer pairs wait: then those since the clicked one are answered again only as close
+                together as the motion must be followed. They have had an answer, and keep it.
+        """
         with self._lock:
-            outputs: list[Output] = []
             for skipped in self._promised.take_skipped(task.number):
-                outputs += self._answer(skipped)
-            return outputs + self._answer(task)
+                yield from self._answer(skipped, in_hurry)
+            yield from self._answer(task, in_hurry)
 
     def reset(self, last_task: int) -> list[Output]:
         """Forget model and motion: WAITING_FOR_SEED.
@@ -134,12 +147,18 @@ class TrackingSession:
                 )
             self._tracker.set_reference()
 
-    def reconfigure(self, config: TrackerConfig) -> None:
-        """Go on with other tuning parameters; what is read-only must be as it was."""
+    def reconfigure(self, config: StreamConfig) -> None:
+        """Go on with other tuning parameters; what is read-only must be as it was.
+
+        Raises:
+            ConfigurationError: parameters that contradict each other; then all stays as it was.
+        """
         with self._lock:
+            if config.heartbeat != self.heartbeat.config:
+                self.heartbeat = HeartbeatSeparation(config.heartbeat, self._phases)
             self._tracker.reconfigure(config)
 
-    def _answer(self, task: PairTask) -> list[Output]:
+    def _answer(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         outputs: list[Output] = []
         if task.begins_run:
             self._problems.report("", "the stamps of both planes went back: a new run, which needs a seed of its own")
@@ -147,10 +166,10 @@ class TrackingSession:
         seed = task.seed if task.number > self._forgotten_seeds else None
         result = None if seed is None else self._initialised(task.pair, seed)
         if result is not None:
-            outputs += self._result_outputs(task.pair, result, is_new=True)
-            for pair in task.later:
-                outputs += self._result_outputs(pair, self._tracked(pair))
-        elif task.answered:
+            yield outputs + self._result_outputs(task.pair, result, is_new=True)
+            yield from self._answers_again(task, in_hurry)
+            return
+        if task.answered:
             pass  # refused clicks change nothing, and this pair has its answer already
         elif self._has_model:
             outputs += self._result_outputs(task.pair, self._tracked(task.pair))
@@ -158,7 +177,15 @@ class TrackingSession:
             self._set_state(TrackerState.WAITING_FOR_SEED, self.last_refusal or "no seed yet")
             self._count(task.pair, None)
             outputs.append(self._state_output(task.pair.stamp_ns))
-        return outputs
+        yield outputs
+
+    def _answers_again(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
+        followed_ns = task.pair.stamp_ns
+        for pair in task.later:
+            if pair.stamp_ns - followed_ns < _FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
+                continue
+            followed_ns = pair.stamp_ns
+            yield self._result_outputs(pair, self._tracked(pair))
 
     def _initialised(self, pair: FramePair, seed: Seed) -> TrackResult | None:
         """The tracker's answer to clicks; None where it refuses them."""

@@ -192,6 +192,17 @@ def test_other_nodes_are_passed_over_and_later_sections_win(write):
     assert load_configuration(path, Small, "node") == Small(name="two", group=Group(count=5))
 
 
+def test_what_all_nodes_are_given_may_be_anothers(write, caplog):
+    path = write(
+        "/**:\n  ros__parameters: {nmae: two, frame_rate: 7, group.count: 4}\nnode:\n  ros__parameters: {name: two}\n"
+    )
+    assert load_configuration(path, Small, "node") == Small(name="two", group=Group(count=4))
+    assert [record.getMessage() for record in caplog.records] == [
+        f"{path}: passed over in section /**: unknown parameter 'nmae'; did you mean name?",
+        f"{path}: passed over in section /**: unknown parameter 'frame_rate'",
+    ]
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -202,6 +213,8 @@ def test_other_nodes_are_passed_over_and_later_sections_win(write):
         ("node: {ros__parameters: {name: 1}}\n", "name must be a str"),
         ("node: {ros__parameters: {nmae: one}}\n", r"unknown parameter 'nmae'; did you mean name\?"),
         ("node: {ros__parameters: {group: {name: 1}}}\n", "unknown parameter 'group.name'"),
+        ("/**: {ros__parameters: {nmae: one}}\nnode: {ros__parameters: {nmae: one}}\n", "unknown parameter 'nmae'"),
+        ("/**: {ros__parameters: {name: three}}\n", "name must be one of one, two, found 'three'"),
         ("node: [unclosed\n", "cannot be read as YAML"),
         ("node: !!python/object/apply:os.getcwd []\n", "cannot be read as YAML"),  # safe loading only
     ],

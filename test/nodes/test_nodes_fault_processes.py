@@ -240,8 +240,23 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
         assert "judgement.lost_gap_mm" in bad.reason
         both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.degraded_gap_mm": 0.0})
         assert not both[0].successful
-        assert set_parameters(graph, **{"search.near_mm": 10.0})[0].successful
+        assert set_parameters(graph, **{"search.near_mm": 10})[0].successful  # a whole number serves as a float
+        assert all(result.successful for result in set_parameters(graph, posture="prone", polarity="dark"))
+        stream.said("posture: prone holds from the next clicks on")
         stream.expect(stream.pairs(2))
+
+        # Without R peaks no motion is updated; the tracker goes on.
+        assert set_parameters(graph, **{"heartbeat.mode": "gate"})[0].successful
+        raw, (gated,) = graph.heard.messages["motion_raw"], stream.pairs(1)
+        graph.heard.wait_for(lambda: stamp_to_ns(raw[-1].header.stamp) == gated)
+        graph.heard.wait_for(
+            lambda: "the heart's phase is not known" in diagnosed(graph, "heartbeat").get("message", "")
+        )
+        assert set_parameters(graph, **{"heartbeat.mode": "filter"})[0].successful
+        stream.expect(stream.pairs(2))
+        assert set_parameters(graph, **{"heartbeat.mode": "none"})[0].successful
+        stream.expect(stream.pairs(1))
+        assert gated not in stream.errors_mm()
 
         for transition, state, says in (
             (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, "INACTIVE"),
@@ -282,8 +297,9 @@ def click(mouse: dict, points: object, planes: str = "ab") -> None:
             mouse[plane].publish(Point(x=float(x), y=float(y)))
 
 
-def set_parameters(graph: Graph, *, atomically: bool = False, **values: float) -> list:
+def set_parameters(graph: Graph, *, atomically: bool = False, **values: float | str) -> list:
     kinds = {
+        str: (ParameterType.PARAMETER_STRING, "string_value"),
         int: (ParameterType.PARAMETER_INTEGER, "integer_value"),
         float: (ParameterType.PARAMETER_DOUBLE, "double_value"),
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +28,7 @@ pytestmark = pytest.mark.ros
 @dataclass(frozen=True)
 class InnerConfig:
     ratio: float = parameter(0.5, "a ratio", minimum=0.0, maximum=1.0, read_only=False)
+    size: float = parameter(2.0, "a size", minimum=0.5, read_only=False, holds_from="tomorrow")
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,12 @@ def make_node(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Calla
     context = Context()
     made: list[Node] = []
 
-    def make(yaml: str = "{}") -> Node:
+    def make(yaml: str = "{}", arguments: Sequence[str] = ()) -> Node:
         path = tmp_path / "parameters.yaml"
-        path.write_text(f"/**:\n  ros__parameters: {yaml}\n" if yaml != "{}" else "")
-        arguments = ["--ros-args", "--params-file", str(path)] if yaml != "{}" else []
-        context.init(args=arguments, domain_id=free_domain())
+        path.write_text(f"tested:\n  ros__parameters: {yaml}\n" if yaml != "{}" else "")
+        if yaml != "{}":
+            arguments = ["--ros-args", "--params-file", str(path)]
+        context.init(args=list(arguments), domain_id=free_domain())
         made.append(Node("tested", context=context, automatically_declare_parameters_from_overrides=True))
         return made[-1]
 
@@ -63,7 +65,10 @@ def test_defaults_and_descriptions(make_node: Callable[..., Node]) -> None:
     assert declare_configuration(node, OuterConfig) == OuterConfig()
     count, word, ratio = (node.describe_parameter(name) for name in ("count", "word", "inner.ratio"))
     assert (count.description, count.read_only) == ("how many [px]", True)
-    assert (count.integer_range[0].from_value, count.integer_range[0].to_value) == (1, 2**63 - 1)
+    # A range has two ends in ROS: none that nobody set is made up.
+    assert (count.integer_range, count.additional_constraints) == ([], "at least 1")
+    size = node.describe_parameter("inner.size")
+    assert (size.floating_point_range, size.additional_constraints) == ([], "a change holds tomorrow; at least 0.5")
     assert word.additional_constraints == "one of: one, two"
     assert (ratio.read_only, ratio.dynamic_typing) == (False, False)
     assert (ratio.floating_point_range[0].from_value, ratio.floating_point_range[0].to_value) == (0.0, 1.0)
@@ -135,11 +140,52 @@ def test_a_constant_cannot_be_changed_and_a_range_holds_while_it_runs(make_node:
     live = LiveParameters(node, declare_configuration(node, OuterConfig), applied.append)
     assert not node.set_parameters([Parameter("count", value=5)])[0].successful
     assert not node.set_parameters([Parameter("inner.ratio", value=2.0)])[0].successful
+    assert not node.set_parameters([Parameter("inner.size", value=0.25)])[0].successful
     assert applied == []
     assert node.set_parameters([Parameter("inner.ratio", value=0.25)])[0].successful
     assert node.set_parameters([Parameter("use_sim_time", value=False)])[0].successful  # rclpy's own
     assert [config.inner.ratio for config in applied] == [live.config.inner.ratio] == [0.25]
     assert node.get_parameter("inner.ratio").value == 0.25
+
+
+def test_a_whole_number_is_taken_for_a_float_while_it_runs(make_node: Callable[..., Node]) -> None:
+    """As `ros2 param set tested inner.size 20` sends it."""
+    node = make_node()
+    live = LiveParameters(node, declare_configuration(node, OuterConfig), lambda config: None)
+    assert node.set_parameters([Parameter("inner.size", value=20)])[0].successful
+    assert live.config.inner.size == 20.0
+    assert isinstance(node.get_parameter("inner.size").value, float)
+    assert node.set_parameters_atomically(
+        [Parameter("inner.size", value=3), Parameter("inner.ratio", value=1)]
+    ).successful
+    assert live.config.inner == InnerConfig(1.0, 3.0)
+    assert not node.set_parameters([Parameter("inner.size", value=True)])[0].successful
+
+
+@pytest.mark.parametrize(
+    ("sections", "words", "refused"),
+    [
+        ("/**: {ros__parameters: {frame_rate: 7, inner: {size: 3}}}", [], False),
+        ("/*: {ros__parameters: {frame_rate: 7, inner: {size: 3}}}", [], False),
+        ("/**: {ros__parameters: {frame_rate: 7}}\ntested: {ros__parameters: {frame_rate: 7}}", [], True),
+        ("/**/tested: {ros__parameters: {frame_rate: 7}}", [], True),
+        ("/**: {ros__parameters: {frame_rate: 7}}", ["-p", "frame_rate:=8"], True),
+        ("/**: {ros__parameters: {count: 0}}", [], True),
+    ],
+)
+def test_what_all_nodes_are_given_may_be_anothers(
+    make_node: Callable[..., Node], tmp_path: Path, sections: str, words: list[str], refused: bool
+) -> None:
+    path = tmp_path / "site.yaml"
+    path.write_text(sections)
+    arguments = ["--ros-args", "--params-file", str(path), *words]
+    node = make_node(arguments=arguments)
+    if refused:
+        with pytest.raises(ConfigurationError, match=r"unknown parameter 'frame_rate'|count must be at least 1 px"):
+            declare_configuration(node, OuterConfig, arguments)
+        return
+    assert declare_configuration(node, OuterConfig, arguments).inner.size == 3.0
+    assert not node.has_parameter("frame_rate")
 
 
 def test_what_the_node_refuses_changes_nothing(make_node: Callable[..., Node]) -> None:

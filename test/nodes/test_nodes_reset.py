@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -43,10 +43,10 @@ class FakePipeline:
     def __init__(self) -> None:
         self.intake = self.session = self.problems = self
 
-    def process(self, task: PairTask) -> list[Output]:
+    def answers(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         if self.failure is not None:
             raise self.failure
-        return [ANSWER]
+        yield [ANSWER]
 
     def reset(self) -> list[Output]:
         return [FORGOTTEN]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from support.message_inputs import FakeTracker, image, seed, stamp, stream
 from support.pipeline_inputs import give, names, pipeline, poses, run, states
@@ -16,6 +18,21 @@ def test_clicks_that_come_late_change_no_pose(late_by: int) -> None:
     place = 4 * (1 + late_by)  # behind so many pairs
     assert poses(run(pipeline(), messages[:place] + clicks + messages[place:])) == expected
     assert expected == {stamp(k): float(k) for k in range(8)}
+
+
+def test_a_model_is_answered_at_once_and_in_a_hurry_followed_at_four_pairs_a_second() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(12, seeded=None))
+    line.intake.add_seed("a", seed(stamp(0)))
+    (task,) = line.intake.add_seed("b", seed(stamp(0)))
+    begin = stamp(0)
+    later = [replace(pair, stamp_ns=begin + k * 100_000_000) for k, pair in enumerate(task.later, start=1)]
+    answers = line.session.answers(replace(task, later=tuple(later)), lambda: True)
+    assert poses(next(answers)) == {begin: 0.0}
+    assert tracker.calls == [("initialise", begin)]
+    rest = [stamp_ns for outputs in answers for stamp_ns in poses(outputs)]
+    assert [(stamp_ns - begin) // 100_000_000 for stamp_ns in rest] == [3, 6, 9, 11]
 
 
 def test_clicks_with_stamp_zero_are_for_the_next_pair() -> None:
