@@ -80,6 +80,8 @@ STATE_RENEWED_S = 1.0
 STATE_VALID_S = 2.5
 """A state that nobody has renewed for so long (steady clock) is no state: its tracker is gone, or hangs."""
 DIAGNOSTICS = Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+LAST_POSE_WORDS = "; last good pose "
+"""Behind these, where there is no pose, the tracker's diagnostics say how old the last one is."""
 LAST_LATENCY_KEY = "latency of the last pair (ms)"
 """Under which the tracker's diagnostics say it, and the evaluation finds it."""
 OVERLAY_SURFACE = Topic("overlay/surface", "visualization_msgs/msg/Marker")

@@ -42,6 +42,8 @@ from msg_adapters.topics import (
 
 Array = npt.NDArray[np.float64]
 
+_NO_PAIR = 0  # stamp of what a tracker says while no pair comes
+
 
 @dataclass(frozen=True, eq=False)
 class ReadTruth:
@@ -157,6 +159,8 @@ def read_estimates(path: str | Path, remap: Mapping[str, str] | None = None) -> 
             references.append((recorded.log_time_ns, stamp_to_ns(message.stamp)))
             continue
         stamp_ns = stamp_to_ns(message.header.stamp)
+        if stamp_ns == _NO_PAIR:
+            continue
         logged.setdefault(stamp_ns, recorded.log_time_ns)
         pair = fields[stamp_ns]
         if topic == MOTION_RAW.recorded_name:

@@ -12,7 +12,7 @@ from lasso_motion_ros.nodes.stream_timeout import StreamTimeout
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.topics import MOTION_RAW
+from msg_adapters.topics import LAST_POSE_WORDS, MOTION_RAW
 
 # Two looks that lie further apart were held up: images that came meanwhile still wait to be taken.
 _HELD_UP_S = 0.5
@@ -29,7 +29,7 @@ class StateWatch:
         loss: makes what is published where the tracker is lost without an answer.
 
     Attributes:
-        timeout: what has come, and what was answered; None while the node is not active.
+        timeout: what has come, and what was answered, since the node was activated.
     """
 
     def __init__(
@@ -40,45 +40,52 @@ class StateWatch:
         self._silence = ""
         self._looked_s = 0.0
         self._posed_s: float | None = None
-        self._without_pose = ""
-        self.timeout: StreamTimeout | None = None
+        self._alarm = ""  # the last one that the log was told of
+        self._active = False
+        self.timeout = StreamTimeout(0.0, time.monotonic())
 
-    def begin(self, timeout: StreamTimeout | None) -> None:
-        """The node was activated, or deactivated (None)."""
+    def begin(self, timeout_s: float) -> None:
+        """The node was activated, with this `stream_timeout_s`."""
         with self._lock:
-            self.timeout, self._silence, self._posed_s = timeout, "", None
+            self.timeout = StreamTimeout(timeout_s, time.monotonic())
+            self._active, self._silence, self._posed_s = True, "", None
+
+    def end(self) -> None:
+        """The node was deactivated: nothing is expected to come."""
+        with self._lock:
+            self._active, self._silence = False, ""
 
     def answer(self, number: int, outputs: Sequence[Output]) -> None:
         """Publish the tracker's answer to the task with this number."""
         with self._lock:
             now_s = time.monotonic()
-            if self.timeout is not None:
-                self.timeout.answered(number, now_s)
+            self.timeout.answered(number, now_s)
             self._silence = ""
             if any(output.topic is MOTION_RAW for output in outputs):
                 self._posed_s = now_s
             self._publishers.publish(outputs)
 
-    def look(self, state: TrackerState) -> bool:
+    def look(self, state: TrackerState) -> str:
         """See whether the tracker still answers; says LOST where it does not. To be called several times a second.
 
         Args:
             state: by the tracker's last answer.
 
         Returns:
-            Whether something has failed to come.
+            What has failed to come; empty where all is well.
         """
         with self._lock:
             now_s = time.monotonic()
             held_up = now_s - self._looked_s > _HELD_UP_S
             self._looked_s = now_s
-            if self.timeout is not None and not held_up:
-                began = not self._silence
-                self._silence = self.timeout.reason(now_s)
-                if self._silence and began and state.has_model:
+            if self._active and not held_up:
+                began, silence = not self._silence, self.timeout.reason(now_s)
+                if silence or not state.has_model:  # else what was said holds until a pair is answered
+                    self._silence = silence
+                if silence and began and state.has_model:
                     self._publishers.publish(self._loss())
             self._publishers.renew_state()
-            return bool(self._silence)
+            return self._silence
 
     def told(self, statistics: PipelineStatistics) -> PipelineStatistics:
         """The pipeline's counts, with the state and reason that hold though the tracker has not said so."""
@@ -100,15 +107,15 @@ class StateWatch:
         """Tell the log of a loss, and of its end; throttled.
 
         Args:
-            statistics: as `told`, after a change of the state.
+            statistics: as `told`, after a change of the state, or of what fails to come.
         """
         state = statistics.state
+        words = state_words(state, statistics.reason, self.pose_age_s)
         with self._lock:
-            before, self._without_pose = self._without_pose, state.value if state.is_alarm else ""
-            if before == self._without_pose:
+            before, self._alarm = self._alarm, kind_of(words) if state.is_alarm else ""
+            if before == self._alarm:
                 return
         if state.is_alarm:
-            words = state_words(state, statistics.reason, self.pose_age_s)
             self._complaints.complain("state", words, kind=kind_of(words))
         elif state.has_pose:
             self._complaints.inform("state", f"{state.value} again", kind="again")
@@ -118,11 +125,11 @@ def state_words(state: TrackerState, reason: str, pose_age_s: float | None) -> s
     """State, reason and, where there is a model but no pose, how old the last one is, in a line."""
     words = f"{state.value}: {reason}" if reason else state.value
     age = last_pose_words(pose_age_s) if state.is_alarm else ""
-    return f"{words}; {age}" if age else words
+    return f"{words}{LAST_POSE_WORDS}{age}" if age else words
 
 
 def last_pose_words(age_s: float | None) -> str:
-    """How old the last pose is, in words; empty where there was none."""
+    """How long ago the last pose was, in words; empty where there was none."""
     if age_s is None:
         return ""
-    return f"last good pose {age_s:.1f} s ago" if age_s < 60.0 else f"last good pose {age_s / 60.0:.0f} min ago"
+    return f"{age_s:.1f} s ago" if age_s < 60.0 else f"{age_s / 60.0:.0f} min ago"

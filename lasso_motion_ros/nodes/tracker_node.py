@@ -23,7 +23,6 @@ from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
 from lasso_motion_ros.nodes.state_watch import StateWatch, last_pose_words
 from lasso_motion_ros.nodes.steady_timer import steady_timer
-from lasso_motion_ros.nodes.stream_timeout import StreamTimeout
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
@@ -33,6 +32,7 @@ from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from lasso_motion_ros.stream.session import FOLLOWED_NS
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import decode_image
@@ -47,6 +47,7 @@ class _Tuning:
 
     Attributes:
         waiting_pairs: pairs that may wait for the tracker. Ten come at once where calibrations were sent again.
+        stale_s: a pair that has waited longer is of use to the tracker only: the overlay applies no older motion.
         look_s: between two looks whether images still come and are answered.
         patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
@@ -54,6 +55,7 @@ class _Tuning:
     """
 
     waiting_pairs: int = 12
+    stale_s: float = 1.0
     look_s: float = 0.1
     patience_s: float = 5.0
     diagnostics_s: float = 1.0
@@ -83,7 +85,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._frame_ids: dict[Plane, str] = {}
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies = Latencies()
-        self._warm = self._silent = False
+        self._warm, self._silence = False, ""
+        self._left_out = 0
         self._tracker_publishers = TrackerPublishers(self, self.messages, self.complaints.error, self._on_state_change)
         self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
@@ -168,7 +171,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             name="tracker",
         )
         self._watch = StreamWatch(time.monotonic())
-        self._state_watch.begin(StreamTimeout(config.stream_timeout_s, time.monotonic()))
+        self._left_out = 0
+        self._state_watch.begin(config.stream_timeout_s)
         self._by_arrival = config.stamp_source == "arrival"
         self._tracker_publishers.publish(pipeline.session.initial_outputs())
         for plane in PLANES:
@@ -186,7 +190,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
                 self.get_logger().error("the tracker hangs in a pair and is left behind: configure the node anew")
                 self._pipeline, self._answering = None, threading.Lock()
             self._worker = None
-        self._state_watch.begin(None)
+        self._state_watch.end()
         if self._pipeline is not None:
             self._pipeline.intake.release()
         self._tracker_services.give_up("the node is not active")
@@ -202,8 +206,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()
         self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
-        if (timeout := self._state_watch.timeout) is not None:
-            timeout.add_image(plane, time.monotonic())
+        self._state_watch.timeout.add_image(plane, time.monotonic())
         pipeline = self._active()
         self._enqueue(pipeline.intake.add_image(plane, message))
         if plane in pipeline.intake.calibrated:
@@ -238,16 +241,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._pipeline is not None:
             with self._between_answers():
                 self._pipeline.session.reconfigure(config)
-        if (timeout := self._state_watch.timeout) is not None:
-            timeout.reconfigure(config.stream_timeout_s)
+        self._state_watch.timeout.reconfigure(config.stream_timeout_s)
 
     def _reset(self) -> None:
         pipeline = self._active()
         with self._between_answers():
             if self._worker is not None:
                 self._worker.clear()
-            if (timeout := self._state_watch.timeout) is not None:
-                timeout.forget()
+            self._state_watch.timeout.forget()
             self._tracker_publishers.publish(pipeline.reset())
 
     def _set_reference(self) -> None:
@@ -289,15 +290,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             for task in tasks:
                 if not task.answered:  # else it waited for clicks, not for us
                     self._latencies.begin(task.number, time.monotonic())
-            if (timeout := self._state_watch.timeout) is not None:
-                timeout.asked(tasks[-1].number, time.monotonic())
+            self._state_watch.timeout.asked(tasks[-1].number, time.monotonic())
             self._worker.put(tasks)
         self._complain()
 
     def _track(self, task: PairTask) -> None:
         pipeline, worker = self._active(), self._worker
         refusal = "the tracker failed on these clicks; its log says why"
-        if worker is None:
+        if worker is None or self._is_left_out(task, worker):
             return
         try:
             with self._answering:
@@ -315,6 +315,20 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._complain()
         self._show()
 
+    def _is_left_out(self, task: PairTask, worker: Worker[PairTask]) -> bool:
+        """Whether a pair is too old to be answered, as after a model was built, and newer ones follow the motion."""
+        last, stamp_ns = self._active().session.last_pair, task.pair.stamp_ns
+        left_out = (
+            worker.waiting > 0
+            and task.seed is None
+            and not task.begins_run
+            and last is not None
+            and 0 < stamp_ns - last.stamp_ns < FOLLOWED_NS
+            and self._latencies.waited_s(task.number, time.monotonic()) > _TUNING.stale_s
+        )
+        self._left_out += left_out
+        return left_out
+
     def _show(self) -> None:
         """Have the newest pair drawn, or the frozen one, while somebody watches."""
         pipeline = self._pipeline
@@ -329,7 +343,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         clicks = {plane: board.clicks(plane) for plane in PLANES}
         frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
         ids, held = dict(self._frame_ids), pair is board.pair
-        remark = last_pose_words(self._state_watch.pose_age_s) if statistics.state.is_alarm else ""
+        age = last_pose_words(self._state_watch.pose_age_s) if statistics.state.is_alarm else ""
+        remark = f"last good pose {age}" if age else ""
         self._tracker_publishers.show(
             TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held, remark)
         )
@@ -347,14 +362,16 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._pipeline is not None:
             for problem in self._pipeline.problems.take():
                 self.complaints.complain(problem.topic or "stream", problem.text, kind=kind_of(problem.text))
-                if (timeout := self._state_watch.timeout) is not None and problem.topic in _IMAGE_INPUTS:
-                    timeout.add_problem(f"{problem.topic}: {problem.text}")
+                if problem.topic in _IMAGE_INPUTS:
+                    self._state_watch.timeout.add_problem(f"{problem.topic}: {problem.text}")
 
     @guarded
     def _on_look(self) -> None:
         pipeline = self._pipeline
         state = TrackerState.INACTIVE if pipeline is None or self._worker is None else pipeline.session.state
-        self._silent = self._state_watch.look(state)
+        before, self._silence = self._silence, self._state_watch.look(state)
+        if kind_of(before) != kind_of(self._silence):
+            self._on_state_change()
 
     def _on_state_change(self) -> None:
         if self._pipeline is not None and self._worker is not None:
@@ -364,7 +381,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     @guarded
     def _on_timer(self) -> None:
         self._publish_diagnostics()
-        if self._tracker_services.board.pair is not None or self._silent:
+        if self._tracker_services.board.pair is not None or self._silence:
             self._show()  # for viewers that come later, and with the time that has passed
         if self._pipeline is None or self._inputs is None:
             return
@@ -389,7 +406,9 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             statistics = self._told()
             age_s = self._state_watch.pose_age_s
             statuses = [
-                tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words(), age_s)
+                tracker_status(
+                    name, statistics.state, statistics, worker.dropped + self._left_out, self._latencies.words(), age_s
+                )
             ]
             statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)

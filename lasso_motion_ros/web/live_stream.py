@@ -24,7 +24,7 @@ from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
 from msg_adapters.sync.frame_pairs import FramePairs
 from msg_adapters.sync.partner import PartnerRule
-from msg_adapters.topics import LAST_LATENCY_KEY
+from msg_adapters.topics import LAST_LATENCY_KEY, LAST_POSE_WORDS
 
 Array = npt.NDArray[np.float64]
 
@@ -136,7 +136,7 @@ class LiveStream:
             values = {entry.key: entry.value for entry in status.values}
             with self._lock:
                 state, _, reason = status.message.partition(": ")
-                self._word.take_reason(state, reason)
+                self._word.take_reason(state, reason.partition(LAST_POSE_WORDS)[0])  # the page counts on by itself
                 try:
                     self._tracker_latency_ms = float(values[LAST_LATENCY_KEY])
                 except (KeyError, ValueError):

@@ -12,6 +12,7 @@ from lasso_motion_ros.core.errors import MessageError, RecordingError
 from lasso_motion_ros.evaluation.recorded_input import read_estimates, read_truth
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
+from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import header_fields
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
@@ -83,6 +84,19 @@ def test_state_and_reference_in_force_are_each_poses_own(tmp_path: Path) -> None
     assert [estimate.loop is None for estimate in estimates] == [False, False, True, False]
     np.testing.assert_allclose(estimates[3].motion, shift(4.0), atol=1e-12)
     np.testing.assert_allclose(np.diag(estimates[1].covariance), [0.25e-6] * 3 + [1e-6] * 3)
+
+
+def test_a_loss_between_the_pairs_is_none_of_them(tmp_path: Path) -> None:
+    """As a live tracker says it when no image comes any more."""
+    path, header = tmp_path / "live.mcap", header_fields(stamp(0), "patient_table")
+    with RecordingWriter(path, "none") as writer:
+        for state, name, fields, at in (
+            ("TRACKING", topics.CATHETER, encode_line_strip(loop(), header, "catheter"), stamp(0)),
+            ("LOST", topics.CATHETER, encode_delete(header_fields(0, "patient_table"), "catheter"), stamp(9)),
+        ):
+            writer.write("/state", topics.STATE.type_name, {"data": state}, at)
+            writer.write(name.recorded_name, name.type_name, fields, at)
+    assert [(estimate.stamp_ns, estimate.state) for estimate in read_estimates(path)] == [(stamp(0), "TRACKING")]
 
 
 def test_an_input_is_no_result(tmp_path: Path) -> None:

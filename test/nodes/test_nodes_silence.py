@@ -5,10 +5,12 @@ One graph, with a method that hangs on demand (`support/hanging_tracker.py`).
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -35,7 +37,9 @@ TIMEOUT_S = 1.0
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RingStream]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'test'}")
-        with Graph((PICTURE, *HEARD), tmp_path_factory.mktemp("silence")) as graph:
+        directory = tmp_path_factory.mktemp("silence")
+        patch.setenv("HANG", str(directory / "hang"))
+        with Graph((PICTURE, *HEARD), directory) as graph:
             stream = RingStream(graph)
             start_tracker(graph, "stream_timeout_s:=0.0", module="support.hanging_tracker")
             stream.connect()
@@ -54,6 +58,11 @@ def stream(running: RingStream) -> Iterator[RingStream]:
     running.pairs(1)
     running.expect(running.pairs(1))
     running.nothing_wrong()
+
+
+def hang() -> Path:
+    """The file while which is there the tracker hangs in its next pair."""
+    return Path(os.environ["HANG"])
 
 
 def message(stream: RingStream) -> str:
@@ -127,7 +136,7 @@ def test_only_images_come_that_cannot_be_used(stream: RingStream, spoil: Any, wh
 
 
 def test_the_tracker_hangs(stream: RingStream) -> None:
-    stream.graph.processes.send("tracker", signal.SIGUSR1)
+    hang().touch()
     before = stream.number
     tick = threading.Event()
     while not message(stream).startswith("LOST: the tracker has not answered for "):
@@ -141,7 +150,7 @@ def test_the_tracker_hangs(stream: RingStream) -> None:
     assert "the tracker hangs" in refused.message
     stream.pairs(1)
     assert len(stream.graph.heard.messages["motion"]) == posed
-    stream.graph.processes.send("tracker", signal.SIGUSR2)
+    hang().unlink()
     stream.expect(stream.pairs(1))
     stream.await_state("TRACKING")
 
@@ -157,7 +166,7 @@ def test_a_node_that_hangs_can_be_ended(running: RingStream) -> None:
     """The last: it ends the tracker."""
     running.number += 10
     running.seeded()
-    running.graph.processes.send("tracker", signal.SIGUSR1)
+    hang().touch()
     running.pairs(2)
     await_message(running, "LOST: the tracker has not answered for ")
     running.graph.processes.send("tracker", signal.SIGINT)

@@ -216,7 +216,7 @@ def start_tracker(graph: Graph, *parameters: str, name: str = "tracker", module:
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     before = len(graph.heard.messages["state"])
     if module:
-        graph.processes.start(name, module, arguments)
+        graph.processes.start(name, module, ["lasso_tracker", *arguments])
     else:
         graph.processes.start_node(name, "lasso_tracker", arguments)
     graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > before)
