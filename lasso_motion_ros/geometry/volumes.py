@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import importlib
 import locale
+import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,23 @@ from lasso_motion_ros.core.errors import VolumeError
 
 Array = npt.NDArray[np.float64]
 
-VOLUME_SUFFIXES = (".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd", ".dcm")
+MOST_BYTES = 1 << 30
+"""Of a volume's samples: 512 × 512 × 2048 of 16 bits. A small packed file may promise any number."""
+_HEADER_BYTES = 1 << 16
+_READERS = {
+    ".nii": "NiftiImageIO",
+    ".nii.gz": "NiftiImageIO",
+    ".nrrd": "NrrdImageIO",
+    ".nhdr": "NrrdImageIO",
+    ".mha": "MetaImageIO",
+    ".mhd": "MetaImageIO",
+    ".dcm": "GDCMImageIO",
+}
+VOLUME_SUFFIXES = tuple(_READERS)
+_NRRD_DATA = re.compile(rb"^[ \t]*data ?file[ \t]*:[ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
+_META_DATA = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
+_DATA_FILE = {".nrrd": _NRRD_DATA, ".nhdr": _NRRD_DATA, ".mha": _META_DATA, ".mhd": _META_DATA}
+"""Where the headers that may name other files do so, by suffix."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +73,8 @@ def read_volume_image(path: str | Path, metres_per_unit: float = 1e-3) -> Volume
 
     Raises:
         VolumeError: SimpleITK is not installed, no such file, not readable, several series in the folder, or not one
-            scalar volume of at least 2 finite samples a side.
+            scalar volume of at least 2 finite samples a side; more than `MOST_BYTES`, or a header that names a file
+            outside its own folder.
     """
     path = Path(path)
     try:
@@ -68,7 +87,7 @@ def read_volume_image(path: str | Path, metres_per_unit: float = 1e-3) -> Volume
         # GDCM leaves the process's locale at C, after which it would take text files for ASCII.
         before = locale.setlocale(locale.LC_ALL)
         try:
-            image = _read_series(itk, path) if path.is_dir() else itk.ReadImage(str(path))
+            image = _read_series(itk, path) if path.is_dir() else _read_file(itk, path)
         finally:
             locale.setlocale(locale.LC_ALL, before)
     except RuntimeError as error:
@@ -88,6 +107,61 @@ def read_volume_image(path: str | Path, metres_per_unit: float = 1e-3) -> Volume
     return VolumeImage(values, to_lps)
 
 
+def _read_file(itk: Any, path: Path) -> Any:
+    """One file, by the reader of its suffix; its header is judged before a sample is unpacked."""
+    _refuse_foreign_data(path)
+    reader = itk.ImageFileReader()
+    reader.SetImageIO(next(name for suffix, name in _READERS.items() if path.name.lower().endswith(suffix)))
+    reader.SetFileName(str(path))
+    _refuse_too_large(itk, reader, path, 1)
+    return reader.Execute()
+
+
+def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int) -> None:
+    reader.ReadImageInformation()
+    sample = itk.Image([1, 1], reader.GetPixelID(), reader.GetNumberOfComponents())
+    a_sample = sample.GetSizeOfPixelComponent() * reader.GetNumberOfComponents()
+    size = math.prod(reader.GetSize()) * a_sample * files
+    if size > MOST_BYTES:
+        raise VolumeError(
+            f"{path}: its header promises {size / 2**20:.0f} MiB of samples, at most {MOST_BYTES >> 20} MiB are read"
+        )
+
+
+def _refuse_foreign_data(path: Path) -> None:
+    """A header may name the file that holds its samples; one of another folder is none of its business."""
+    for name in _named_data_files(path):
+        beside = (path.parent / name).resolve()
+        if Path(name).is_absolute() or beside.parent != path.parent.resolve():
+            raise VolumeError(f"{path}: its header names {name!r}, a file outside its own folder, which is not read")
+
+
+def _named_data_files(path: Path) -> list[str]:
+    try:
+        with path.open("rb") as file:
+            head = file.read(_HEADER_BYTES)
+            longer = len(head) == _HEADER_BYTES
+    except OSError as error:
+        raise VolumeError(f"{path}: cannot be read: {error.strerror}") from error
+    entry = _DATA_FILE.get(path.suffix.lower())
+    if entry is None:
+        return []
+    text = head.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if path.suffix.lower() in (".nrrd", ".nhdr"):
+        text, end, _ = text.partition(b"\n\n")
+        longer = longer and not end
+    names: list[bytes] = []
+    for found in entry.finditer(text):
+        if found[1].strip() == b"LOCAL":
+            return []  # what follows are the samples
+        # A list of names stands in the lines behind; behind a pattern stand numbers.
+        listed = found[1].upper().startswith(b"LIST")
+        names += text[found.end() :].splitlines() if listed else [re.sub(rb"( +-?\d+)+\s*$", b"", found[1])]
+    if longer and not names:
+        raise VolumeError(f"{path}: its header is longer than {_HEADER_BYTES >> 10} KiB")
+    return [name for one in names if (name := one.decode("utf-8", "replace").strip())]
+
+
 def _read_series(itk: Any, folder: Path) -> Any:
     """The folder's only DICOM series as an image."""
     reader = itk.ImageSeriesReader()
@@ -98,5 +172,10 @@ def _read_series(itk: Any, folder: Path) -> Any:
     if len(series) > 1:
         counts = ", ".join(f"{one} ({len(names)} files)" for one, names in files.items())
         raise VolumeError(f"{folder}: {len(series)} DICOM series, expected one to a folder: {counts}")
-    reader.SetFileNames(files[series[0]])
+    names = files[series[0]]
+    single = itk.ImageFileReader()
+    single.SetImageIO(_READERS[".dcm"])
+    single.SetFileName(names[0])
+    _refuse_too_large(itk, single, folder, len(names))
+    reader.SetFileNames(names)
     return reader.Execute()

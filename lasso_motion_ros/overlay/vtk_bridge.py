@@ -6,6 +6,11 @@ Imported only when needed: the library is large.
 from __future__ import annotations
 
 import importlib
+import importlib.util
+import signal
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +22,45 @@ from lasso_motion_ros.core.errors import SurfaceError
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]
 
+NO_VTK = "VTK files and surfaces of volumes need VTK: pip install 'lasso_motion_ros[volume]'"
+WAIT_S = 120.0
+"""How long VTK may take for a file of the size that is read at most."""
+CHILD_SAID = 2
+"""Exit status with which the child says in words what is wrong."""
+
 
 def read_polygons(path: Path) -> tuple[Array, Indices, str]:
     """Vertices (V, 3) and triangles (T, 3) of a legacy VTK or a VTP file, and the axes it states ("" if none).
+
+    A child process reads it: VTK believes the counts and indices in a file, and a file that lies ends the process.
+
+    Raises:
+        SurfaceError: VTK is not installed, or the file is no surface.
+    """
+    if importlib.util.find_spec("vtkmodules") is None or importlib.util.find_spec("vtkmodules.vtkCommonCore") is None:
+        raise SurfaceError(NO_VTK)
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
+        output = Path(directory) / "surface.npz"
+        command = [sys.executable, "-m", "lasso_motion_ros.overlay.vtk_child", str(path), str(output)]
+        try:
+            done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, check=False, timeout=WAIT_S)
+        except subprocess.TimeoutExpired as error:
+            raise SurfaceError(f"VTK has not read it within {WAIT_S:g} s") from error
+        if done.returncode == CHILD_SAID:
+            raise SurfaceError(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1])
+        if done.returncode != 0:
+            died = signal.Signals(-done.returncode).name if done.returncode < 0 else f"status {done.returncode}"
+            raise SurfaceError(f"its counts or indices are wrong: VTK ended with {died} while it read the file")
+        with np.load(output, allow_pickle=False) as read:
+            vertices, triangles = np.asarray(read["vertices"], np.float64), np.asarray(read["triangles"], np.int64)
+            space = str(read["space"])
+    if triangles.min(initial=0) < 0 or triangles.max(initial=0) >= len(vertices):
+        raise SurfaceError(f"a triangle names a vertex beyond the {len(vertices)} that there are")
+    return vertices, triangles, space
+
+
+def parse_polygons(path: Path) -> tuple[Array, Indices, str]:
+    """As `read_polygons`, in this process: a file that lies may end it.
 
     Raises:
         SurfaceError: VTK is not installed, or the file is no surface.
@@ -131,6 +172,4 @@ def _vtk(module: str) -> Any:
     try:
         return importlib.import_module(f"vtkmodules.{module if '.' in module else 'vtk' + module}")
     except ImportError as error:
-        raise SurfaceError(
-            "VTK files and surfaces of volumes need VTK: pip install 'lasso_motion_ros[volume]'"
-        ) from error
+        raise SurfaceError(NO_VTK) from error

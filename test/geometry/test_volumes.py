@@ -1,5 +1,8 @@
 """Reading medical volumes: where a sample lies in the patient, whatever axes the file uses; refusals."""
 
+import gzip
+import resource
+import struct
 import sys
 
 import numpy as np
@@ -90,3 +93,65 @@ def test_refusals_name_the_file_and_the_reason(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "SimpleITK", None)
     with pytest.raises(VolumeError, match=r"lasso_motion_ros\[volume\]"):
         read_volume_image(flat)
+
+
+def nifti_header(side: int) -> bytes:
+    """A NIfTI header that promises side³ samples of 64 bits."""
+    header = bytearray(352)
+    struct.pack_into("<i", header, 0, 348)
+    struct.pack_into("<8h", header, 40, 3, side, side, side, 1, 1, 1, 1)
+    struct.pack_into("<2h", header, 70, 64, 64)
+    struct.pack_into("<8f", header, 76, 1, 1, 1, 1, 1, 1, 1, 1)
+    struct.pack_into("<f", header, 108, 352)
+    header[344:348] = b"n+1\0"
+    return bytes(header)
+
+
+def test_a_packed_file_is_not_unpacked_beyond_the_limit(tmp_path):
+    """One promises 8 GB; another says it is small, and goes on for as long as one reads."""
+    pytest.importorskip("SimpleITK")
+    for name, side, said in (
+        ("promises.nii.gz", 1000, "promises 7629 MiB of samples, at most 1024 MiB"),
+        ("goes_on.nii.gz", 4, ""),
+    ):
+        path = tmp_path / name
+        with gzip.open(path, "wb", compresslevel=1) as file:
+            file.write(nifti_header(side))
+            for _ in range(256):
+                file.write(bytes(1 << 20))
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        if said:
+            with pytest.raises(VolumeError, match=said):
+                read_volume_image(path)
+        else:
+            assert read_volume_image(path).values.shape == (4, 4, 4)
+        grown_mib = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+        assert grown_mib < 100
+
+
+@pytest.mark.parametrize(
+    ("name", "header"),
+    [
+        ("a.nhdr", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\ndata file: {data}\n"),
+        ("a.nrrd", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\ndatafile: {data}\n\n"),
+        ("a.nhdr", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 1\nencoding: raw\ndata file: LIST\n{data}\n"),
+        ("a.mhd", "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = {data}\n"),
+        ("a.mha", "Comment = ElementDataFile = LOCAL\nNDims = 3\nDimSize = 4 4 4\nElementDataFile = {data}\n"),
+        ("a.mhd", "NDims = 3\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = LIST\n{data}\n"),
+    ],
+)
+def test_a_header_reads_no_file_outside_its_folder(name, header, tmp_path):
+    pytest.importorskip("SimpleITK")
+    folder = tmp_path / "given"
+    folder.mkdir()
+    secret = tmp_path / "secret.raw"
+    secret.write_bytes(bytes(range(64)))
+    (folder / "link.raw").symlink_to(secret)
+    for data in (str(secret), "../secret.raw", "link.raw"):
+        (folder / name).write_text(header.format(data=data))
+        with pytest.raises(VolumeError, match="a file outside its own folder, which is not read"):
+            read_volume_image(folder / name)
+    if "LIST" not in header and "Comment" not in header:
+        (folder / "own.raw").write_bytes(bytes(range(64)))
+        (folder / name).write_text(header.format(data="own.raw"))
+        assert read_volume_image(folder / name).values.sum() == sum(range(64))

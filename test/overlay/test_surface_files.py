@@ -225,3 +225,31 @@ def test_a_vtk_file_that_is_none_is_refused(tmp_path):
         (tmp_path / name).write_text(text)
         with pytest.raises(SurfaceError, match=f"{name}: (not a readable|the surface has no triangle)"):
             read_surface(tmp_path / name, "mm")
+
+
+CRAFTED = """# vtk DataFile Version 3.0
+crafted
+ASCII
+DATASET POLYDATA
+POINTS 3 float
+0 0 0 1 0 0 0 1 0
+{polygons}
+"""
+
+
+@pytest.mark.parametrize(
+    ("polygons", "said"),
+    [
+        ("POLYGONS 1 4\n3 0 1 900000000", "its counts or indices are wrong|names a vertex beyond the 3"),
+        ("POLYGONS 1 4\n3 0 1 -900000000", "its counts or indices are wrong|names a vertex beyond the 3"),
+        ("POLYGONS 1 4\n900000000 0 1 2", "crafted.vtk: "),
+        ("TRIANGLE_STRIPS 1 5\n4 0 1 2 900000000", "crafted.vtk: "),
+    ],
+)
+def test_a_vtk_file_that_lies_is_one_error_and_not_the_end_of_the_process(tmp_path, polygons, said):
+    """Counts and indices beyond what is there: VTK itself reads, or writes, beyond its arrays."""
+    pytest.importorskip("vtkmodules")
+    path = tmp_path / "crafted.vtk"
+    path.write_text(CRAFTED.format(polygons=polygons))
+    with pytest.raises(SurfaceError, match=said):
+        read_surface(path, "mm")
