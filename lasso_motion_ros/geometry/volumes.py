@@ -109,9 +109,12 @@ def read_volume_image(path: str | Path, metres_per_unit: float = 1e-3) -> Volume
 
 def _read_file(itk: Any, path: Path) -> Any:
     """One file, by the reader of its suffix; its header is judged before a sample is unpacked."""
+    reader_name = next((name for suffix, name in _READERS.items() if path.name.lower().endswith(suffix)), None)
+    if reader_name is None:
+        raise VolumeError(f"{path}: expected a volume as {', '.join(_READERS)}, found {path.suffix or 'no suffix'}")
     _refuse_foreign_data(path)
     reader = itk.ImageFileReader()
-    reader.SetImageIO(next(name for suffix, name in _READERS.items() if path.name.lower().endswith(suffix)))
+    reader.SetImageIO(reader_name)
     reader.SetFileName(str(path))
     _refuse_too_large(itk, reader, path, 1)
     return reader.Execute()

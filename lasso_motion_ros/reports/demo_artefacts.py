@@ -25,6 +25,7 @@ from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.overlay.windowing import RgbImage, grey_to_rgb, window_image
 from lasso_motion_ros.reports.figure_panels import save_figure
 from lasso_motion_ros.reports.picture_grid import (
+    RESEARCH_ONLY,
     STRIP_TEXT_AT,
     STRIP_TEXT_SCALE,
     below_each_other,
@@ -189,7 +190,9 @@ def _cell(picture: RgbImage | None, label: str) -> RgbImage:
 
 def _footer(run: DemoRun, number: int, width: int) -> RgbImage:
     pair = run.pairs[number]
-    strip = text_strip(f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s", width)
+    strip = text_strip(
+        f"pair {number + 1} of {len(run.pairs)}   t = {_times(run)[number]:.2f} s   {RESEARCH_ONLY}", width
+    )
     estimate = of_pair(run.estimates, pair.stamp_ns)
     if estimate is None:
         words, colour = "no answer arrived", STATE_COLOURS[TrackerState.LOST]

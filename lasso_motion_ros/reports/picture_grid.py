@@ -10,6 +10,8 @@ import numpy as np
 from lasso_motion_ros.overlay.primitives import WHITE, Colour, draw_banner, draw_text, fit_text
 from lasso_motion_ros.overlay.windowing import RgbImage
 
+RESEARCH_ONLY = "Research use only, not a medical device"
+"""Stands in every frame of a video."""
 STRIP_PX = 34
 STRIP_TEXT_SCALE = 0.55
 STRIP_TEXT_AT = (12, 23)

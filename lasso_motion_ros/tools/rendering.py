@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import whole_directory
 from lasso_motion_ros.core.progress import busy, progress
+from lasso_motion_ros.evaluation.measures import PairEstimate
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
+from lasso_motion_ros.geometry import transforms
 from lasso_motion_ros.geometry.frames import PLANES, FramePair
 from lasso_motion_ros.overlay.painter import OverlayPainter
-from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
+from lasso_motion_ros.overlay.reference_anatomy import ReferenceAnatomy, read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
 from lasso_motion_ros.reports.offline_overlay import DrawnPair, OfflineOverlay, OverlayView, video_picture
 from lasso_motion_ros.reports.picture_files import write_png
@@ -28,6 +31,8 @@ from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from lasso_motion_ros.stream.recorded_pairs import recorded_pairs
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics
+
+Array = npt.NDArray[np.float64]
 
 CELL_PX = 768
 FRAMES = tuple(f"plane_{plane}_*.png" for plane in PLANES)
@@ -112,7 +117,7 @@ def render_recording(
     rendered = []
     with ExitStack() as stack:
         place = output if is_video(output) else stack.enter_context(whole_directory(output, FRAMES))
-        pictures = stack.enter_context(_Output(place, view, rate_hz))
+        pictures = stack.enter_context(_Output(place, view, rate_hz, _centre(estimates, shown)))
         for number, pair in enumerate(progress(pairs, len(estimates) or None, "rendering", quiet)):
             drawn = overlay.draw(pair)
             pictures.write(number, pair, drawn)
@@ -126,8 +131,8 @@ def render_recording(
 class _Output:
     """The video, or the frames in a directory that is there, as a context manager."""
 
-    def __init__(self, path: Path, view: OverlayView, rate_hz: float | None) -> None:
-        self._path, self._view, self._rate_hz = path, view, rate_hz
+    def __init__(self, path: Path, view: OverlayView, rate_hz: float | None, centre: Array) -> None:
+        self._path, self._view, self._rate_hz, self._centre = path, view, rate_hz, centre
         self._video: VideoWriter | None = None
         self._first: tuple[int, DrawnPair] | None = None
         self._start_ns = 0
@@ -161,10 +166,19 @@ class _Output:
     def _add_frame(self, stamp_ns: int, drawn: DrawnPair, rate: float) -> None:
         if self._video is None:
             self._video = VideoWriter(self._path, rate)
-        words = f"t = {1e-9 * (stamp_ns - self._start_ns):.2f} s   "
-        words += "compensated" if drawn.compensated else "not compensated"
-        words += f"   {drawn.status}" if drawn.status else ""
+        words = f"t = {1e-9 * (stamp_ns - self._start_ns):.2f} s   {drawn.state.replace('_', ' ') or 'no answer'}   "
+        if drawn.motion is None:
+            words += "not compensated"
+        else:
+            shift = 1e3 * (transforms.apply(drawn.motion, self._centre) - self._centre)
+            words += f"motion x {shift[0]:+.1f}  y {shift[1]:+.1f}  z {shift[2]:+.1f} mm"
         self._video.write(video_picture(drawn, self._view, CELL_PX, words))
+
+
+def _centre(estimates: Sequence[PairEstimate], shown: ReferenceAnatomy) -> Array:
+    """(3,) where the motion is told in millimetres: the first published loop's centre, else the anatomy's."""
+    loop = next((one.loop for one in estimates if one.loop is not None), None)
+    return np.asarray((shown.surface.vertices if loop is None else loop).mean(axis=0))
 
 
 def is_video(path: Path) -> bool:

@@ -16,6 +16,8 @@ from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.surface_files import read_surface, write_stl
+from lasso_motion_ros.reports import offline_overlay
+from lasso_motion_ros.reports.picture_grid import STRIP_PX, text_strip
 from msg_adapters.images import decode_image
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter
@@ -79,7 +81,7 @@ def test_side_by_side_has_the_static_place_left(inputs: list[str], tmp_path: Pat
     assert picture.shape == (512, 2 * 512 + 4, 3)
 
 
-@pytest.mark.parametrize(("view", "shape"), [("compensated", (802, 1540)), ("both", (1574, 1540))])
+@pytest.mark.parametrize(("view", "shape"), [("compensated", (836, 1540)), ("both", (1642, 1540))])
 def test_the_video_plays_at_the_recordings_rate(inputs: list[str], tmp_path: Path, view: str, shape: tuple) -> None:
     av = pytest.importorskip("av")
     out = tmp_path / "out.mp4"
@@ -89,8 +91,37 @@ def test_the_video_plays_at_the_recordings_rate(inputs: list[str], tmp_path: Pat
         frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert [frame.shape[:2] for frame in frames] == [shape] * 4
     # The LOST pair's banner is amber across the top of the compensated picture.
-    row = frames[2][10, -700:-100] if view == "both" else frames[2][10, 100:700]
+    row = frames[2][STRIP_PX + 10, -700:-100] if view == "both" else frames[2][STRIP_PX + 10, 100:700]
     assert (np.median(row, axis=0) - [255, 176, 0]).max() < 40
+
+
+def test_every_frame_says_plane_state_motion_and_that_it_is_for_research(
+    inputs: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("av")
+    written: list[str] = []
+
+    def noted(words: str, width: int) -> np.ndarray:
+        written.append(words)
+        return text_strip(words, width)
+
+    monkeypatch.setattr(offline_overlay, "text_strip", noted)
+    assert main([*inputs, "-o", str(tmp_path / "out.mp4")]) == 0
+    said = [
+        "TRACKING   motion x +0.0  y +0.0  z +0.0 mm",
+        "DEGRADED   motion x +0.0  y +0.0  z +4.0 mm",
+        "LOST   not compensated",
+        "TRACKING   motion x +0.0  y +0.0  z +8.0 mm",
+    ]
+    assert written == [
+        words
+        for pair, below in enumerate(said)
+        for words in (
+            "Plane A",
+            "Plane B",
+            f"t = {0.25 * pair:.2f} s   {below}   Research use only, not a medical device",
+        )
+    ]
 
 
 @pytest.mark.parametrize(
