@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from lasso_motion_ros.bench.suite.sequence import SequenceResult
+from lasso_motion_ros.bench.suite.state_strips import StateStrip, format_strips, state_strip
 from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
 from lasso_motion_ros.bench.suite.suite_tables import percent, table_cell, text_table
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap
@@ -31,6 +32,7 @@ class TrapMeasures:
             far that the loop is seen more than 3 mm from where the published geometry has it.
         false_poses: poses among these.
         states: pairs by state.
+        strips: of each sequence, its states pair by pair.
     """
 
     measures: Measures
@@ -39,6 +41,7 @@ class TrapMeasures:
     absent: int
     false_poses: int
     states: Mapping[str, int]
+    strips: tuple[StateStrip, ...]
 
 
 def trap_measures(trap: Trap, results: Sequence[SequenceResult]) -> TrapMeasures:
@@ -52,6 +55,7 @@ def trap_measures(trap: Trap, results: Sequence[SequenceResult]) -> TrapMeasures
         absent=sum(score.hidden or score.displaced for score in after),
         false_poses=sum(score.false_pose for score in after),
         states=dict(Counter(score.state for score in after)),
+        strips=tuple(state_strip(_asked(trap, result), refused=bool(result.refused)) for result in results),
     )
 
 
@@ -61,11 +65,21 @@ def traps_record(found: Mapping[str, Mapping[str, TrapMeasures]]) -> dict[str, A
 
 
 def format_traps(found: Mapping[str, Mapping[str, TrapMeasures]]) -> str:
-    """The table as text: a line for every trap and configuration.
+    """As text: a table with a line for every trap and configuration, and the course of every sequence.
 
     Args:
         found: measures by name of the trap and of the configuration.
     """
+    strips = [
+        (f"{trap} {number} {config}", strip)
+        for trap, by_config in found.items()
+        for config, one in by_config.items()
+        for number, strip in enumerate(one.strips)
+    ]
+    return f"{_table(found)}\n\n{format_strips(strips)}"
+
+
+def _table(found: Mapping[str, Mapping[str, TrapMeasures]]) -> str:
     head = ["trap", "config", "pairs", "silent", "missing", "unsaid", "false poses", "centre", "max", "TRE", "in 95"]
     lines = [[*head, *(state.value for state in SHOWN_STATES), ""]]
     for name, by_config in found.items():
