@@ -22,8 +22,9 @@ UBUNTU = $(UBUNTU_VENV)/.installed
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(firstword $(MAKEFILE_LIST)) | expand -t 14
 
+# What it writes is its own, so a second run replaces it.
 demo: $(RUN) ## the whole system, live, on the bundled recording; writes demo_output/
-	$(VENV)/bin/lasso-motion demo $(ARGS)
+	$(VENV)/bin/lasso-motion demo --overwrite $(ARGS)
 
 test: $(DEV) ## all tests, with real ROS processes
 	$(VENV)/bin/python -m pytest $(BESIDE) $(ARGS)
