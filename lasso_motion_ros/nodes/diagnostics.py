@@ -13,6 +13,7 @@ from lasso_motion_ros.nodes.state_watch import state_words
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.stream.outputs import PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
+from msg_adapters.topics import CLICKS_REFUSED_KEY, CLICKS_TAKEN_KEY, LAST_REFUSAL_KEY
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"
@@ -51,7 +52,11 @@ def tracker_status(
             HALF_PAIRS: statistics.half_pairs,
             "poses": statistics.poses,
             DROPPED_PAIRS: dropped_pairs,
+            CLICKS_TAKEN_KEY: statistics.seeds.taken,
+            CLICKS_REFUSED_KEY: statistics.seeds.refused,
         }
+        if statistics.seeds.refusal:
+            values[LAST_REFUSAL_KEY] = statistics.seeds.refusal
         if pose_age_s is not None:
             values["age of the last pose (s)"] = f"{pose_age_s:.3f}"
         values |= latencies or {}

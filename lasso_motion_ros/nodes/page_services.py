@@ -13,6 +13,7 @@ from rclpy.node import Node
 from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.web.plain_words import in_plain_words
 
 DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
@@ -62,7 +63,7 @@ class PageServices:
         Raises:
             TrackingError: it does not answer.
         """
-        return bool(self._call(self._freeze, SetBool.Request(data=True), "freeze").success)
+        return bool(self._call(self._freeze, SetBool.Request(data=True), "the tracker").success)
 
     def unfreeze(self) -> None:
         """Let the tracker go on, without waiting for it."""
@@ -75,9 +76,9 @@ class PageServices:
         Raises:
             TrackingError: it refuses, or does not answer.
         """
-        answer = self._call(self._triggers[name], Trigger.Request(), name)
+        answer = self._call(self._triggers[name], Trigger.Request(), "the tracker")
         if not answer.success:
-            raise TrackingError(answer.message or f"the tracker refused {name}")
+            raise TrackingError(in_plain_words(answer.message) or f"The tracker has refused: {name}.")
         return TRIGGERS[name]
 
     def set_drawing(self, drawing: str) -> None:
@@ -88,7 +89,7 @@ class PageServices:
         """
         value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value=drawing)
         request = SetParameters.Request(parameters=[Parameter(name=DRAWING, value=value)])
-        (result,) = self._call(self._set_style, request, "the overlay's style").results
+        (result,) = self._call(self._set_style, request, "the overlay").results
         if not result.successful:
             raise TrackingError(result.reason)
 
@@ -105,11 +106,11 @@ class PageServices:
 
     def _call(self, client: Any, request: Any, what: str) -> Any:
         if not client.service_is_ready():
-            raise TrackingError(f"{what}: nobody offers {client.srv_name}; is the node running?")
+            raise TrackingError(f"Not done: {what} does not answer ({client.srv_name}). Is it running?")
         answered = threading.Event()
         future = client.call_async(request)
         future.add_done_callback(lambda _: answered.set())
         if not answered.wait(TUNING.answer_wait_s):
             client.remove_pending_request(future)
-            raise TrackingError(f"{what}: {client.srv_name} has not answered within {TUNING.answer_wait_s:g} s")
+            raise TrackingError(f"Not done, perhaps: {what} has not answered within {TUNING.answer_wait_s:g} s.")
         return future.result()

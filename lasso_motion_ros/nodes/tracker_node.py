@@ -310,6 +310,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             raise
         finally:
             self._tracker_services.seeded(task, refusal)
+            if task.seed is not None:
+                self._publish_diagnostics()  # whoever clicked waits for the answer
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()

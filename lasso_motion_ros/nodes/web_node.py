@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import CameraInfo, Image
@@ -27,6 +28,7 @@ from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live_stream import LiveStream
+from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from msg_adapters.messages import header_fields, stamp_to_ns
@@ -53,15 +55,18 @@ class _Waits:
             after the service call that lets the pair go.
         pairs_before_clicks: of a new run, before clicks are given again: by then the tracker knows of that run too, and
             does not take them for clicks on the last one.
+        holder_idle_s: after this long without a click the page that holds a pair may lose it to another.
     """
 
     graph_s: float = 0.25
     hold_s: float = 1.5
     held_after_seed_s: float = 3.0
     pairs_before_clicks: int = 3
+    holder_idle_s: float = 120.0
 
 
 _WAITS = _Waits()
+_GONE_BY = "is not among the last"  # of a recording over and over: the clicks count in its next round
 
 
 class WebNode(ConfiguredNode[WebConfig]):
@@ -83,6 +88,8 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._overlays = OverlayInputs(self, self._on_overlay)
         self._graph: dict[str, Any] = {"overlay": False, "drawing": None}
         self._wanted: frozenset[PageView] = frozenset()
+        self._holder: int | None = None  # the page whose user clicks; there is one, since the tracker holds one pair
+        self._holder_active_at = 0.0
         self._holding = threading.Lock()
         self._unfreeze_at: float | None = None
         self._sent: dict[Plane, tuple[int, Any]] = {}
@@ -118,101 +125,136 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     # What the server asks (see `Source`).
 
-    def status(self) -> dict[str, Any]:
+    def status(self, page: int) -> dict[str, Any]:
         """See `Source.status`."""
+        holder = self._holder
         return {
             "mode": "live",
             **self._stream.status(),
             **self._graph,
+            "held": holder == page,
+            "held_elsewhere": holder not in (None, page),
             "sent": self._waits_for_answer,
             "taken": self._taken,
             "clicks": MINIMUM_CLICKS,
         }
 
-    def picture(self, view: PageView) -> Picture | None:
-        """See `Source.picture`."""
-        return self._stream.picture(view)
+    def picture(self, view: PageView, page: int) -> Picture | None:
+        """See `Source.picture`; who looks on sees the stream, while another clicks."""
+        return self._stream.picture(view, held=self._holder == page)
 
     def trace(self, after: int) -> list[TracePoint]:
         """See `Source.trace`."""
         return self._stream.trace(after)
 
+    def millimetres_per_pixel(self, page: int) -> Mapping[Plane, float]:
+        """See `Source.millimetres_per_pixel`."""
+        pair = self._stream.held
+        if pair is None or self._holder != page:
+            return {}
+        self._holder_active_at = time.monotonic()
+        return {plane: frame.projection.millimetres_per_pixel(np.zeros(3)) for plane, frame in pair.frames.items()}
+
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`."""
         self._changed = on_change
 
-    def audience(self, views: frozenset[PageView]) -> None:
+    def audience(self, views: Mapping[int, PageView]) -> None:
         """See `Source.audience`; a viewer who leaves must not leave the picture frozen."""
-        self._wanted = views
-        if not views and self._stream.held is not None:
-            self._stream.release()
-            self._unfreeze_at = time.monotonic()
+        self._wanted = frozenset(views.values())
+        if self._holder is not None and self._holder not in views:
+            self._let_go()
 
-    def command(self, name: str, body: Mapping[str, Any]) -> str:
+    def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         """See `Source.command`."""
         if name == "hold":
-            return self._hold()
+            return self._hold_for(page)
         if name == "release":
-            return self._release()
+            if self._holder == page:
+                self._let_go()
+            return ""
         if name == "seed":
-            return self._seed(body)
+            return self._seed(body, page)
         if name == "style":
             return self._change_style(protocol.text("drawing", body, DRAWINGS))
         if name in TRIGGERS:
             return self._trigger(name)
         raise TrackingError(f"{name} belongs to the drawing of centrelines")
 
-    def _hold(self) -> str:
-        """Hold a pair here, the one that the tracker holds if it can hold one."""
+    def _hold_for(self, page: int) -> str:
         with self._holding:
-            self._unfreeze_at = None
-            if not self._page_services.can_freeze:
-                self._stream.hold(self._stream.whole_pairs())
-                return ""
-            stamps: dict[Plane, int] = {}
-            complete = threading.Event()
-            frozen = threading.Event()
-
-            def take(plane: Plane, message: Image) -> None:
-                if frozen.is_set():
-                    stamps[plane] = stamp_to_ns(message.header.stamp)
-                    if len(stamps) == len(PLANES):
-                        complete.set()
-
-            # Only the tracker's picture says which pair it holds.
-            listening = [
-                self.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
-                for plane in PLANES
-            ]
-            before = self._stream.whole_pairs()
-            try:
-                is_held = self._page_services.freeze()
-                frozen.set()
-                pairs = list(dict.fromkeys([*before, *self._stream.whole_pairs()]))
-                if is_held:
-                    complete.wait(_WAITS.hold_s)
-                self._stream.hold(pairs, stamps if complete.is_set() else None)
-            finally:
-                for one in listening:
-                    self.destroy_subscription(one)
-            return ""
-
-    def _release(self) -> str:
-        self._stream.release()
-        self._unfreeze_at = time.monotonic()
+            idle_s = time.monotonic() - self._holder_active_at
+            if self._holder not in (None, page) and idle_s < _WAITS.holder_idle_s:
+                raise TrackingError(
+                    "Somebody is setting clicks in another window. Finish or cancel there; if nothing is clicked "
+                    f"there, this window can in {_WAITS.holder_idle_s - idle_s:.0f} s."
+                )
+            self._hold()
+            self._holder, self._holder_active_at = page, time.monotonic()
         return ""
 
-    def _seed(self, body: Mapping[str, Any]) -> str:
-        pair = self._stream.held
-        if pair is None:
-            raise TrackingError("no pair is held: hold one, then click")
-        clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
-        self._sent |= {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
-        self._publish_clicks()
-        self._waits_for_answer, self._again, self._taken = True, False, False
+    def _hold(self) -> None:
+        """Hold a pair here, the one that the tracker holds if it can hold one."""
+        self._unfreeze_at = None
+        if not self._page_services.can_freeze:
+            self._stream.hold(self._stream.whole_pairs())
+            return
+        stamps: dict[Plane, int] = {}
+        complete = threading.Event()
+        frozen = threading.Event()
+
+        def take(plane: Plane, message: Image) -> None:
+            if frozen.is_set():
+                stamps[plane] = stamp_to_ns(message.header.stamp)
+                if len(stamps) == len(PLANES):
+                    complete.set()
+
+        # Only the tracker's picture says which pair it holds.
+        listening = [
+            self.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
+            for plane in PLANES
+        ]
+        before = self._stream.whole_pairs()
+        try:
+            is_held = self._page_services.freeze()
+            frozen.set()
+            pairs = list(dict.fromkeys([*before, *self._stream.whole_pairs()]))
+            if is_held:
+                complete.wait(_WAITS.hold_s)
+            self._stream.hold(pairs, stamps if complete.is_set() else None)
+        finally:
+            for one in listening:
+                self.destroy_subscription(one)
+
+    def _let_go(self, unfreeze_after_s: float = 0.0) -> None:
+        self._holder = None
         self._stream.release()
-        self._unfreeze_at = time.monotonic() + _WAITS.held_after_seed_s
-        return "The clicks are on their way to the tracker."
+        self._unfreeze_at = time.monotonic() + unfreeze_after_s
+
+    def _seed(self, body: Mapping[str, Any], page: int) -> str:
+        """Send the clicks, and wait for the tracker's answer; where it refuses them, the pair stays held."""
+        pair = self._stream.held
+        if pair is None or self._holder != page:
+            raise TrackingError("No picture is held in this window any more. Press S, and click again.")
+        clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
+        self._holder_active_at = time.monotonic()
+        self._sent |= {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
+        before = self._stream.answers.counts
+        self._waits_for_answer, self._again, self._taken = True, False, False
+        self._publish_clicks()
+        refusal = None if before is None else self._stream.answers.wait(before)
+        if refusal and not (self._stream.new_runs and _GONE_BY in refusal):
+            self._sent, self._waits_for_answer = {}, False
+            self._changed()
+            raise TrackingError(f"{in_plain_words(refusal)} Your clicks are still there.")
+        if self._holder == page:
+            self._let_go(_WAITS.held_after_seed_s)
+        if refusal == "":
+            self._waits_for_answer = False
+            return "The tracker has taken the clicks."
+        if self._stream.new_runs:
+            return "The clicked picture has gone by. The clicks count when it comes again."
+        return "The clicks are sent; the tracker has not answered yet. If nothing follows, press S and click again."
 
     def _publish_clicks(self) -> None:
         for plane, (stamp_ns, clicks) in self._sent.items():

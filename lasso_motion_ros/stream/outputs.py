@@ -28,6 +28,21 @@ class Output:
     stamp_ns: int
 
 
+@dataclass(frozen=True)
+class SeedCounts:
+    """What became of clicks since the start.
+
+    Attributes:
+        taken: how many times they made a model.
+        refused: how many times they were refused, in one plane or both.
+        refusal: why, the last time; empty before the first.
+    """
+
+    taken: int
+    refused: int
+    refusal: str
+
+
 @dataclass(frozen=True, eq=False)
 class PipelineStatistics:
     """Counts since the start, for diagnostics and summaries.
@@ -42,6 +57,7 @@ class PipelineStatistics:
         problems: problems, by topic.
         frames: per plane, what became of images and calibrations before pairing.
         pairing: per plane, what became of images in pairing.
+        seeds: what became of clicks.
         residual_px: per plane, the last result's residual.
         ring: what the ring did by itself in the last pair.
         seed_gap_mm: by which the planes disagreed at the seed, mm; None without a seed, or where that is not judged.
@@ -61,6 +77,7 @@ class PipelineStatistics:
     problems: dict[str, int]
     frames: dict[Plane, CalibrationCounts]
     pairing: dict[Plane, PlaneCounts]
+    seeds: SeedCounts
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None

@@ -9,13 +9,14 @@ from __future__ import annotations
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.stream.intake import MessageIntake
-from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
+from lasso_motion_ros.stream.outputs import Output, PipelineStatistics, SeedCounts
 from lasso_motion_ros.stream.problem_log import ProblemLog
-from lasso_motion_ros.stream.session import TrackingSession
+from lasso_motion_ros.stream.session import SEED_PROBLEMS, TrackingSession
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.messages import MessageFactory
+from msg_adapters.topics import seed_topic
 
 
 class TrackingPipeline:
@@ -67,6 +68,7 @@ class TrackingPipeline:
         """Counts since the start; never waits for the tracker."""
         session, intake = self.session, self.intake
         result = session.last_result
+        refused, refusal = self.problems.of_topics((SEED_PROBLEMS, *(seed_topic(plane).name for plane in PLANES)))
         return PipelineStatistics(
             state=session.state,
             reason=self._reason(),
@@ -77,6 +79,7 @@ class TrackingPipeline:
             problems=self.problems.counts,
             frames=intake.frame_counts,
             pairing=intake.pairing_counts,
+            seeds=SeedCounts(session.seeds_taken, refused, refusal),
             residual_px={} if result is None else dict(result.residual_px),
             temporal_filter={} if result is None else dict(result.temporal_filter),
             ring=None if result is None else result.ring,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 _MAX_PROBLEMS = 64
@@ -30,12 +30,22 @@ class ProblemLog:
         self._lock = threading.Lock()
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
         self._counts: Counter[str] = Counter()
+        self._last: dict[str, str] = {}
 
     def report(self, topic: str, text: str) -> None:
         """Note a problem; see `Problem`."""
         with self._lock:
             self._problems.append(Problem(topic, text))
             self._counts[topic] += 1
+            self._last.pop(topic, None)  # so that the newest stands last
+            self._last[topic] = text
+
+    def of_topics(self, topics: Iterable[str]) -> tuple[int, str]:
+        """How many problems there were on some topics, and the text of the last; empty where there was none."""
+        wanted = set(topics)
+        with self._lock:
+            texts = [text for topic, text in self._last.items() if topic in wanted]
+            return sum(self._counts[topic] for topic in wanted), texts[-1] if texts else ""
 
     def take(self) -> list[Problem]:
         """Problems since the last call (the last few, if there were many)."""

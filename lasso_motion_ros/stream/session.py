@@ -21,6 +21,7 @@ from lasso_motion_ros.stream.result_messages import ResultMessages
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.messages import MessageFactory
 
+SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
 
@@ -46,6 +47,7 @@ class TrackingSession:
         reason: why, in a few plain words.
         counts: how the pairs were answered.
         heartbeat: keeps the heartbeat out of `motion`.
+        seeds_taken: how many times clicks made a model.
         last_refusal: why the last clicks were refused; empty where they were not.
         last_pair: the last pair answered, or None.
         last_result: the tracker's answer to it; None where there was no model.
@@ -72,6 +74,7 @@ class TrackingSession:
         self.counts = AnswerCounts(config.seed_buffer_pairs)
         self._phases = phases
         self.heartbeat = HeartbeatSeparation(config.heartbeat, phases)
+        self.seeds_taken = 0
         self.last_refusal = ""
         self.last_pair: FramePair | None = None
         self.last_result: TrackResult | None = None
@@ -193,9 +196,10 @@ class TrackingSession:
             result = self._tracker.initialise(pair, seed)
         except _METHOD_ERRORS as error:
             self.last_refusal = _words(error)
-            self._problems.report("seed", self.last_refusal)
+            self._problems.report(SEED_PROBLEMS, self.last_refusal)
             return None
         self.last_refusal = ""
+        self.seeds_taken += 1
         self._has_model = True
         return result
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -49,6 +50,7 @@ class Annotation:
         self._lock = threading.RLock()
         self._clicks = [_ClickedPair() for _ in recording.pairs]
         self._index, self._number, self._version = 0, 1, 0
+        self._drawn_by: Counter[int] = Counter()
         self.unsaved = False
         self._images = recording.images(recording.pairs[0])
 
@@ -57,7 +59,7 @@ class Annotation:
         """What is wrong with the recording as a file."""
         return self._recording.damage
 
-    def status(self) -> dict[str, Any]:
+    def status(self, page: int) -> dict[str, Any]:
         """See `Source.status`."""
         with self._lock:
             pairs = self._recording.pairs
@@ -69,7 +71,8 @@ class Annotation:
                 "frames": len(pairs),
                 "done": sum(pair.is_done for pair in pairs),
                 "unsaved": self.unsaved,
-                "version": self._version,
+                # A page keeps its own clicks, and takes those that another page has set.
+                "version": self._version + self._drawn_by.total() - self._drawn_by[page],
                 "closed": clicks.closed,
                 "clicks": FEWEST_POINTS,
                 "points": {plane: clicks.points.get(plane, _EMPTY).tolist() for plane in PLANES},
@@ -79,7 +82,7 @@ class Annotation:
                 },
             }
 
-    def picture(self, view: PageView) -> Picture | None:
+    def picture(self, view: PageView, page: int) -> Picture | None:
         """See `Source.picture`."""
         with self._lock:
             stamps = self._recording.pairs[self._index].image_stamps
@@ -93,15 +96,20 @@ class Annotation:
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`; nothing changes here but by the page's own commands."""
 
-    def audience(self, views: frozenset[PageView]) -> None:
+    def millimetres_per_pixel(self, page: int) -> Mapping[Plane, float]:
+        """See `Source.millimetres_per_pixel`; centrelines need no calibration."""
+        return {}
+
+    def audience(self, views: Mapping[int, PageView]) -> None:
         """See `Source.audience`."""
 
-    def command(self, name: str, body: Mapping[str, Any]) -> str:
+    def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         """See `Source.command`."""
         with self._lock:
             if name == "go":
                 return self._go(self._checked_index(body), copy=body.get("copy") is True)
             if name == "draw":
+                self._drawn_by[page] += 1
                 return self._draw(self._checked_index(body), body)
             if name == "save":
                 return self.save()

@@ -14,8 +14,10 @@ import numpy.typing as npt
 from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.web.click_answers import ClickAnswers
 from lasso_motion_ros.web.headline import TrackerWord
 from lasso_motion_ros.web.motion_trace import MotionTrace
+from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.shown_pairs import ShownPairs
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from lasso_motion_ros.web.stream_health import StreamHealth
@@ -40,6 +42,7 @@ class LiveStream:
         clock: steady clock, seconds.
 
     Attributes:
+        answers: what the tracker says to clicks.
         new_runs: how many times both planes' stamps have gone back.
         pairs_of_run: pairs since then.
     """
@@ -61,6 +64,7 @@ class LiveStream:
         self._word = TrackerWord(clock, self._health)
         self._had_pose = False
         self._tracker_latency_ms: float | None = None
+        self.answers = ClickAnswers()
         self.new_runs = 0
         self.pairs_of_run = 0
 
@@ -134,9 +138,11 @@ class LiveStream:
             if part != "tracker" or node.rpartition("/")[2] != self._tracker:
                 continue
             values = {entry.key: entry.value for entry in status.values}
+            self.answers.take(values)
             with self._lock:
                 state, _, reason = status.message.partition(": ")
-                self._word.take_reason(state, reason.partition(LAST_POSE_WORDS)[0])  # the page counts on by itself
+                # The page counts on from the last pose by itself.
+                self._word.take_reason(state, in_plain_words(reason.partition(LAST_POSE_WORDS)[0]))
                 try:
                     self._tracker_latency_ms = float(values[LAST_LATENCY_KEY])
                 except (KeyError, ValueError):
@@ -222,7 +228,6 @@ class LiveStream:
                 "tracker_latency_ms": self._tracker_latency_ms,
                 "latency_ms": None if latency is None else round(latency, 1),
                 "worst_latency_ms": None if worst is None else round(worst, 1),
-                "held": self._shown.held is not None,
             }
 
     def trace(self, after: int) -> list[TracePoint]:
@@ -230,7 +235,7 @@ class LiveStream:
         with self._lock:
             return self._trace.points(after)
 
-    def picture(self, view: PageView) -> Picture | None:
-        """The newest picture that may be shown."""
+    def picture(self, view: PageView, *, held: bool = False) -> Picture | None:
+        """The newest picture that may be shown, or of the pair that is held."""
         with self._lock:
-            return self._shown.picture(view, has_pose=self.has_pose)
+            return self._shown.picture(view, has_pose=self.has_pose, held=held)

@@ -7,25 +7,38 @@ import contextlib
 import logging
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 from aiohttp import WSCloseCode, WSMsgType, web
 
 from lasso_motion_ros.core.errors import LassoMotionError, MessageError
+from lasso_motion_ros.web.click_fit import fit_clicks
 from lasso_motion_ros.web.picture_encoder import PictureEncoder
-from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES, DisplaySettings, Request, Shown, Window, encode, parse
-from lasso_motion_ros.web.source import PageView, Source
+from lasso_motion_ros.web.protocol import (
+    MAX_MESSAGE_BYTES,
+    ClickedOutline,
+    DisplaySettings,
+    Request,
+    Shown,
+    encode,
+    parse,
+)
+from lasso_motion_ros.web.source import Source
 
 LOG = logging.getLogger(__name__)
 SHORTEST_PAUSE_S = 0.02
 HEARTBEAT_S = 10.0
 ALIVE_S = 1.0
 """A status is sent this often even if nothing has changed, so that a page knows that its server lives."""
+# Commands wait for the tracker's answers: on threads of their own, or nobody would encode pictures meanwhile.
+_COMMANDS = ThreadPoolExecutor(max_workers=16, thread_name_prefix="command")
 
 
 class PageConnection:
     """One page's WebSocket; lives in the server's event loop.
 
     Args:
+        number: of the page.
         source: what is shown.
         encoder: encodes its pictures, once for all pages.
         on_settings: called when the page wants to see something else.
@@ -34,22 +47,25 @@ class PageConnection:
     Attributes:
         socket: the WebSocket.
         settings: what the page wants to see.
+        heard_s: when the page last said something (`time.monotonic`).
     """
 
     def __init__(
         self,
+        number: int,
         source: Source,
         encoder: PictureEncoder,
         on_settings: Callable[[], None],
         on_answer: Callable[[], None],
     ) -> None:
-        self._source, self._encoder = source, encoder
+        self._number, self._source, self._encoder = number, source, encoder
         self._on_settings, self._on_answer = on_settings, on_answer
         self.socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_S, compress=False)
-        self.settings = DisplaySettings("film", Window())
+        self.settings = DisplaySettings("film")
+        self.heard_s = time.monotonic()
         self._news = asyncio.Event()
         self._can_take_picture = True
-        self._sent_picture: tuple[int, PageView, Window] | None = None
+        self._sent_picture: tuple[int, DisplaySettings] | None = None
         self._sent_status, self._sent_status_s = "", 0.0
         self._sent_point = 0
         self._commands: set[asyncio.Task[None]] = set()
@@ -73,6 +89,7 @@ class PageConnection:
                 task.cancel()
 
     async def _take(self, text: str) -> None:
+        self.heard_s = time.monotonic()
         try:
             message = parse(text)
         except MessageError as error:
@@ -83,6 +100,9 @@ class PageConnection:
         elif isinstance(message, DisplaySettings):
             self.settings = message
             self._on_settings()
+        elif isinstance(message, ClickedOutline):
+            scale = self._source.millimetres_per_pixel(self._number).get(message.plane)
+            await self.socket.send_str(encode("fit", plane=message.plane, **fit_clicks(message.points, scale)))
         else:
             # As a task of its own: a service may take its time, and `shown` must get through meanwhile.
             task = asyncio.create_task(self._answer(message))
@@ -93,12 +113,14 @@ class PageConnection:
     async def _answer(self, request: Request) -> None:
         done, text = True, ""
         try:
-            text = await asyncio.to_thread(self._source.command, request.name, request.body)
+            text = await asyncio.get_running_loop().run_in_executor(
+                _COMMANDS, self._source.command, request.name, request.body, self._number
+            )
         except LassoMotionError as error:
             done, text = False, str(error)
         except Exception as error:
             LOG.exception("command %s", request.name)
-            done, text = False, f"{type(error).__name__}: {error}"
+            done, text = False, f"This went wrong in the page's server; its log says more. ({type(error).__name__})"
         with contextlib.suppress(ConnectionError):
             await self.socket.send_str(encode("answer", id=request.id, done=done, text=text))
         self._on_answer()
@@ -121,7 +143,7 @@ class PageConnection:
             await self.socket.close(code=WSCloseCode.INTERNAL_ERROR)
 
     async def _send_status(self) -> None:
-        status, now_s = encode("status", **self._source.status()), time.monotonic()
+        status, now_s = encode("status", **self._source.status(self._number)), time.monotonic()
         if status != self._sent_status or now_s - self._sent_status_s >= ALIVE_S:
             self._sent_status, self._sent_status_s = status, now_s
             await self.socket.send_str(status)
@@ -134,10 +156,9 @@ class PageConnection:
             await self.socket.send_str(encode("trace", points=rows))
 
     async def _send_picture(self) -> None:
-        view, window = self.settings.view, self.settings.window
-        picture = self._source.picture(view)
-        if picture is None or self._sent_picture == (picture.number, view, window):
+        settings = self.settings
+        picture = self._source.picture(settings.view, self._number)
+        if picture is None or self._sent_picture == (picture.number, settings):
             return
-        self._sent_picture, self._can_take_picture = (picture.number, view, window), False
-        data = await asyncio.to_thread(self._encoder.encode, picture, view, window)
-        await self.socket.send_bytes(data)
+        self._sent_picture, self._can_take_picture = (picture.number, settings), False
+        await self.socket.send_bytes(await asyncio.to_thread(self._encoder.encode, picture, settings))

@@ -11,9 +11,9 @@ import numpy as np
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.windowing import window_image, window_limits
-from lasso_motion_ros.web.protocol import EncodedPlane, Window, encode_picture
+from lasso_motion_ros.web.protocol import DisplaySettings, EncodedPlane, Window, encode_picture
 from lasso_motion_ros.web.recent import Recent
-from lasso_motion_ros.web.source import PageView, Picture, PlanePicture
+from lasso_motion_ros.web.source import Picture, PlanePicture
 
 
 @dataclass(frozen=True)
@@ -39,20 +39,20 @@ class PictureEncoder:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._kept: Recent[tuple[int, PageView, Window], bytes] = Recent(_TUNING.kept)
+        self._kept: Recent[tuple[int, DisplaySettings], bytes] = Recent(_TUNING.kept)
 
-    def encode(self, picture: Picture, view: PageView, window: Window) -> bytes:
+    def encode(self, picture: Picture, settings: DisplaySettings) -> bytes:
         """The binary message of a picture (see `encode_picture`)."""
-        key = (picture.number, view, window)
+        key, windows = (picture.number, settings), dict(settings.windows)
         with self._lock:
             if key in self._kept:
                 return self._kept[key]
             planes = {
-                plane: encode_plane(picture.planes[plane], window, lossless=picture.held)
+                plane: encode_plane(picture.planes[plane], windows[plane], lossless=picture.held)
                 for plane in PLANES
                 if plane in picture.planes
             }
-            message = encode_picture(picture.number, picture.held, view, planes)
+            message = encode_picture(picture.number, picture.held, settings.view, planes)
             self._kept[key] = message
             return message
 

@@ -39,10 +39,15 @@ class Window:
 
 @dataclass(frozen=True)
 class DisplaySettings:
-    """What a page wants to see."""
+    """What a page wants to see.
+
+    Attributes:
+        view: the film, or the overlay.
+        windows: how each plane's grey values are shown.
+    """
 
     view: PageView
-    window: Window
+    windows: tuple[tuple[Plane, Window], ...] = tuple((plane, Window()) for plane in PLANES)
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,15 @@ class Request:
     body: Mapping[str, Any]
 
 
-def parse(text: str) -> DisplaySettings | Shown | Request:
+@dataclass(frozen=True, eq=False)
+class ClickedOutline:
+    """The clicks so far in one plane, (N, 2) pixels, through which the page wants to see the ellipse."""
+
+    plane: Plane
+    points: Array
+
+
+def parse(text: str) -> DisplaySettings | Shown | Request | ClickedOutline:
     """A message from the page.
 
     Raises:
@@ -79,9 +92,12 @@ def parse(text: str) -> DisplaySettings | Shown | Request:
         view = message.get("view")
         if view not in PAGE_VIEWS:
             raise MessageError(f"view: expected one of {', '.join(PAGE_VIEWS)}, found {view!r}")
-        return DisplaySettings(
-            view, Window(_number(message, "brightness", -1.0, 1.0), _number(message, "contrast", 0.2, 5.0))
-        )  # fmt: skip
+        return DisplaySettings(view, tuple((plane, _window(message, plane)) for plane in PLANES))
+    if kind == "fit":
+        plane = message.get("plane")
+        if plane not in PLANES:
+            raise MessageError(f"plane: expected one of {', '.join(PLANES)}, found {plane!r}")
+        return ClickedOutline(plane, points(message, plane, key="points"))
     if kind in COMMANDS:
         identity = message.get("id")
         if type(identity) is not int:
@@ -160,6 +176,13 @@ def encode_picture(number: int, held: bool, view: PageView, planes: Mapping[Plan
         }
     header = encode("picture", number=number, held=held, view=view, planes=described).encode()
     return b"".join([struct.pack("<I", len(header)), header, *(planes[p].data for p in PLANES if p in planes)])
+
+
+def _window(message: Mapping[str, Any], plane: Plane) -> Window:
+    found = message.get(plane)
+    if not isinstance(found, dict):
+        raise MessageError(f"{plane}: expected an object, found {type(found).__name__}")
+    return Window(_number(found, "brightness", -1.0, 1.0), _number(found, "contrast", 0.2, 5.0))
 
 
 def _number(message: Mapping[str, Any], name: str, low: float, high: float) -> float:

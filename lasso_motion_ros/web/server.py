@@ -5,15 +5,18 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import ipaddress
+import itertools
 import logging
 import socket
 import threading
+import time
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.web.idle_connections import IdleConnections
 from lasso_motion_ros.web.picture_encoder import PictureEncoder
 from lasso_motion_ros.web.source import Source
 
@@ -40,6 +43,8 @@ FILES = {
     "vendor/uPlot.min.css": "text/css",
     "vendor/uPlot.LICENSE": "text/plain",
 }
+# Close codes of our own (RFC 6455 leaves 4000 to 4999 to applications); `link.js` knows them.
+MADE_ROOM, FULL = 4001, 4002
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
@@ -49,12 +54,15 @@ class _Tuning:
 
     Attributes:
         most_pages: pages connected at once; each keeps one encoded picture in memory.
+        idle_page_s: a page from which nothing has come for this long makes room for another where there is none,
+            seconds. Each picture that is shown is a sign of life.
         tick_s: how often pages are updated even if nothing arrives: ages go on growing.
         start_wait_s: starting takes milliseconds; after this long it has failed.
         shutdown_wait_s: how long open connections get to end.
     """
 
-    most_pages: int = 8
+    most_pages: int = 32
+    idle_page_s: float = 60.0
     tick_s: float = 0.1
     start_wait_s: float = 10.0
     shutdown_wait_s: float = 1.0
@@ -83,7 +91,9 @@ class WebServer:
         self._host, self._port = host, port
         self._names = LOOPBACK_NAMES | {host.lower(), socket.gethostname().lower(), *(name.lower() for name in names)}
         self._encoder = PictureEncoder()
-        self._pages: set[PageConnection] = set()
+        self._pages: dict[int, PageConnection] = {}
+        self._numbers = itertools.count(1)
+        self._connections = IdleConnections(time.monotonic)
         self._loop = asyncio.new_event_loop()
         self._stopping = asyncio.Event()
         self._ready = threading.Event()
@@ -161,7 +171,9 @@ class WebServer:
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(self._stopping.wait(), TUNING.tick_s)
                 self._wake()
-            for page in list(self._pages):
+                if runner.server is not None:
+                    self._connections.sweep(runner.server.connections)
+            for page in list(self._pages.values()):
                 await page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server stops")
         finally:
             await runner.cleanup()
@@ -171,7 +183,7 @@ class WebServer:
             self._loop.call_soon_threadsafe(self._wake)
 
     def _wake(self) -> None:
-        for page in self._pages:
+        for page in self._pages.values():
             page.wake()
 
     # Requests.
@@ -180,9 +192,13 @@ class WebServer:
     async def _guard(
         self, request: web.Request, handler: Callable[[web.Request], Awaitable[web.StreamResponse]]
     ) -> web.StreamResponse:
-        if not self._is_ours(request.headers.get("Host", "")):
-            raise web.HTTPForbidden(text="this server does not answer to that host name; see --allow-host\n")
-        return await handler(request)
+        self._connections.begin(request.protocol)
+        try:
+            if not self._is_ours(request.headers.get("Host", "")):
+                raise web.HTTPForbidden(text="this server does not answer to that host name; see --allow-host\n")
+            return await handler(request)
+        finally:
+            self._connections.end(request.protocol)
 
     def _is_ours(self, host: str) -> bool:
         """Whether a Host header names this server: by an address or by an allowed name.
@@ -190,20 +206,24 @@ class WebServer:
         A page of another site may have its own name resolved to this address (DNS rebinding), but the browser then
         still says that name.
         """
-        name = (urlsplit(f"//{host}").hostname or "").lower()
+        try:
+            name = (urlsplit(f"//{host}").hostname or "").lower()
+        except ValueError:  # "[" is no host
+            return False
         if name in self._names:
             return True
         with contextlib.suppress(ValueError):
             return not self.is_local and bool(ipaddress.ip_address(name))
         return False
 
-    @staticmethod
-    async def _add_headers(request: web.Request, response: web.StreamResponse) -> None:
+    async def _add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
+        # 'self' alone does not cover WebSockets in every browser. A name that is not ours is not repeated.
+        host = request.headers.get("Host", "")
+        sockets = f" ws://{host} wss://{host}" if self._is_ours(host) else ""
         response.headers.update(
             {
-                # 'self' alone does not cover WebSockets in every browser.
                 "Content-Security-Policy": "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'"
-                f" blob: data:; connect-src 'self' ws://{request.host} wss://{request.host}; base-uri 'none';"
+                f" blob: data:; connect-src 'self'{sockets}; base-uri 'none';"
                 " form-action 'none'; frame-ancestors 'none'",
                 "X-Content-Type-Options": "nosniff",
                 "X-Frame-Options": "DENY",
@@ -227,21 +247,42 @@ class WebServer:
     # The WebSocket.
 
     async def _live(self, request: web.Request) -> web.StreamResponse:
-        origin = urlsplit(request.headers.get("Origin", ""))
-        if origin.scheme not in ("http", "https") or origin.netloc != request.headers.get("Host"):
+        if not _same_origin(request.headers.get("Origin", ""), request.headers.get("Host", "")):
             raise web.HTTPForbidden(text="only the page itself may connect\n")
-        if len(self._pages) >= TUNING.most_pages:
-            raise web.HTTPServiceUnavailable(text=f"{TUNING.most_pages} pages are connected already\n")
-        page = PageConnection(self._source, self._encoder, self._tell_audience, self._wake)
+        number = next(self._numbers)
+        page = PageConnection(number, self._source, self._encoder, self._tell_audience, self._wake)
         await page.socket.prepare(request)
-        self._pages.add(page)
+        if len(self._pages) >= TUNING.most_pages and not await self._make_room():
+            text = f"{len(self._pages)} pages are open already, and all are in use: close one."
+            LOG.warning("another page was refused: %s", text)
+            await page.socket.close(code=FULL, message=text.encode())
+            return page.socket
+        self._pages[number] = page
         self._tell_audience()
         try:
             await page.serve()
         finally:
-            self._pages.discard(page)
+            self._pages.pop(number, None)
             self._tell_audience()
         return page.socket
 
+    async def _make_room(self) -> bool:
+        """End the page that has been idle for longest; whether one was idle."""
+        number, page = min(self._pages.items(), key=lambda one: one[1].heard_s)
+        if time.monotonic() - page.heard_s < TUNING.idle_page_s:
+            return False
+        del self._pages[number]
+        LOG.warning("the page that was idle for longest has made room for another")
+        await page.socket.close(code=MADE_ROOM, message=b"This window was idle, and has made room for another.")
+        return True
+
     def _tell_audience(self) -> None:
-        self._source.audience(frozenset(page.settings.view for page in self._pages))
+        self._source.audience({number: page.settings.view for number, page in self._pages.items()})
+
+
+def _same_origin(origin: str, host: str) -> bool:
+    try:
+        parts = urlsplit(origin)
+    except ValueError:  # "http://[" is no address
+        return False
+    return parts.scheme in ("http", "https") and parts.netloc == host

@@ -119,14 +119,15 @@ class ShownPairs:
         held = self._held
         return None if held is None else held.pair
 
-    def picture(self, view: PageView, *, has_pose: bool) -> Picture | None:
+    def picture(self, view: PageView, *, has_pose: bool, held: bool = False) -> Picture | None:
         """The newest picture that may be shown.
 
         Args:
             view: the film, or the overlay node's pictures where they keep up.
             has_pose: whether the tracker has a pose, so that answers are to be expected, and loops to be shown.
+            held: the pair that is held, if there is one.
         """
-        if self._held is not None:
+        if held and self._held is not None:
             return _film(self._held, None, held=True)
         drawn = self._drawn(has_pose=has_pose) if view == "overlay" else None
         if drawn is not None:

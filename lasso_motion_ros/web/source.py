@@ -63,18 +63,18 @@ class TracePoint:
 
 
 class Source(Protocol):
-    """What a server can show; called from the server's threads."""
+    """What a server can show; called from the server's threads. Each page that is open has a number of its own."""
 
-    def status(self) -> dict[str, Any]:
-        """The page's numbers and words, ready for JSON."""
+    def status(self, page: int) -> dict[str, Any]:
+        """A page's numbers and words, ready for JSON."""
 
-    def picture(self, view: PageView) -> Picture | None:
-        """The newest picture; None before the first."""
+    def picture(self, view: PageView, page: int) -> Picture | None:
+        """The newest picture for a page; None before the first."""
 
     def trace(self, after: int) -> list[TracePoint]:
         """Points with a number above `after`, oldest first."""
 
-    def command(self, name: str, body: Mapping[str, Any]) -> str:
+    def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         """Carry out a user's command; may block.
 
         Returns:
@@ -84,8 +84,11 @@ class Source(Protocol):
             LassoMotionError: it cannot be done; the text is for the user.
         """
 
+    def millimetres_per_pixel(self, page: int) -> Mapping[Plane, float]:
+        """The scale of the pictures in which a page's user clicks, at the iso-centre; empty where it is not known."""
+
     def watch(self, on_change: Callable[[], None]) -> None:
         """Register a function to be called, from any thread, when there is something new."""
 
-    def audience(self, views: frozenset[PageView]) -> None:
-        """Learn which views are being watched; empty when the last page has gone."""
+    def audience(self, views: Mapping[int, PageView]) -> None:
+        """Learn which page looks at which view; empty when the last one has gone."""

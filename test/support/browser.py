@@ -62,7 +62,7 @@ class Page:
         while not (found := what()):
             if time.monotonic() > deadline:
                 seen: dict[str, Any] = {
-                    name: self.text(name) for name in ("state", "reason", "detail", "alarm", "hint", "message")
+                    name: self.text(name) for name in ("state", "reason", "detail", "alarm", "hint", "message-text")
                 }
                 seen["planes"] = [one.text for one in self.driver.find_elements("css selector", ".plane .caption")]
                 seen["drawing"] = self.driver.find_element("id", "drawing").get_attribute("value")
@@ -88,10 +88,10 @@ class Page:
         assert decoded is not None
         return cv2.cvtColor(decoded, cv2.COLOR_BGRA2RGBA)
 
-    def loop_pixels(self, plane: str, side: int) -> np.ndarray:
+    def loop_pixels(self, plane: str, side: int, colour: tuple[int, int, int] = LOOP_COLOUR) -> np.ndarray:
         """(N, 2) where the page has drawn the loop, in pixels of an image of `side`², fitted whole into the canvas."""
         marks = self.pixels(plane, "marks").astype(int)
-        close = (np.abs(marks[..., :3] - LOOP_COLOUR).max(axis=2) < 60) & (marks[..., 3] > 200)
+        close = (np.abs(marks[..., :3] - colour).max(axis=2) < 60) & (marks[..., 3] > 200)
         height, width = close.shape
         rows, columns = np.nonzero(close)
         factor = min(height, width) / side

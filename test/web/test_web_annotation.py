@@ -25,6 +25,7 @@ from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
 
 MOTIONS_MM = [0.0, 2.0, 4.0]
+PAGE = 1
 CURVE = [[10.0, 20.0], [30.25, 40.0], [50.0, 20.0]]
 
 
@@ -48,16 +49,16 @@ def bare(tmp_path: Path) -> Path:
 def test_a_drawn_pair_is_in_the_copy_beside_everything_else(bare: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy.mcap"
     source = Annotation(AnnotatedRecording(bare, copy))
-    source.command("go", {"index": 1})
-    assert {plane: one.stamp_ns for plane, one in source.picture("film").planes.items()} == dict.fromkeys(
+    source.command("go", {"index": 1}, PAGE)
+    assert {plane: one.stamp_ns for plane, one in source.picture("film", PAGE).planes.items()} == dict.fromkeys(
         "ab", stamp(1)
     )
-    source.command("draw", drawing(1, CURVE, []))
-    assert (source.status()["done"], source.status()["unsaved"]) == (0, True)
-    source.command("draw", drawing(1, CURVE, CURVE))
-    assert source.status()["done"] == 1
-    assert "Saved 2 centrelines" in source.command("save", {})
-    assert not source.status()["unsaved"]
+    source.command("draw", drawing(1, CURVE, []), PAGE)
+    assert (source.status(PAGE)["done"], source.status(PAGE)["unsaved"]) == (0, True)
+    source.command("draw", drawing(1, CURVE, CURVE), PAGE)
+    assert source.status(PAGE)["done"] == 1
+    assert "Saved 2 centrelines" in source.command("save", {}, PAGE)
+    assert not source.status(PAGE)["unsaved"]
     for plane in "ab":
         found = centrelines(copy, plane)
         assert list(found) == [stamp(1)]
@@ -73,11 +74,11 @@ def test_what_was_drawn_before_is_shown_and_replaced(tmp_path: Path) -> None:
     known = write_input(tmp_path / "known.mcap", MOTIONS_MM)
     copy = tmp_path / "copy.mcap"
     source = Annotation(AnnotatedRecording(known, copy))
-    assert source.status()["done"] == 3
+    assert source.status(PAGE)["done"] == 3
     true = projections()["a"].project(apply(shift(0.0), loop()))
-    np.testing.assert_allclose(source.status()["curves"]["a"], true, atol=0.02)
-    source.command("draw", drawing(2, CURVE, []))
-    source.command("save", {})
+    np.testing.assert_allclose(source.status(PAGE)["curves"]["a"], true, atol=0.02)
+    source.command("draw", drawing(2, CURVE, []), PAGE)
+    source.command("save", {}, PAGE)
     found = centrelines(copy, "a")
     assert sorted(found) == [stamp(pair) for pair in range(3)]
     np.testing.assert_array_equal(found[stamp(2)], CURVE)
@@ -88,9 +89,9 @@ def test_what_was_drawn_before_is_shown_and_replaced(tmp_path: Path) -> None:
 
 def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: Path) -> None:
     source = Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap"))
-    source.command("draw", drawing(0, CURVE, CURVE, closed=True))
-    source.command("go", {"index": 1, "copy": True})
-    status = source.status()
+    source.command("draw", drawing(0, CURVE, CURVE, closed=True), PAGE)
+    source.command("go", {"index": 1, "copy": True}, PAGE)
+    status = source.status(PAGE)
     assert (status["points"]["b"], status["closed"], status["index"], status["done"]) == (CURVE, True, 1, 2)
 
 
@@ -109,7 +110,7 @@ def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("index", [-1, 3, 1.0, True, None])
 def test_a_pair_that_is_not_there_is_refused(bare: Path, tmp_path: Path, index: object) -> None:
     with pytest.raises(MessageError, match="index: expected 0 to 2"):
-        Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap")).command("go", {"index": index})
+        Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap")).command("go", {"index": index}, PAGE)
 
 
 def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:

@@ -79,9 +79,12 @@ class Bench:
         status = self.stream.status()
         return status["state"], status["has_pose"]
 
-    def shown(self, view: str = "film") -> tuple[int, bool] | None:
+    def held(self) -> tuple[int, bool] | None:
+        return self.shown(held=True)
+
+    def shown(self, view: str = "film", *, held: bool = False) -> tuple[int, bool] | None:
         """Grey value of plane A's picture, which is its pair, and whether a loop is drawn."""
-        picture = self.stream.picture(view)
+        picture = self.stream.picture(view, held=held)
         return (
             None if picture is None else (int(picture.planes["a"].pixels.flat[0]), picture.planes["a"].loop is not None)
         )
@@ -149,17 +152,18 @@ def test_a_held_pair_stays_and_has_no_loop_on_it(bench: Bench) -> None:
         bench.catheter(pair, 0.0)
     pairs = bench.stream.whole_pairs()
     bench.stream.hold(pairs, {"a": stamp(1), "b": stamp(1)})
-    assert bench.shown() == (1, False)
-    assert bench.stream.picture("overlay").held
+    assert bench.held() == (1, False)
+    assert bench.stream.picture("overlay", held=True).held
     bench.pair(3)
-    assert bench.shown() == (1, False)
-    held = bench.stream.picture("film").number
+    assert bench.held() == (1, False)
+    assert bench.shown() == (2, True)  # who looks on sees the stream
+    held = bench.stream.picture("film", held=True).number
     bench.stream.release()
     bench.catheter(3, 0.0)
     assert bench.shown() == (3, True)
     assert bench.stream.picture("film").number > held
     bench.stream.hold(bench.stream.whole_pairs(), {"a": stamp(77), "b": stamp(77)})  # not among them: the newest
-    assert bench.shown() == (3, False)
+    assert bench.held() == (3, False)
 
 
 def test_without_a_whole_pair_none_can_be_held(bench: Bench) -> None:
@@ -366,7 +370,7 @@ def test_the_reason_is_the_trackers_own_and_of_this_state(bench: Bench) -> None:
     bench.diagnostics("/lab/lasso_tracker: plane_a", "DEGRADED: nor this")
     assert bench.stream.status()["reason"] == ""
     bench.diagnostics("/lab/lasso_tracker: tracker", "DEGRADED: one plane only", **{topics.LAST_LATENCY_KEY: "12.5"})
-    assert bench.stream.status()["reason"] == "one plane only"
+    assert bench.stream.status()["reason"] == "One plane only"
     assert bench.stream.status()["tracker_latency_ms"] == 12.5
     bench.stream.add_state("LOST")
     assert bench.stream.status()["reason"] == ""

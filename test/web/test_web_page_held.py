@@ -29,13 +29,13 @@ class Laggard:
         self.held = self.let = False
         self._changed: Callable[[], None] = lambda: None
 
-    def status(self) -> dict[str, Any]:
+    def status(self, page: int) -> dict[str, Any]:
         both = dict.fromkeys("ab")
         said = {"mode": "live", "state": "WAITING_FOR_SEED", "reason": "", "has_pose": False, "stopped_s": both}
-        seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "tracker": True}
+        seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "alarm": ""}
         return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
 
-    def picture(self, view: PageView) -> Picture:
+    def picture(self, view: PageView, page: int) -> Picture:
         pixels = np.full((SIDE, SIDE), 90, np.uint8)
         planes = {plane: PlanePicture(1, pixels, None) for plane in "ab"}
         return Picture(2 if self.let else 1, self.let, planes)
@@ -43,14 +43,17 @@ class Laggard:
     def trace(self, after: int) -> list[TracePoint]:
         return []
 
-    def command(self, name: str, body: Mapping[str, Any]) -> str:
+    def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         self.held = True
         return "It is held."
 
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
 
-    def audience(self, views: frozenset[PageView]) -> None:
+    def millimetres_per_pixel(self, page: int) -> Mapping[str, float]:
+        return {"a": 0.25}
+
+    def audience(self, views: Mapping[int, PageView]) -> None:
         pass
 
     def let_it_come(self) -> None:

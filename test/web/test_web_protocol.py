@@ -11,6 +11,7 @@ import pytest
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.web.protocol import (
     MAX_POINTS,
+    ClickedOutline,
     DisplaySettings,
     EncodedPlane,
     Request,
@@ -24,11 +25,13 @@ from lasso_motion_ros.web.protocol import (
 )
 
 
-def test_the_three_kinds() -> None:
+def test_the_four_kinds() -> None:
     assert parse('{"type":"shown"}') == Shown()
-    assert parse('{"type":"look","view":"film","brightness":-1,"contrast":5}') == DisplaySettings(
-        "film", Window(-1.0, 5.0)
-    )
+    look = '{"type":"look","view":"film","a":{"brightness":-1,"contrast":5},"b":{"brightness":0,"contrast":1}}'
+    assert parse(look) == DisplaySettings("film", (("a", Window(-1.0, 5.0)), ("b", Window())))
+    outline = parse('{"type":"fit","plane":"b","points":[[1,2]]}')
+    assert isinstance(outline, ClickedOutline)
+    assert (outline.plane, outline.points.tolist()) == ("b", [[1.0, 2.0]])
     request = parse('{"type":"go","id":7,"index":2}')
     assert isinstance(request, Request)
     assert (request.id, request.name, request.body["index"]) == (7, "go", 2)
@@ -44,12 +47,16 @@ def test_the_three_kinds() -> None:
         ('{"type":["go"],"id":1}', "type: unknown"),
         ('{"type":"go"}', "id: expected a whole number, found None"),
         ('{"type":"go","id":true}', "id: expected a whole number, found True"),
-        ('{"type":"look","view":"raw","brightness":0,"contrast":1}', "view: expected one of film, overlay"),
-        ('{"type":"look","view":"film","brightness":2,"contrast":1}', "brightness: expected -1 to 1, found 2"),
-        ('{"type":"look","view":"film","brightness":0,"contrast":0}', "contrast: expected 0.2 to 5, found 0"),
-        ('{"type":"look","view":"film","brightness":NaN,"contrast":1}', "NaN is not a number"),
-        ('{"type":"look","view":"film","brightness":"0","contrast":1}', "brightness: expected"),
-        ('{"type":"look","view":"film","brightness":false,"contrast":1}', "brightness: expected"),
+        ('{"type":"look","view":"raw","a":{"brightness":0,"contrast":1}}', "view: expected one of film, overlay"),
+        ('{"type":"look","view":"film","a":{"brightness":2,"contrast":1}}', "brightness: expected -1 to 1, found 2"),
+        ('{"type":"look","view":"film","a":{"brightness":0,"contrast":0}}', "contrast: expected 0.2 to 5, found 0"),
+        ('{"type":"look","view":"film","a":{"brightness":NaN,"contrast":1}}', "NaN is not a number"),
+        ('{"type":"look","view":"film","a":{"brightness":"0","contrast":1}}', "brightness: expected"),
+        ('{"type":"look","view":"film","a":[]}', "a: expected an object, found list"),
+        ('{"type":"fit","plane":"c","points":[]}', "plane: expected one of a, b, found 'c'"),
+        ('{"type":"fit","plane":["a"],"points":[]}', "plane: expected one of a, b"),
+        ('{"type":"fit","plane":"a","points":[[0]]}', r"expected points \[x, y\]"),
+        ('{"type":"look","view":"film","a":{"brightness":false,"contrast":1}}', "brightness: expected"),
     ],
 )
 def test_anything_else_is_refused_by_name(message: str, complaint: str) -> None:

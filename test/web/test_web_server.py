@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import dataclasses
 import json
+import socket
 import struct
 import threading
 from collections.abc import Callable, Iterator, Mapping
@@ -18,11 +21,14 @@ pytest.importorskip("aiohttp", reason="needs the web extra")
 import aiohttp
 
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.web import idle_connections
+from lasso_motion_ros.web import server as web_server
 from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES
-from lasso_motion_ros.web.server import FILES, STATIC, TUNING, WebServer
+from lasso_motion_ros.web.server import FILES, FULL, MADE_ROOM, STATIC, WebServer
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 
 PATIENCE_S = 10.0
+NEUTRAL = {"brightness": 0.0, "contrast": 1.0}
 
 
 class Drawn:
@@ -40,10 +46,10 @@ class Drawn:
         self.number = number
         self._changed()
 
-    def status(self) -> dict[str, Any]:
+    def status(self, page: int) -> dict[str, Any]:
         return {"state": f"number {self.number}"}
 
-    def picture(self, view: PageView) -> Picture | None:
+    def picture(self, view: PageView, page: int) -> Picture | None:
         if self.number == 0:
             return None
         pixels = np.full((4, 6), self.number, np.uint8)
@@ -57,7 +63,7 @@ class Drawn:
         points = [TracePoint(1, 0.5, (1.0, -2.0, 3.0)), TracePoint(2, 0.75, None)]
         return [point for point in points if point.number > after]
 
-    def command(self, name: str, body: Mapping[str, Any]) -> str:
+    def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         self.commands.append((name, dict(body)))
         if name == "reset":
             raise TrackingError("nobody is there")
@@ -66,8 +72,11 @@ class Drawn:
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
 
-    def audience(self, views: frozenset[PageView]) -> None:
-        self.views = views
+    def millimetres_per_pixel(self, page: int) -> Mapping[str, float]:
+        return {"a": 0.25}
+
+    def audience(self, views: Mapping[int, PageView]) -> None:
+        self.views = frozenset(views.values())
         if not views:
             self.no_audience.set()
 
@@ -157,7 +166,9 @@ def test_no_script_but_the_pages_own_files_may_run(server: WebServer) -> None:
     assert b"new Function" not in scripts
 
 
-@pytest.mark.parametrize("host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "192.168.1.5", ""])
+@pytest.mark.parametrize(
+    "host", ["evil.example", "evil.example:8080", "127.0.0.1.evil.example", "192.168.1.5", "", "[", "[::1", "a]:"]
+)
 def test_another_host_name_is_refused(server: WebServer, host: str) -> None:
     assert get(server, Host=host)[0] == 403
 
@@ -179,7 +190,7 @@ def test_a_name_that_was_foreseen_is_answered_and_an_open_server_answers_to_addr
         server.stop()
 
 
-@pytest.mark.parametrize("origin", ["http://evil.example", "null", "", "http://127.0.0.1:1", "file://"])
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", "", "http://127.0.0.1:1", "file://", "http://["])
 def test_a_page_of_another_origin_cannot_connect(server: WebServer, origin: str) -> None:
     upgrade = {"Connection": "Upgrade", "Upgrade": "websocket", "Sec-WebSocket-Version": "13"}
     status, _, _ = get(server, "live", Origin=origin, **upgrade, **{"Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA=="})
@@ -224,7 +235,7 @@ def test_a_held_picture_comes_without_loss_and_as_it_is_windowed(server: WebServ
     source.show(128)
 
     async def conversation(client: Client) -> None:
-        await client.send(type="look", view="film", brightness=0.5, contrast=1.0)
+        await client.send(type="look", view="film", a=NEUTRAL, b={"brightness": 0.5, "contrast": 1.0})
         await client.hear(lambda: client.pictures)
         if len(client.pictures) == 1:
             await client.send(type="shown")
@@ -239,7 +250,7 @@ def test_a_held_picture_comes_without_loss_and_as_it_is_windowed(server: WebServ
 
 def test_the_source_learns_who_looks_at_what(server: WebServer, source: Drawn) -> None:
     async def conversation(client: Client) -> None:
-        await client.send(type="look", view="overlay", brightness=0, contrast=1)
+        await client.send(type="look", view="overlay", a=NEUTRAL, b=NEUTRAL)
         await client.send(type="save", id=1)
         await client.hear(lambda: client.of("answer"))
         assert source.views == {"overlay"}
@@ -288,18 +299,117 @@ def test_a_message_that_is_too_long_ends_the_connection(server: WebServer, sourc
     assert source.commands == []
 
 
-def test_there_is_room_for_so_many_pages_only(server: WebServer) -> None:
+def test_a_host_that_is_none_leaves_no_traceback(server: WebServer, caplog: pytest.LogCaptureFixture) -> None:
+    assert get(server, Host="[")[0] == 403
+    assert caplog.records == []
+
+
+def tuned(monkeypatch: pytest.MonkeyPatch, module: Any, **changes: Any) -> None:
+    monkeypatch.setattr(module, "TUNING", dataclasses.replace(module.TUNING, **changes))
+
+
+async def farewell(socket: Any) -> aiohttp.WSMessage:
+    """How the server ends a connection."""
+    async with asyncio.timeout(PATIENCE_S):
+        while (message := await socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
+            pass
+    return message
+
+
+def test_one_page_too_many_is_told_so(server: WebServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    tuned(monkeypatch, web_server, most_pages=3)
+
     async def run() -> None:
         async with aiohttp.ClientSession() as session:
             origin = server.url.rstrip("/")
-            sockets = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(TUNING.most_pages)]
-            with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
-                await session.ws_connect(f"{server.url}live", origin=origin)
-            assert refused.value.status == 503
+            sockets = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(4)]
+            end = await farewell(sockets[-1])
+            assert (end.data, end.extra) == (FULL, "3 pages are open already, and all are in use: close one.")
             for socket in sockets:
                 await socket.close()
 
     asyncio.run(run())
+
+
+def test_an_idle_page_makes_room_for_another(server: WebServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert web_server.TUNING.most_pages >= 32
+    tuned(monkeypatch, web_server, most_pages=2, idle_page_s=0.0)
+
+    async def run() -> None:
+        async with aiohttp.ClientSession() as session:
+            origin = server.url.rstrip("/")
+            idle, used, newcomer = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(3)]
+            assert (await farewell(idle)).data == MADE_ROOM
+            client = Client(newcomer)
+            await client.hear(lambda: client.of("status"))
+            await used.close()
+            await newcomer.close()
+
+    asyncio.run(run())
+
+
+def test_connections_that_ask_for_nothing_are_ended_and_a_page_is_served(
+    server: WebServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Silent ones, ones that never end their request, and ones that are kept alive: 150 of them."""
+    tuned(monkeypatch, idle_connections, request_s=1.0)
+    host, port = server.url.split("/")[2].split(":")
+    beginnings = (b"", b"GET / HTTP/1.1\r\nHost: loc", f"GET / HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+    with contextlib.ExitStack() as open_ones:
+        silent = []
+        for number in range(150):
+            one = open_ones.enter_context(socket.create_connection((host, int(port)), timeout=PATIENCE_S))
+            one.sendall(beginnings[number % 3])
+            silent.append(one)
+        assert get(server)[0] == 200
+        for one in silent:
+            with contextlib.suppress(ConnectionResetError):
+                while one.recv(1 << 20):
+                    pass
+
+
+def test_a_page_that_is_served_is_no_idle_connection(
+    server: WebServer, source: Drawn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tuned(monkeypatch, idle_connections, request_s=0.2)
+
+    async def conversation(client: Client) -> None:
+        source.show(1)
+        await client.hear(lambda: client.of("status"))
+        await asyncio.sleep(0.8)
+        source.show(2)
+        await client.hear(lambda: client.of("status")[-1]["state"] == "number 2")
+
+    talk(server, conversation)
+
+
+def test_the_server_speaks_at_least_once_a_second(server: WebServer) -> None:
+    async def conversation(client: Client) -> None:
+        await client.hear(lambda: len(client.of("status")) >= 3)
+
+    talk(server, conversation)
+
+
+def test_the_ellipse_through_clicks_is_drawn_before_they_are_sent(server: WebServer) -> None:
+    angles = np.linspace(0.0, 2 * np.pi, 8, endpoint=False)
+    ring = np.column_stack([300 + 80 * np.cos(angles), 200 + 40 * np.sin(angles)])
+    off = ring.copy()
+    off[0] += [60.0, 0.0]
+
+    async def conversation(client: Client) -> None:
+        await client.send(type="fit", plane="a", points=ring.tolist())
+        await client.send(type="fit", plane="b", points=off.tolist())
+        await client.send(type="fit", plane="a", points=ring[:5].tolist())
+        await client.hear(lambda: len(client.of("fit")) == 3)
+        good, bad, few = client.of("fit")
+        drawn = np.array(good["ellipse"]) - [300, 200]
+        np.testing.assert_allclose((drawn[:, 0] / 80) ** 2 + (drawn[:, 1] / 40) ** 2, 1.0, atol=0.01)
+        assert (good["plane"], good["clicks"], good["off"], good["doubtful"]) == ("a", 8, "0.0 mm", False)
+        assert bad["off"].endswith(" px")  # plane B has no scale here
+        assert bad["doubtful"]
+        assert (few["ellipse"], few["off"]) == (None, "")
+
+    talk(server, conversation)
 
 
 def test_a_port_that_is_taken_is_named(server: WebServer, source: Drawn) -> None:

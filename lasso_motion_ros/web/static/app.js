@@ -8,8 +8,13 @@ import { Trace } from "./trace.js";
 const NAMES = ["a", "b"];
 const ARMED_MS = 3000;
 const MESSAGE_MS = 8000;
-const ANSWER_MS = 6000;
 const ALARMING = "#ff5c50";
+const FIT_PAUSE_MS = 60;
+const REFUSED_CLICKS = {
+  live: () => "No point set: the picture moves. Press S (Set clicks) to hold it first.",
+  taken: (plane) => `No point set: plane ${plane} has one there already.`,
+  outside: (plane) => `No point set: that is outside plane ${plane}'s picture.`,
+};
 const get = (id) => document.getElementById(id);
 
 const clicks = new Clicks();
@@ -20,9 +25,12 @@ let connected = false;
 let everConnected = false;
 let view = "overlay";
 let drawn = [];
-let sentAt = null;
+let noConnection = ""; // why the server has ended the connection
+let fits = { a: null, b: null };
 let heldShown = false; // whether the picture on the screen is the held one, which comes after the word that it is held
 let stopArmed = null;
+let sending = false;
+let cancelling = false;
 
 const trace = new Trace(get("trace"));
 for (const name of NAMES) {
@@ -32,19 +40,48 @@ for (const name of NAMES) {
     grab: () => clicks.remember(),
     move: (plane, index, point) => change(() => clicks.move(plane, index, point)),
     choose: (plane) => choose(plane, false),
-    window: (right, up) => slide({ contrast: 3 * right, brightness: 2 * up }),
+    window: (plane, right, up) => slide(plane, { contrast: 3 * right, brightness: 2 * up }),
+    refuse: (plane, why) => say(REFUSED_CLICKS[why](plane.toUpperCase()), true),
   });
 }
-const link = new Link({ status: takeStatus, trace: takeTrace, picture: takePicture, connection: takeConnection });
+const link = new Link({ status: takeStatus, trace: takeTrace, picture: takePicture, fit: takeFit, connection: takeConnection });
 
 // From the server.
 
-function takeConnection(now) {
+function takeConnection(now, reason = "") {
+  noConnection = reason;
+  if (now === connected && !reason) return;
   if (now && !connected) trace.clear();
   connected = now;
   everConnected ||= now;
+  if (!now) loseClicks("The connection to the server was lost, and the held picture with it. Press S and click again.");
   if (now) wish();
   refresh();
+}
+
+/** Clicks belong to a picture that the server holds for this page; where that is gone, say so. */
+function loseClicks(why) {
+  if (status?.mode === "live" && status.held && unsent()) say(why, true);
+  if (status?.mode === "live") status.held = heldShown = false;
+}
+
+function unsent() {
+  return NAMES.some((name) => clicks.points[name].length > 0);
+}
+
+function takeFit(fit) {
+  if (fit.clicks !== clicks.points[fit.plane].length) return; // another click has come since
+  fits[fit.plane] = fit;
+  refresh();
+}
+
+let fitTimer = null;
+/** Ask for the ellipses through the clicks, a moment after the last change. */
+function askForFits() {
+  clearTimeout(fitTimer);
+  fitTimer = setTimeout(() => {
+    for (const name of NAMES) if (clicks.points[name].length >= fewest()) link.fit(name, clicks.points[name]);
+  }, FIT_PAUSE_MS);
 }
 
 function takeStatus(now) {
@@ -54,6 +91,7 @@ function takeStatus(now) {
     if (now.held && !before?.held) begin();
     if (!now.held && before?.held) {
       heldShown = false;
+      if (unsent() && !sending && !cancelling) say("The held picture is gone; another window may have taken it over. Press S and click again.", true);
       end();
     }
     if (before && !before.overlay && now.overlay) wish();
@@ -95,11 +133,12 @@ function refresh() {
   get("reason").title = words.reason;
   get("detail").textContent = words.detail;
   get("pose-age").textContent = poseAge();
-  get("alarm").hidden = !words.alarm;
+  // Nothing may move the pictures while they are being clicked; the headline says it then.
+  get("alarm").hidden = !words.alarm || (clicking && live);
   get("alarm").textContent = words.alarm;
   // Instructions go in the header: the pictures must not move or shrink while they are being clicked.
   get("hint").hidden = !(clicking && live);
-  get("hint").textContent = clicking && live ? `Picture held. ${todo()}` : "";
+  get("hint").textContent = clicking && live ? `Picture held. ${sending ? "Clicks sent, waiting for the tracker …" : todo()}` : "";
   announce(words);
   get("live-panel").hidden = !live;
   get("numbers").hidden = !live || clicking;
@@ -117,31 +156,43 @@ function refresh() {
     view === "overlay" && status?.overlay && !clicking ? "Hide overlay" : "Show overlay";
   get("drawing").disabled = !status?.drawing;
   if (status?.drawing) get("drawing").value = status.drawing;
-  get("send").disabled = !enough();
+  get("send").disabled = !enough() || sending;
   for (const name of NAMES) {
     const plane = planes[name];
     const silence = live ? status?.stopped_s?.[name] : null;
     plane.doubtful = status?.state === "DEGRADED";
     if (live && (!status?.has_pose || clicking)) plane.loop = null;
     plane.clicking = clicking;
+    const fit = clicking && live && fits[name]?.clicks === clicks.points[name].length ? fits[name] : null;
+    plane.ellipse = fit?.ellipse ?? null;
     plane.points = clicking ? clicks.points[name] : [];
-    plane.curve = clicking && plane.points.length > 1 ? smooth(plane.points, !live && get("closed").checked) : null;
+    plane.curve = clicking && plane.points.length > 1 && !plane.ellipse ? smooth(plane.points, !live && get("closed").checked) : null;
     if (!live && !plane.points.length) plane.curve = status?.curves?.[name] ?? null;
     plane.root.classList.toggle("clicking", clicking);
     plane.root.classList.toggle("chosen", clicking && chosen === name);
-    plane.root.classList.toggle("old", !connected || (live && !clicking && (plane.missing || typeof silence === "number")));
+    plane.root.classList.toggle("old", !connected || (live && !clicking && (status?.state === "NO_IMAGES" || plane.missing || typeof silence === "number")));
     if (!clicking) plane.count.textContent = plane.bitmap ? (plane.drawn ? "overlay" : "film") : "";
-    else plane.count.textContent = live && plane.points.length < fewest() ? `${plane.points.length} of ${fewest()}` : `${plane.points.length} points`;
-    plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest());
+    else plane.count.textContent = counted(plane, live, fit);
+    plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest() && !fit?.doubtful);
+    plane.count.classList.toggle("doubtful", Boolean(fit?.doubtful));
     plane.say(remark(plane, name, live, silence));
     plane.drawMarks();
   }
   if (!live && status) refreshDrawing();
 }
 
+/** How many clicks there are, and how far they lie off the ellipse through them. */
+function counted(plane, live, fit) {
+  const n = plane.points.length;
+  if (live && n < fewest()) return `${n} of ${fewest()}`;
+  if (!fit?.ellipse) return `${n} points`;
+  return `${n} points, ${fit.off} off the ellipse${fit.doubtful ? ": on the loop?" : ""}`;
+}
+
 function headline() {
   const colour = "#aaaaaa";
   if (!connected) {
+    if (noConnection) return { colour: ALARMING, state: "NO SERVER", reason: noConnection, detail: "Reload to try again.", alarm: "This window shows nothing new." };
     if (!everConnected) return { colour, state: "CONNECTING", reason: "Connecting to the server …", detail: "", alarm: "" };
     const text = "Connection to the server lost. What is on the screen is old.";
     return { colour: ALARMING, state: "NO SERVER", reason: "Trying again …", detail: "The tracker may go on without this page.", alarm: text };
@@ -171,35 +222,28 @@ function announce(words) {
   const text = [words.state, words.alarm].filter(Boolean).join(". ");
   if (text.replace(/\d+/g, "") === announced) return;
   announced = text.replace(/\d+/g, "");
-  get("news").textContent = words.alarm ? "" : text;
-  get("urgent-news").textContent = words.alarm ? text : "";
+  const urgent = Boolean(words.alarm) || ["LOST", "DISPLACED"].includes(words.state);
+  get("news").textContent = urgent ? "" : text;
+  get("urgent-news").textContent = urgent ? text : "";
 }
 
 function reasonWords() {
   if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
-  if (status.state === "WAITING_FOR_SEED" && status.sent && !refused()) return "Clicks sent, waiting for the tracker …";
-  if (status.reason) return status.reason[0].toUpperCase() + status.reason.slice(1);
-  return {
+  if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
+  return status.reason || {
     TRACKING: "The loop is followed.",
     WAITING_FOR_SEED: "Click along the loop in both planes to begin.",
     WAITING_FOR_CALIBRATION: "No valid calibration yet.",
     LOST: "The loop is not found; looking for it.",
-  }[status.state] ?? "";
-}
-
-/** Whether the tracker says why it has not accepted the clicks: not that it waits for more. */
-function refused() {
-  return Boolean(status.reason) && !/^no seed yet$|has no clicks yet|clicks wait for/.test(status.reason);
+  }[status.state] || "";
 }
 
 function detailWords() {
   if (status.held) return "The stream goes on behind the held picture; Esc shows it again.";
+  if (status.held_elsewhere) return "Somebody is setting clicks in another window.";
   if (status.state === "WAITING_FOR_SEED") {
     if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
-    if (refused()) return "Press S to set clicks anew.";
-    if (status.sent && sentAt && performance.now() - sentAt > ANSWER_MS)
-      return "The tracker has not taken them. The clicked picture may be too old by now: it is tried again when a recording starts anew; else set clicks again.";
-    return "Press S: the picture is held while you click.";
+    return status.sent ? "If nothing follows, press S and click again." : "Press S: the picture is held while you click.";
   }
   if (status.state === "NO_TRACKER") return "Start lasso_tracker; this page finds it by itself.";
   if (["TRACKER_SILENT", "NO_POSE", "NO_IMAGES"].includes(status.state)) return "Nothing is compensated now.";
@@ -222,6 +266,7 @@ function remark(plane, name, live, silence) {
 
 function begin() {
   clicks.reset();
+  fits = { a: null, b: null };
   for (const name of NAMES) planes[name].cross = null;
   choose("a");
 }
@@ -234,6 +279,7 @@ function end() {
 function change(what) {
   what();
   if (status?.mode === "annotate") store();
+  else askForFits();
   refresh();
 }
 
@@ -258,10 +304,12 @@ function choose(name, focus = true) {
   for (const one of NAMES) planes[one].root.classList.toggle("chosen", planes[one].clicking && one === name);
 }
 
-async function ask(type, body) {
+/** Send a command; its answer is shown, whatever it is. */
+async function ask(type, body, quiet = false) {
   try {
     const text = await link.ask(type, body);
     if (text) say(text);
+    else if (!quiet) hush();
     return true;
   } catch (error) {
     say(error.message, true);
@@ -270,12 +318,20 @@ async function ask(type, body) {
 }
 
 let silencer = null;
+/** An answer; one that refuses stays until something else is said or it is closed. */
 function say(text, bad = false) {
   get("message").hidden = false;
-  get("message").textContent = text;
+  get("message-text").textContent = text;
+  get("answer-news").textContent = text;
   get("message").classList.toggle("bad", bad);
   clearTimeout(silencer);
-  silencer = setTimeout(() => (get("message").hidden = true), MESSAGE_MS);
+  if (!bad) silencer = setTimeout(hush, MESSAGE_MS);
+}
+
+function hush() {
+  clearTimeout(silencer);
+  get("message").hidden = true;
+  get("answer-news").textContent = "";
 }
 
 // Drawing centrelines into a recording.
@@ -301,30 +357,33 @@ function store() {
   const closed = get("closed").checked;
   const body = { index: status.index, closed, a: clicks.points.a, b: clicks.points.b };
   for (const name of NAMES) body[`curve_${name}`] = clicks.points[name].length > 2 ? smooth(clicks.points[name], closed) : [];
-  ask("draw", body);
+  ask("draw", body, true);
 }
 
 // Buttons and keys.
 
 function wish() {
-  link.want(view, grey.brightness, Math.exp(grey.contrast * Math.LN2 * 0.999));
-  get("window-reset").disabled = !grey.brightness && !grey.contrast;
+  const windows = {};
+  for (const name of NAMES) windows[name] = { brightness: grey[name].brightness, contrast: Math.exp(grey[name].contrast * Math.LN2 * 0.999) };
+  link.want(view, windows);
+  get("window-reset").disabled = NAMES.every((name) => !grey[name].brightness && !grey[name].contrast);
 }
 
-/** Move the sliders by the given amounts. */
-function slide(steps) {
-  for (const [id, by] of Object.entries(steps)) {
-    grey[id] = Math.min(Number(get(id).max), Math.max(Number(get(id).min), grey[id] + by));
-    get(id).value = grey[id];
+/** Move a plane's sliders by the given amounts. */
+function slide(plane, steps) {
+  for (const [kind, by] of Object.entries(steps)) {
+    const slider = get(`${kind}-${plane}`);
+    grey[plane][kind] = Math.min(Number(slider.max), Math.max(Number(slider.min), grey[plane][kind] + by));
+    slider.value = grey[plane][kind];
   }
   wish();
 }
 
 /** The sliders' values, finer than their steps: small drags add up. */
-const grey = { brightness: 0, contrast: 0 };
+const grey = { a: { brightness: 0, contrast: 0 }, b: { brightness: 0, contrast: 0 } };
 
-function takeSliders() {
-  for (const id of Object.keys(grey)) grey[id] = Number(get(id).value);
+function takeSlider(plane, kind) {
+  grey[plane][kind] = Number(get(`${kind}-${plane}`).value);
   wish();
 }
 
@@ -349,10 +408,18 @@ function reset() {
 
 const deeds = {
   hold: () => ask("hold"),
-  cancel: () => ask("release"),
+  cancel: async () => {
+    cancelling = true;
+    if (await ask("release")) clicks.reset();
+    cancelling = false;
+  },
   send: async () => {
-    sentAt = performance.now();
-    await ask("seed", { a: clicks.points.a, b: clicks.points.b });
+    sending = true;
+    refresh();
+    say("The clicks are on their way to the tracker …");
+    if (await ask("seed", { a: clicks.points.a, b: clicks.points.b })) clicks.reset();
+    sending = false;
+    refresh();
   },
   undo: () => change(() => clicks.undo()),
   "draw-undo": () => change(() => clicks.undo()),
@@ -365,24 +432,42 @@ const deeds = {
     wish();
     refresh();
   },
-  "window-reset": () => slide({ brightness: -grey.brightness, contrast: -grey.contrast }),
-  "zoom-reset": () => NAMES.forEach((name) => planes[name].whole()),
+  "window-reset": () => NAMES.forEach((name) => slide(name, { brightness: -grey[name].brightness, contrast: -grey[name].contrast })),
+  "message-close": hush,
   previous: () => ask("go", { index: status.index - 1 }),
   next: () => ask("go", { index: status.index + 1 }),
   copy: () => ask("go", { index: status.index, copy: true }),
   save: () => ask("save"),
 };
 for (const [id, deed] of Object.entries(deeds)) get(id).addEventListener("click", deed);
-for (const id of ["brightness", "contrast"]) get(id).addEventListener("input", takeSliders);
+for (const name of NAMES)
+  for (const kind of ["brightness", "contrast"]) get(`${kind}-${name}`).addEventListener("input", () => takeSlider(name, kind));
+addEventListener("beforeunload", (event) => {
+  // The browser asks; a page cannot say why.
+  if (status?.mode === "live" && (unsent() || sending)) event.preventDefault();
+});
 get("help").addEventListener("toggle", () => get("help").open && get("help").scrollIntoView({ block: "end" }));
 get("drawing").addEventListener("change", () => ask("style", { drawing: get("drawing").value }));
 get("slider").addEventListener("input", () => ask("go", { index: Number(get("slider").value) }));
 get("closed").addEventListener("change", () => change(() => {}));
 
-/** Press a button by its key, if it is shown and enabled. */
+/** Press a button by its key, if it is shown and enabled; else say why nothing happens. */
 function press(...ids) {
-  const id = ids.find((one) => get(one).offsetParent !== null && !get(one).disabled);
+  const shown = ids.filter((one) => get(one).offsetParent !== null);
+  const id = shown.find((one) => !get(one).disabled);
   if (id) get(id).click();
+  else if (shown.length) say(`Not done: ${whyNot(shown[0])}`, true);
+}
+
+function whyNot(id) {
+  if (!connected) return "there is no connection to the server.";
+  if (id === "send") return sending ? "the clicks are on their way already." : todo();
+  if (id === "hold") return "there are no images of both planes yet.";
+  if (id === "reference") return "the reference can be set only while the loop is followed.";
+  if (id === "reset") return "the tracker is not running.";
+  if (id === "view") return "there is no overlay.";
+  if (id === "window-reset") return "the grey values are automatic already.";
+  return "there is nothing to do.";
 }
 
 const keys = {
@@ -410,15 +495,15 @@ const keys = {
   c: () => press("closed"),
   a: () => choose("a"),
   b: () => choose("b"),
-  0: () => press("zoom-reset"),
+  0: () => NAMES.forEach((name) => planes[name].whole()),
   "?": () => (get("help").open = !get("help").open),
   "+": () => planes[chosen].zoomBy(1.25, crossPlace()),
   "=": () => planes[chosen].zoomBy(1.25, crossPlace()),
   "-": () => planes[chosen].zoomBy(0.8, crossPlace()),
-  "[": () => slide({ brightness: -0.1 }),
-  "]": () => slide({ brightness: 0.1 }),
-  "{": () => slide({ contrast: -0.2 }),
-  "}": () => slide({ contrast: 0.2 }),
+  "[": () => slide(chosen, { brightness: -0.1 }),
+  "]": () => slide(chosen, { brightness: 0.1 }),
+  "{": () => slide(chosen, { contrast: -0.2 }),
+  "}": () => slide(chosen, { contrast: 0.2 }),
   ArrowLeft: (far) => planes[chosen].step(-far, 0),
   ArrowRight: (far) => planes[chosen].step(far, 0),
   ArrowUp: (far) => planes[chosen].step(0, -far),

@@ -4,9 +4,11 @@ const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
 const SILENT_MS = 3000; // the server speaks once a second at least
 const WATCH_MS = 250;
+const MADE_ROOM = 4001; // close codes of the server's own: this page was idle, and another needed its place;
+const FULL = 4002; // there is no place
 
 export class Link {
-  /** hear: {status, trace, picture, connection}, each called with what was received. */
+  /** hear: {status, trace, picture, fit, connection}, each called with what was received. */
   constructor(hear) {
     this.hear = hear;
     this.pause = FIRST_PAUSE_MS;
@@ -20,18 +22,19 @@ export class Link {
 
   /** A server that hangs, or a cable that is pulled, closes no connection: silence tells. */
   watch() {
-    if (this.socket.readyState === WebSocket.CLOSED || performance.now() - this.heardAt < SILENT_MS) return;
+    if (!this.socket.onclose || performance.now() - this.heardAt < SILENT_MS) return;
     this.heardAt = performance.now();
     this.lose(this.socket);
   }
 
-  lose(socket) {
+  lose(socket, code = 0, reason = "") {
     if (socket !== this.socket || !socket.onclose) return;
     socket.onopen = socket.onmessage = socket.onclose = null;
     socket.close();
     for (const { reject } of this.waiting.values()) reject(new Error("The connection to the server was lost before it answered."));
     this.waiting.clear();
-    this.hear.connection(false);
+    this.hear.connection(false, [MADE_ROOM, FULL].includes(code) ? reason : "");
+    if (code === MADE_ROOM) return;
     setTimeout(() => this.connect(), this.pause);
     this.pause = Math.min(2 * this.pause, LONGEST_PAUSE_MS);
   }
@@ -44,16 +47,13 @@ export class Link {
     this.socket = socket;
     this.heardAt = performance.now();
     socket.onopen = () => {
-      this.pause = FIRST_PAUSE_MS;
-      this.heardAt = performance.now();
-      this.hear.connection(true);
       if (this.look) socket.send(this.look);
     };
     socket.onmessage = (event) => {
       this.heardAt = performance.now();
       this.take(socket, event.data);
     };
-    socket.onclose = () => this.lose(socket);
+    socket.onclose = (event) => this.lose(socket, event.code, event.reason);
   }
 
   async take(socket, data) {
@@ -66,7 +66,12 @@ export class Link {
       return;
     }
     const message = JSON.parse(data);
-    if (message.type === "status") this.hear.status(message);
+    if (message.type === "status") {
+      // Only now: a server without a place for this page opens the connection to say so.
+      this.pause = FIRST_PAUSE_MS;
+      this.hear.connection(true);
+      this.hear.status(message);
+    } else if (message.type === "fit") this.hear.fit(message);
     else if (message.type === "trace") this.hear.trace(message.points);
     else if (message.type === "answer") {
       const { resolve, reject } = this.waiting.get(message.id) ?? {};
@@ -77,9 +82,14 @@ export class Link {
   }
 
   /** Tell the server what this page wants to see; repeated after each new connection. */
-  want(view, brightness, contrast) {
-    this.look = JSON.stringify({ type: "look", view, brightness, contrast });
+  want(view, windows) {
+    this.look = JSON.stringify({ type: "look", view, ...windows });
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(this.look);
+  }
+
+  /** Ask for the ellipse through the clicks of a plane. */
+  fit(plane, points) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "fit", plane, points }));
   }
 
   /** Send a command; the promise resolves to the server's answer, or rejects with its reason. */

@@ -3,12 +3,14 @@
 const CLICK_PX = 4;
 const GRAB_PX = 9;
 const LARGEST_ZOOM = 24;
+const BUTTON_ZOOM = 1.5;
 const CLICK_COLOUR = "#78beff";
+const ELLIPSE_COLOUR = "#ff9df5"; // like nothing else on the page
 const LOOP_COLOUR = "#ffe240"; // as in the overlay node's pictures
 
 export class Plane {
-  /** act: {add, remove, grab, move, choose, window}: what to do when the user clicks, right-clicks, drags a point, comes
-   * here, drags with the right button (or Shift) for brightness and contrast. */
+  /** act: {add, remove, grab, move, choose, window, refuse}: what to do when the user clicks, right-clicks, drags a point,
+   * comes here, drags with the right button (or Shift) for brightness and contrast, clicks where it does nothing. */
   constructor(root, name, act) {
     this.root = root;
     this.name = name;
@@ -20,18 +22,23 @@ export class Plane {
     this.label = div("name", `Plane ${name.toUpperCase()}`);
     this.count = div("count");
     this.note = div("note", "no picture yet");
-    this.scale = div("scale");
-    this.scale.hidden = true;
+    this.scale = button("1.0×", `Show plane ${name.toUpperCase()} whole`, () => this.whole());
+    this.scale.className = "scale";
+    this.out = button("−", `Zoom plane ${name.toUpperCase()} out`, () => this.zoomBy(1 / BUTTON_ZOOM));
+    this.in = button("+", `Zoom plane ${name.toUpperCase()} in`, () => this.zoomBy(BUTTON_ZOOM));
     const caption = div("caption");
     caption.append(this.label, this.count);
+    const zoom = div("zoom");
+    zoom.append(this.out, this.scale, this.in);
     this.stage = div("stage");
-    this.stage.append(this.film, this.marks, this.note, this.scale);
+    this.stage.append(this.film, this.marks, this.note, zoom);
     root.append(caption, this.stage);
     this.bitmap = null;
     this.loop = null;
     this.doubtful = false;
     this.points = [];
     this.curve = null;
+    this.ellipse = null;
     this.clicking = false;
     this.cross = null;
     this.zoom = 1;
@@ -94,8 +101,11 @@ export class Plane {
     film.clearRect(0, 0, this.film.width, this.film.height);
     film.drawImage(this.bitmap, ...this.toCanvas([-0.5, -0.5]), this.bitmap.width * s, this.bitmap.height * s);
     this.drawMarks();
-    this.scale.hidden = this.zoom <= 1;
     this.scale.textContent = `${this.zoom.toFixed(1)}×`;
+    this.out.disabled = this.scale.disabled = this.zoom <= 1;
+    this.in.disabled = this.zoom >= LARGEST_ZOOM;
+    // A finger scrolls the page where there is nothing to move in the picture.
+    this.marks.style.touchAction = this.zoom > 1 || this.clicking ? "none" : "pan-y";
   }
 
   drawMarks() {
@@ -108,6 +118,11 @@ export class Plane {
       this.line(marks, this.loop, "#000000", 3.2 * ratio, 0.45);
       marks.setLineDash(this.doubtful ? [7 * ratio, 5 * ratio] : []);
       this.line(marks, this.loop, LOOP_COLOUR, 1.8 * ratio, 1);
+      marks.setLineDash([]);
+    }
+    if (this.ellipse) {
+      marks.setLineDash([6 * ratio, 4 * ratio]);
+      this.line(marks, this.ellipse, ELLIPSE_COLOUR, 1.6 * ratio, 1);
       marks.setLineDash([]);
     }
     if (this.curve) this.line(marks, this.curve, CLICK_COLOUR, 1.3 * ratio, 0.9);
@@ -158,6 +173,8 @@ export class Plane {
 
   listen() {
     let press = null;
+    let pinch = null; // two fingers: their distance and middle
+    const fingers = new Map();
     const where = (event) => {
       const box = this.marks.getBoundingClientRect();
       return [
@@ -165,23 +182,44 @@ export class Plane {
         ((event.clientY - box.top) * this.marks.height) / box.height,
       ];
     };
+    const spread = () => {
+      const [p, q] = [...fingers.values()];
+      return { apart: Math.max(1, Math.hypot(p[0] - q[0], p[1] - q[1])), middle: [(p[0] + q[0]) / 2, (p[1] + q[1]) / 2] };
+    };
     this.marks.addEventListener("pointerdown", (event) => {
       if (!this.bitmap) return;
       this.marks.setPointerCapture(event.pointerId);
       const at = where(event);
+      fingers.set(event.pointerId, at);
+      if (fingers.size === 2) {
+        press = null; // two fingers set no point
+        pinch = spread();
+        return;
+      }
+      if (fingers.size > 2) return;
       const windows = event.button === 2 || event.shiftKey;
-      press = { at, last: at, moved: false, windows, button: event.button, point: this.clicking && !windows && event.button === 0 ? this.pointAt(at) : null };
+      const grabs = this.clicking && !windows && event.button === 0;
+      press = { at, last: at, moved: false, windows, button: event.button, point: grabs ? this.pointAt(at) : null };
     });
     this.marks.addEventListener("pointermove", (event) => {
-      if (!press) return;
       const at = where(event);
+      if (fingers.has(event.pointerId)) fingers.set(event.pointerId, at);
+      if (pinch && fingers.size === 2) {
+        const now = spread();
+        this.zoomBy(now.apart / pinch.apart, now.middle);
+        const s = this.factor;
+        if (this.zoom > 1) this.pan((pinch.middle[0] - now.middle[0]) / s, (pinch.middle[1] - now.middle[1]) / s);
+        pinch = now;
+        return;
+      }
+      if (!press) return;
       const ratio = window.devicePixelRatio || 1;
       if (!press.moved && Math.hypot(at[0] - press.at[0], at[1] - press.at[1]) < CLICK_PX * ratio) return;
       if (!press.moved && press.point !== null) this.act.grab(this.name);
       press.moved = true;
       if (press.windows) {
         const width = this.stage.clientWidth * ratio;
-        this.act.window((at[0] - press.last[0]) / width, (press.last[1] - at[1]) / width);
+        this.act.window(this.name, (at[0] - press.last[0]) / width, (press.last[1] - at[1]) / width);
       } else if (press.point !== null) this.act.move(this.name, press.point, this.inside(this.toImage(at)));
       else {
         const s = this.factor;
@@ -190,19 +228,37 @@ export class Plane {
       press.last = at;
     });
     this.marks.addEventListener("pointerup", (event) => {
+      fingers.delete(event.pointerId);
+      if (pinch) {
+        if (!fingers.size) pinch = null;
+        return;
+      }
       if (!press) return;
       const { moved, at, point, button } = press;
       press = null;
       if (moved) return;
       if (button === 2 && this.clicking) this.act.remove(this.name);
       if (button !== 0) return;
+      if (!this.clicking) {
+        this.act.refuse(this.name, "live");
+        return;
+      }
       // Points may lie close together, as on a loop seen edge-on, but not on top of each other.
-      if (point !== null && this.pointAt(at, CLICK_PX) !== null) return;
+      if (point !== null && this.pointAt(at, CLICK_PX) !== null) {
+        this.act.refuse(this.name, "taken");
+        return;
+      }
       const [x, y] = this.toImage(at);
-      if (!this.clicking || x < -0.5 || y < -0.5 || x > this.bitmap.width - 0.5 || y > this.bitmap.height - 0.5) return;
+      if (x < -0.5 || y < -0.5 || x > this.bitmap.width - 0.5 || y > this.bitmap.height - 0.5) {
+        this.act.refuse(this.name, "outside");
+        return;
+      }
       this.act.add(this.name, [x, y]);
     });
-    this.marks.addEventListener("pointercancel", () => (press = null));
+    this.marks.addEventListener("pointercancel", (event) => {
+      fingers.delete(event.pointerId);
+      press = pinch = null;
+    });
     this.marks.addEventListener("contextmenu", (event) => event.preventDefault());
     this.marks.addEventListener("wheel", (event) => {
       event.preventDefault();
@@ -260,6 +316,16 @@ export class Plane {
 function canvas(kind) {
   const made = document.createElement("canvas");
   made.className = kind;
+  return made;
+}
+
+function button(sign, words, act) {
+  const made = document.createElement("button");
+  made.type = "button";
+  made.textContent = sign;
+  made.setAttribute("aria-label", words);
+  made.title = words;
+  made.addEventListener("click", act);
   return made;
 }
 

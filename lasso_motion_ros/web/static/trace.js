@@ -1,7 +1,7 @@
 // The motion of the last 30 s along three axes. Gaps are times without a pose.
 
 const SPAN_S = 30;
-const HEIGHT_PX = 176;
+const HEIGHT_PX = 96;
 const GAP_S = 2.5; // longer without a pose is no line
 const COLOURS = ["#ff7b72", "#7ee787", "#79c0ff"];
 
@@ -23,7 +23,7 @@ export class Trace {
         },
         axes: [
           axis({ values: (_, ticks) => ticks.map((t) => (t === 0 ? "now" : `${t} s`)), size: 26 }),
-          axis({ size: 34 }),
+          axis({ size: 34, space: 16 }),
         ],
         series: [{}, ...COLOURS.map((stroke) => ({ stroke, width: 2, points: { show: false }, spanGaps: false }))],
       },
