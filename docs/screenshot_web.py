@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "test"))
 
-from browser import Page, open_page  # noqa: E402
+from support.browser import Page, open_page  # noqa: E402
 
 PORT = 8097
 TRACE_S = 14.0

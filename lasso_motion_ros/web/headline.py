@@ -125,7 +125,7 @@ class TrackerWord:
             return Headline(
                 TRACKER_SILENT, _ALARMING, reason, "The tracker is silent. Nothing is tracked.", has_pose=False
             )
-        if TrackerState.tells_of_pose(self.said) and self._is_stale:
+        if TrackerState.tells_of_pose(self.said) and (self._is_stale or self._images_ended):
             return self._without_pose()
         if not self._shown:  # a latched word of before this page: its pose is on its way, or will never come
             return Headline(NO_POSE, _UNKNOWN, "The tracker tells of a pose; waiting for it.", "", has_pose=False)
@@ -144,6 +144,14 @@ class TrackerWord:
         allowed_s = min(max(TUNING.stale_s, TUNING.stale_periods * period_s), TUNING.stale_at_most_s)
         return self._clock() - since_s > allowed_s
 
+    @property
+    def _images_ended(self) -> bool:
+        """Whether neither plane has images any more, and no pose has come since either."""
+        age_s, image_age_s = self.pose_age_s, self._health.image_age_s
+        if age_s is None or image_age_s is None or age_s < image_age_s - TUNING.stale_s / 2.0:
+            return False
+        return all(self._health.silence_s(plane) is not None for plane in PLANES)
+
     def _without_pose(self) -> Headline:
         """The tracker tells of a pose, and none comes: because no images do, or because it hangs."""
         image_age_s = self._health.image_age_s
@@ -154,6 +162,8 @@ class TrackerWord:
                 NO_IMAGES, _ALARMING, f"No images{since}: nothing can be tracked.",
                 "No images. What is on the screen is old.", has_pose=False,
             )  # fmt: skip
+        if self._health.coming_s < TUNING.stale_s:
+            return Headline(NO_POSE, _UNKNOWN, "Images come again; waiting for a pose.", "", has_pose=False)
         since = "yet" if age_s is None else f"for {age_s:.0f} s"
         reason = f"Images come, but no pose {since}: the tracker hangs, or cannot keep up."
         return Headline(NO_POSE, _ALARMING, reason, "No pose comes. Nothing is compensated.", has_pose=False)

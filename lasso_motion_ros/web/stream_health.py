@@ -20,6 +20,8 @@ class _Tuning:
         silent_s: a plane is silent after this long without an image, seconds,
         silent_periods: or after this many frame periods, whichever is longer;
         silent_at_most_s: but no later than this, seconds.
+        pause_s: images that come after a pause of this long, seconds, have begun anew,
+        pause_periods: or after this many frame periods, whichever is longer.
         arrivals: images from which a plane's frame period is taken.
         unanswered: images of plane A that may still be answered.
         latencies: answers over which the latency is taken.
@@ -28,6 +30,8 @@ class _Tuning:
     silent_s: float = 1.5
     silent_periods: float = 4.0
     silent_at_most_s: float = 5.0
+    pause_s: float = 0.9
+    pause_periods: float = 3.0
     arrivals: int = 8
     unanswered: int = 64
     latencies: int = 64
@@ -45,6 +49,7 @@ class StreamHealth:
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
+        self._began_at_s: float | None = None
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=TUNING.arrivals) for plane in PLANES}
         self._received: Recent[int, tuple[float, bool]] = Recent(TUNING.unanswered)
         self._latencies_ms: deque[float] = deque(maxlen=TUNING.latencies)
@@ -58,7 +63,10 @@ class StreamHealth:
             answer_expected: whether the tracker answers at once. A pair that waits for clicks is answered when they
                 come: that says nothing about speed.
         """
-        now = self._clock()
+        now, age_s = self._clock(), self.image_age_s
+        pause_s = max(TUNING.pause_s, TUNING.pause_periods * (self.period_s(plane) or 0.0))
+        if age_s is None or age_s > pause_s:
+            self._began_at_s = now
         self._arrivals[plane].append(now)
         if plane == "a":
             newest = self._received.newest
@@ -86,6 +94,11 @@ class StreamHealth:
         """Seconds since the last image of either plane; None before the first."""
         last = [arrivals[-1] for arrivals in self._arrivals.values() if arrivals]
         return self._clock() - max(last) if last else None
+
+    @property
+    def coming_s(self) -> float:
+        """Seconds since the images have begun to come, or to come again."""
+        return 0.0 if self._began_at_s is None else self._clock() - self._began_at_s
 
     def period_s(self, plane: Plane) -> float | None:
         """Median time between a plane's last images, seconds; None before the second."""

@@ -273,6 +273,24 @@ def test_at_a_slow_rate_a_pose_is_fresh_for_longer(bench: Bench) -> None:
     assert bench.said()[0] == "NO_IMAGES"
 
 
+def test_images_that_end_and_come_again_are_one_alarm(bench: Bench) -> None:
+    alarms = []
+    for pair in range(60):
+        bench.now += 0.1
+        if not 20 <= pair < 40:  # two seconds without images
+            bench.pair(pair)
+        bench.diagnostics("/lasso_tracker: tracker", "TRACKING")
+        if pair == 0:
+            bench.stream.add_state("TRACKING")
+        if not 20 <= pair < 43:  # the first pose comes a little later
+            bench.motion(pair, 0.0)
+        status = bench.stream.status()
+        alarms += [status["alarm"]] if status["alarm"] not in ("", *alarms[-1:]) else []
+        assert not (status["alarm"] and status["has_pose"])
+    assert alarms == ["No images. What is on the screen is old."]
+    assert bench.said() == ("TRACKING", True)
+
+
 def test_a_plane_that_this_page_alone_does_not_get_is_said_so(bench: Bench) -> None:
     for pair in range(4):
         bench.now += 0.25

@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from selenium.webdriver.common.keys import Keys
 from support.browser import Page, require_browser
 from support.drawn_recording import SIDE, loop, projections, shift
+from support.page_checks import cut_texts
 from support.page_stage import BREATH_MM, CORNERS, DOWN, UP, Stage, open_stage, z_of
 
 from lasso_motion_ros.geometry.transforms import apply
@@ -277,41 +278,6 @@ def test_two_tabs_do_not_eat_each_others_clicks(stage: Stage) -> None:
     page.wait_for(lambda: page.text("hint") == "", "the live picture")
 
 
-@pytest.mark.parametrize("size", [(1366, 768), (400, 800)], ids=["laptop", "phone"])
-def test_it_can_be_read_and_touched(stage: Stage, size: tuple[int, int]) -> None:
-    page = stage.page
-    before = page.driver.get_window_size()
-    page.driver.set_window_size(*size)
-    try:
-        for key in ("s", Keys.ESCAPE):  # with a held picture, and with the stream
-            page.press(key)
-            page.wait_for(lambda key=key: bool(page.text("hint")) == (key == "s"), "the picture")
-            assert page.driver.execute_script(SMALL_TARGETS) == []
-            assert page.driver.execute_script(FAINT_TEXTS) == []
-            assert cut_texts(page) == []
-        assert page.driver.execute_script("return document.documentElement.scrollWidth <= innerWidth")
-        if size[0] > 1000:  # on a laptop all is in sight at once
-            assert (
-                page.driver.execute_script(
-                    "const a = document.querySelector('aside'); return a.scrollHeight - a.clientHeight"
-                )
-                <= 0
-            )
-        pinch(page, "b", 2.0)
-        page.wait_for(lambda: scale(page, "b") == pytest.approx(2.0, abs=0.4), "a picture twice as large")
-        pinch(page, "b", 0.2)
-        page.wait_for(lambda: scale(page, "b") == 1.0, "the whole picture, and no less")
-        out, _, into = page.driver.find_elements("css selector", "#plane-a .zoom button")
-        page.driver.execute_script("arguments[0].scrollIntoView({ block: 'center' })", out)
-        assert not out.is_enabled()
-        into.click()
-        assert scale(page, "a") == 1.5
-        out.click()
-        assert scale(page, "a") == 1.0
-    finally:
-        page.driver.set_window_size(before["width"], before["height"])
-
-
 def hold(page: Page) -> None:
     page.press("s")
     page.wait_for(lambda: "Picture held" in page.text("hint"), "a held picture")
@@ -326,70 +292,6 @@ def leaving_is_asked(page: Page) -> bool:
     """Whether the browser would ask before it reloads the page."""
     script = "const e = new Event('beforeunload', { cancelable: true }); return !window.dispatchEvent(e)"
     return bool(page.driver.execute_script(script))
-
-
-def scale(page: Page, plane: str) -> float:
-    return float(page.driver.find_element("css selector", f"#plane-{plane} .scale").text.rstrip("×"))
-
-
-def pinch(page: Page, plane: str, factor: float) -> None:
-    """Two fingers on a plane, moved apart or together."""
-    box = page.driver.execute_script(
-        f"const m = document.querySelector('#plane-{plane} .marks'); m.scrollIntoView({{ block: 'center' }});"
-        "const b = m.getBoundingClientRect(); return [b.left + b.width / 2, b.top + b.height / 2]"
-    )
-    begin, end = (30.0, 30.0 * factor) if factor > 1 else (90.0, 90.0 * factor)
-
-    def touch(kind: str, half: float | None) -> None:
-        points = [] if half is None else [{"x": box[0] + s * half, "y": box[1], "id": n} for n, s in enumerate((-1, 1))]
-        page.driver.execute_cdp_cmd("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
-
-    touch("touchStart", begin)
-    for half in np.linspace(begin, end, 6):
-        touch("touchMove", float(half))
-    touch("touchEnd", None)
-
-
-def cut_texts(page: Page) -> list[str]:
-    """Texts of the header and of the answer that are cut off, or out of the window."""
-    return list(page.driver.execute_script(CUT_TEXTS))
-
-
-CUT_TEXTS = """
-return ['state', 'pose-age', 'reason', 'detail', 'hint', 'message-text'].map((id) => document.getElementById(id))
-  .filter((e) => e.offsetParent !== null && e.textContent)
-  .filter((e) => {
-    const box = e.getBoundingClientRect();
-    const out = box.left < 0 || box.right > innerWidth + 1 || box.bottom > innerHeight + 1;
-    return out || e.scrollWidth > e.clientWidth + 1;
-  }).map((e) => e.textContent);
-"""
-SMALL_TARGETS = """
-return [...document.querySelectorAll('button, select, input, summary')].filter((e) => e.offsetParent !== null)
-  .map((e) => [e.id || e.textContent, e.getBoundingClientRect()])
-  .filter(([, box]) => box.height < 43.9 || box.width < 43.9)
-  .map(([name, box]) => `${name} ${box.width}×${box.height}`);
-"""
-# WCAG 2: relative luminance, and (lighter + 0.05) / (darker + 0.05). What is disabled is exempt.
-FAINT_TEXTS = """
-const channels = (colour) => colour.match(/[\\d.]+/g).map(Number);
-const over = (top, under) => { const a = top[3] ?? 1; return [0, 1, 2].map((i) => a * top[i] + (1 - a) * under[i]); };
-const ground = (e) => {
-  if (!e) return [0, 0, 0];
-  const own = channels(getComputedStyle(e).backgroundColor);
-  return (own[3] ?? 1) === 1 ? own : over(own, ground(e.parentElement));
-};
-const luminance = (rgb) => rgb.map((v) => v / 255).map((v) => (v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4))
-  .reduce((sum, v, i) => sum + v * [0.2126, 0.7152, 0.0722][i], 0);
-const texts = [...document.querySelectorAll('body *')].filter((e) =>
-  e.offsetParent !== null && !e.closest(':disabled, .unseen, .note, .u-wrap, option') &&
-  [...e.childNodes].some((n) => n.nodeType === 3 && n.textContent.trim()));
-return texts.map((e) => {
-  const under = ground(e), ink = over(channels(getComputedStyle(e).color), under);
-  const [low, high] = [luminance(ink), luminance(under)].sort((p, q) => p - q);
-  return [e.id || e.className || e.textContent, (high + 0.05) / (low + 0.05)];
-}).filter(([, ratio]) => ratio < 4.5).map(([name, ratio]) => `${name} ${ratio.toFixed(2)}`);
-"""
 
 
 def test_reset_asks_twice(stage: Stage) -> None:
