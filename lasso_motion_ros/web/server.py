@@ -43,7 +43,7 @@ FILES = {
     "vendor/uPlot.min.css": "text/css",
     "vendor/uPlot.LICENSE": "text/plain",
 }
-# Close codes of our own (RFC 6455 leaves 4000 to 4999 to applications); `link.js` knows them.
+# Close codes of our own (RFC 6455 leaves 4000 to 4999 to applications); the page's link knows them.
 MADE_ROOM, FULL = 4001, 4002
 LOOPBACK_NAMES = frozenset({"localhost", "127.0.0.1", "::1"})
 
