@@ -9,6 +9,7 @@ const NAMES = ["a", "b"];
 const ARMED_MS = 3000;
 const MESSAGE_MS = 8000;
 const ALARMING = "#ff5c50";
+const ALARMING_STATES = ["LOST", "DISPLACED", "NO IMAGES", "TRACKER SILENT", "NO SERVER"];
 const FIT_PAUSE_MS = 60;
 const REFUSED_CLICKS = {
   live: () => "No point set: the picture moves. Press S (Set clicks) to hold it first.",
@@ -216,13 +217,15 @@ function ago(seconds) {
   return seconds < 120 ? `${Math.round(seconds)} s ago` : `${Math.floor(seconds / 60)} min ago`;
 }
 
-/** Tell screen readers once when the headline changes: what counts on in it is not read out again. */
+/** Tell screen readers once when the headline changes; what is wrong in detail is no news in a state that alarms by itself. */
 let announced = "";
 function announce(words) {
+  const alarming = ALARMING_STATES.includes(words.state);
+  const key = alarming ? words.state : `${words.state} ${words.alarm}`;
+  if (key === announced) return;
+  announced = key;
   const text = [words.state, words.alarm].filter(Boolean).join(". ");
-  if (text.replace(/\d+/g, "") === announced) return;
-  announced = text.replace(/\d+/g, "");
-  const urgent = Boolean(words.alarm) || ["LOST", "DISPLACED"].includes(words.state);
+  const urgent = alarming || Boolean(words.alarm);
   get("news").textContent = urgent ? "" : text;
   get("urgent-news").textContent = urgent ? text : "";
 }
