@@ -68,3 +68,11 @@ return texts.map((e) => {
   return [e.id || e.className || e.textContent, (high + 0.05) / (low + 0.05)];
 }).filter(([, ratio]) => ratio < 4.5).map(([name, ratio]) => `${name} ${ratio.toFixed(2)}`);
 """
+LISTEN_LIKE_A_SCREEN_READER = """
+window.heard = [];
+for (const id of ['news', 'urgent-news'])
+  new MutationObserver(() => {
+    const text = document.getElementById(id).textContent;
+    if (text) window.heard.push([id === 'urgent-news', text]);
+  }).observe(document.getElementById(id), { childList: true, characterData: true, subtree: true });
+"""

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from selenium.webdriver.common.keys import Keys
 from support.browser import Page, require_browser
 from support.drawn_recording import SIDE, loop, projections, shift
-from support.page_checks import cut_texts
+from support.page_checks import LISTEN_LIKE_A_SCREEN_READER, cut_texts
 from support.page_stage import BREATH_MM, CORNERS, DOWN, UP, Stage, open_stage, z_of
 
 from lasso_motion_ros.geometry.transforms import apply
@@ -195,16 +195,6 @@ def test_silence_is_said_and_ends(stage: Stage) -> None:
     assert 1 <= len(alarms) <= 2
     assert len(set(alarms)) == len(alarms)
     assert heard[-1] == [False, "TRACKING"]
-
-
-LISTEN_LIKE_A_SCREEN_READER = """
-window.heard = [];
-for (const id of ['news', 'urgent-news'])
-  new MutationObserver(() => {
-    const text = document.getElementById(id).textContent;
-    if (text) window.heard.push([id === 'urgent-news', text]);
-  }).observe(document.getElementById(id), { childList: true, characterData: true, subtree: true });
-"""
 
 
 def test_keys_alone_set_and_undo_clicks(stage: Stage) -> None:

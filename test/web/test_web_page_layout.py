@@ -13,7 +13,7 @@ pytest.importorskip("selenium", reason="needs the dev extra")
 
 from selenium.webdriver.common.keys import Keys
 from support.browser import Page, open_page, require_browser
-from support.page_checks import FAINT_TEXTS, SMALL_TARGETS, cut_texts, pinch, scale
+from support.page_checks import FAINT_TEXTS, LISTEN_LIKE_A_SCREEN_READER, SMALL_TARGETS, cut_texts, pinch, scale
 
 from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.server import WebServer
@@ -157,3 +157,21 @@ def test_unsent_clicks_are_not_reloaded_away(page: Page) -> None:
     page.press(Keys.ESCAPE)
     page.wait_for(lambda: page.text("hint") == "", "the stream")
     assert not leaving_is_asked()
+
+
+def test_a_screen_reader_hears_one_alarm_for_one_loss(page: Page, scene: Scene) -> None:
+    scene.say("TRACKING")
+    page.wait_for_state("TRACKING")
+    page.driver.execute_script(LISTEN_LIKE_A_SCREEN_READER)
+    told = [("LOST", f"no images for {age} s", "") for age in (1, 2)]
+    told += [("LOST", "no images for 3 s", f"No images{which}. The picture is old.") for which in ("", " of plane B")]
+    for state, reason, alarm in [*told, ("LOST", "the lasso is not seen", ""), ("TRACKING", "", "")]:
+        scene.say(state, reason, alarm)
+        page.wait_for(
+            lambda reason=reason, alarm=alarm: (
+                page.text("reason") == (in_plain_words(reason) or "The loop is followed.")
+                and page.text("alarm") == alarm
+            ),
+            reason,
+        )
+    assert page.driver.execute_script("return window.heard") == [[True, "LOST"], [False, "TRACKING"]]
