@@ -58,6 +58,7 @@ setup(
         "web": ["aiohttp>=3.9"],
         # By this, and not by package.xml, `colcon test` knows that pytest is to be run.
         "test": ["pytest"],
+        "igtl": ["pyigtl>=0.3"],
         "dev": [
             "colcon-common-extensions",
             "cyclonedds",
@@ -80,6 +81,7 @@ setup(
             f"lasso_tracker = {NAME}.nodes.executables:lasso_tracker",
             f"lasso_overlay = {NAME}.nodes.executables:lasso_overlay",
             f"lasso_web = {NAME}.nodes.executables:lasso_web",
+            f"lasso_igtl = {NAME}.nodes.executables:lasso_igtl",
         ]
     },
 )

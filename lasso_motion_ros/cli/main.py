@@ -48,6 +48,7 @@ COMMANDS = (
     Command("record", "capture a live graph's inputs and outputs, safe against a crash; repair a cut file", "record"),
     Command("check", "look at a live graph or a recording: what is wrong, and how to mend it", "check"),
     Command("web", "a page in the browser: see it live, click to start, draw centrelines", "web"),
+    Command("igtl", "motion and state to an OpenIGTLink server: 3D Slicer, Plus", "igtl"),
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
     Command("render", "the overlay offline: a video or frames from a recording and a result", "render"),
     Command("suite", "many random phantom sequences: render, track, score", "suite"),

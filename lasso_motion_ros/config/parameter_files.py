@@ -14,6 +14,7 @@ from pathlib import Path
 
 import yaml
 
+from lasso_motion_ros.config.igtl import IgtlConfig
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import (
     ParameterSpec,
@@ -69,6 +70,7 @@ PARAMETER_FILES = (
         OverlayConfig,
     ),
     ParameterFile("web.yaml", ("The node behind the page in the browser.",), "lasso_web", WebConfig),
+    ParameterFile("igtl.yaml", ("The node that sends to an OpenIGTLink server. Set to.",), "lasso_igtl", IgtlConfig),
 )
 
 
@@ -100,6 +102,7 @@ def parameter_reference() -> str:
         ("lasso_tracker", StreamConfig),
         ("lasso_overlay", OverlayConfig),
         ("lasso_web", WebConfig),
+        ("lasso_igtl", IgtlConfig),
     ):
         table = list(parameter_table(config_type))
         columns = ["parameter", "default", "unit", "allowed", "live", "meaning"]

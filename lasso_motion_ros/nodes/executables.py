@@ -1,4 +1,4 @@
-"""The executables `lasso_tracker`, `lasso_overlay` and `lasso_web`; uninstalled, `python -m … <name> [arguments]`.
+"""The executables `lasso_tracker`, `lasso_overlay`, …; uninstalled, `python -m … <name> [arguments]`.
 
 Each imports its node only when it runs: rclpy may be missing, and threads are bounded before NumPy is imported.
 """
@@ -43,7 +43,18 @@ def lasso_web(arguments: list[str] | None = None) -> int:
     return run_node(make, arguments)
 
 
-EXECUTABLES = {executable.__name__: executable for executable in (lasso_tracker, lasso_overlay, lasso_web)}
+def lasso_igtl(arguments: list[str] | None = None) -> int:
+    """Run the node that sends to an OpenIGTLink server until it is stopped; returns the exit status."""
+
+    def make() -> RunnableNode:
+        from lasso_motion_ros.nodes.igtl_node import IgtlNode
+
+        return IgtlNode()
+
+    return run_node(make, arguments)
+
+
+EXECUTABLES = {executable.__name__: executable for executable in (lasso_tracker, lasso_overlay, lasso_web, lasso_igtl)}
 
 
 def main(arguments: list[str]) -> int:

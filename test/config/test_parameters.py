@@ -4,6 +4,7 @@ import pytest
 import yaml
 from support.paths import ROOT
 
+from lasso_motion_ros.config.igtl import IgtlConfig
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import (
     configuration_from_values,
@@ -240,6 +241,7 @@ def test_every_file_of_the_product_loads(path):
     table, node = {
         "overlay": (OverlayConfig, "lasso_overlay"),
         "web": (WebConfig, "lasso_web"),
+        "igtl": (IgtlConfig, "lasso_igtl"),
     }.get(path.stem, (StreamConfig, "lasso_tracker"))
     assert isinstance(load_configuration(path, table, node), table)
 

@@ -15,7 +15,10 @@ from lasso_motion_ros.nodes.executables import EXECUTABLES, main
 def test_an_unknown_name_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     for arguments, found in ((["lasso"], "lasso"), ([], "nothing")):
         assert main(arguments) == 2
-        assert capsys.readouterr().err == f"expected one of lasso_tracker, lasso_overlay, lasso_web, found {found}\n"
+        assert (
+            capsys.readouterr().err
+            == f"expected one of lasso_tracker, lasso_overlay, lasso_web, lasso_igtl, found {found}\n"
+        )
 
 
 def test_the_name_is_taken_off_the_arguments(monkeypatch: pytest.MonkeyPatch) -> None:

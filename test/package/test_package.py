@@ -15,7 +15,7 @@ from support.paths import ROOT
 from support.rooms import floors
 
 PACKAGE = "lasso_motion_ros"
-EXECUTABLES = {"lasso-motion", "lasso_tracker", "lasso_overlay", "lasso_web"}
+EXECUTABLES = {"lasso-motion", "lasso_tracker", "lasso_overlay", "lasso_web", "lasso_igtl"}
 
 
 @pytest.fixture(scope="module")
