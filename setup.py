@@ -54,6 +54,8 @@ setup(
         "ros": ["ros-jazzy-rclpy", "ros-jazzy-common-interfaces", "ros-jazzy-rmw-fastrtps-cpp"],
         "overlay": ["trimesh>=4"],
         "video": ["av>=12"],
+        # JPEG, JPEG-LS and JPEG 2000 are decoded by the plugins.
+        "dicom": ["pydicom>=3", "pylibjpeg[libjpeg,openjpeg]>=2"],
         "volume": ["SimpleITK>=2.3", "vtk>=9.2"],
         "web": ["aiohttp>=3.9"],
         # By this, and not by package.xml, `colcon test` knows that pytest is to be run.

@@ -49,7 +49,7 @@ def decode_camera_info(
         detector = Projection(matrix, width, height)
     except GeometryError as error:
         raise MessageError(f"p: {error}") from error
-    _check_source(detector)
+    check_source(detector)
     return _published(detector, message, image_shape)
 
 
@@ -72,6 +72,26 @@ def encode_camera_info(projection: Projection, header: Mapping[str, Any]) -> dic
         "r": rotation.reshape(-1),
         "p": np.array(projection.matrix).reshape(-1),
     }
+
+
+def check_source(detector: Projection) -> None:
+    """Check that the source is where a C-arm's can be.
+
+    Raises:
+        MessageError: it is not 0.3 to 2 m from the world origin.
+    """
+    distance = float(np.linalg.norm(detector.source))
+    if SOURCE_MIN_M <= distance <= SOURCE_MAX_M:
+        return
+    hint = ""
+    if SOURCE_MIN_M <= distance / 1e3 <= SOURCE_MAX_M:
+        hint = "; the matrix looks like millimetres, metres are expected"
+    elif SOURCE_MIN_M <= distance / 1e2 <= SOURCE_MAX_M:
+        hint = "; the matrix looks like centimetres, metres are expected"
+    raise MessageError(
+        f"p: expected the source {SOURCE_MIN_M:g} to {SOURCE_MAX_M:g} m from the world origin,"
+        f" found {distance:.4g} m{hint}"
+    )
 
 
 def _check_distortion(distortion: Array) -> None:
@@ -115,21 +135,6 @@ def _is_camera_matrix(matrix: Array) -> bool:
         np.all(np.abs(left[[2, 2], [0, 1]]) <= _NEGLIGIBLE * scale)
         and abs(left[1, 0]) <= _NEGLIGIBLE * abs(left[1, 1])
         and abs(column[2]) <= _NEGLIGIBLE * scale
-    )
-
-
-def _check_source(detector: Projection) -> None:
-    distance = float(np.linalg.norm(detector.source))
-    if SOURCE_MIN_M <= distance <= SOURCE_MAX_M:
-        return
-    hint = ""
-    if SOURCE_MIN_M <= distance / 1e3 <= SOURCE_MAX_M:
-        hint = "; the matrix looks like millimetres, metres are expected"
-    elif SOURCE_MIN_M <= distance / 1e2 <= SOURCE_MAX_M:
-        hint = "; the matrix looks like centimetres, metres are expected"
-    raise MessageError(
-        f"p: expected the source {SOURCE_MIN_M:g} to {SOURCE_MAX_M:g} m from the world origin,"
-        f" found {distance:.4g} m{hint}"
     )
 
 

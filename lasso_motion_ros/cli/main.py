@@ -43,6 +43,7 @@ class Command:
 COMMANDS = (
     Command("demo", "the whole graph, live: player, tracker and overlay; video, plots and a table", "demo"),
     Command("synth", "render a biplane recording with exact truth", "synth"),
+    Command("import", "DICOM XA, one object a plane, into a recording", "import_dicom"),
     Command("track", "follow the lasso through a recording, offline", "track"),
     Command("play", "publish a recording on its topics in real time", "play"),
     Command("record", "capture a live graph's inputs and outputs, safe against a crash; repair a cut file", "record"),

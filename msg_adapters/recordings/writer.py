@@ -160,6 +160,21 @@ class RecordingWriter:
         self._first_ns = log_time_ns if self._first_ns is None else min(self._first_ns, log_time_ns)
         self._last_ns = max(self._last_ns, log_time_ns)
 
+    def write_metadata(self, name: str, values: Mapping[str, str]) -> None:
+        """Append a metadata record, which `mcap list metadata` shows.
+
+        Args:
+            name: of the record.
+            values: what it holds.
+
+        Raises:
+            RecordingError: the disk is full.
+        """
+        try:
+            self._writer.add_metadata(name, dict(values))
+        except OSError as error:
+            raise cannot_write(self.path, error) from error
+
     def flush(self) -> None:
         """End the chunk in progress and hand everything to the operating system.
 

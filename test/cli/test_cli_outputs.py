@@ -16,7 +16,7 @@ from support.drawn_recording import write_input, write_result
 from lasso_motion_ros.cli.main import COMMANDS, main
 from lasso_motion_ros.core.share import bundled_recording
 
-FILE_WORDS = ("FILE", "DIR", "mcap", "OUT")
+FILE_WORDS = ("FILE", "DIR", "mcap", "dcm", "OUT")
 STATES = ["TRACKING"] * 3
 
 

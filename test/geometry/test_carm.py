@@ -54,3 +54,20 @@ def test_distances_that_are_refused():
         carm_projection(0, 0, source_detector_m=1, source_object_m=-1, pixel_size_m=1e-3, width=2, height=2)
     with pytest.raises(GeometryError, match="pixel_size_m must be positive, found nan"):
         carm_projection(0, 0, source_detector_m=1, source_object_m=1, pixel_size_m=np.nan, width=2, height=2)
+
+
+def test_carm_principal_point_and_two_pitches():
+    # 10 mm to the left is 10 × 1.0 / 0.5 = 20 mm on the detector: 40 px of 0.5 mm; 10 mm up is 80 px of 0.25 mm.
+    view = carm_projection(
+        0.0,
+        0.0,
+        source_detector_m=1.0,
+        source_object_m=0.5,
+        pixel_size_m=(0.5e-3, 0.25e-3),
+        width=201,
+        height=101,
+        principal_point=(90.0, 40.0),
+    )
+    np.testing.assert_allclose(view.project(np.zeros(3)), [90.0, 40.0])
+    np.testing.assert_allclose(view.project(np.array([0.01, 0.0, 0.0])), [130.0, 40.0])
+    np.testing.assert_allclose(view.project(np.array([0.0, 0.0, 0.01])), [90.0, -40.0])

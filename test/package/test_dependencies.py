@@ -32,8 +32,8 @@ FROM_PYPI = {
     "trimesh": "trimesh",
 }
 BROUGHT_BY_MCAP = {"lz4": "lz4", "zstandard": "zstandard"}
-# Of the extras `volume` and `igtl`: said when one is missing.
-OPTIONAL = {"SimpleITK": "SimpleITK", "vtkmodules": "vtk", "pyigtl": "pyigtl"}
+# Of the extras `volume`, `igtl` and `dicom`: said when one is missing.
+OPTIONAL = {"SimpleITK": "SimpleITK", "vtkmodules": "vtk", "pyigtl": "pyigtl", "pydicom": "pydicom"}
 PIP_NAMES = {name: pip for name, (_, pip) in FROM_APT.items()} | FROM_PYPI | BROUGHT_BY_MCAP | OPTIONAL
 # ROS packages that a Python module, or an executable in a launch file, comes from.
 ROS_PACKAGES = {"tf2_ros": {"tf2_ros", "tf2_ros_py"}}

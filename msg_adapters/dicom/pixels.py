@@ -1,0 +1,91 @@
+"""The pictures of a DICOM object: frame by frame, as grey values in which more is brighter."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lasso_motion_ros.core.errors import RecordingError
+from msg_adapters.dicom.objects import tag_name, word
+from msg_adapters.images import MAX_SIDE_PX, Pixels
+
+
+def check_pixels(dataset: Any, remarks: list[str]) -> None:
+    """Check that the pictures can be taken, and say what they are.
+
+    Args:
+        dataset: the object.
+        remarks: what is done to the pixels, and what is left out, is appended.
+
+    Raises:
+        RecordingError: colour, a size out of bounds, or more than 16 bits.
+    """
+    kind = word(dataset, "PhotometricInterpretation")
+    if kind not in ("MONOCHROME1", "MONOCHROME2"):
+        raise RecordingError(
+            f"{tag_name('PhotometricInterpretation')}: expected MONOCHROME1 or MONOCHROME2, found {kind or 'none'}"
+        )
+    rows, columns = int(dataset.get("Rows") or 0), int(dataset.get("Columns") or 0)
+    if not (1 <= rows <= MAX_SIDE_PX and 1 <= columns <= MAX_SIDE_PX):
+        raise RecordingError(f"Rows, Columns: expected 1 to {MAX_SIDE_PX} pixels a side, found {columns}×{rows}")
+    allocated, stored = int(dataset.get("BitsAllocated") or 0), int(dataset.get("BitsStored") or 0)
+    if not 1 <= stored <= allocated or allocated not in (8, 16):
+        raise RecordingError(
+            f"{tag_name('BitsStored')}: expected at most 16 bits, 8 or 16 allocated, found {stored} of {allocated}"
+        )
+    if kind == "MONOCHROME1":
+        remarks.append("MONOCHROME1 (more is darker) is turned over")
+    if int(dataset.get("PixelRepresentation") or 0):
+        remarks.append("signed pixels are moved up so that none is below zero")
+    if dataset.get("VOILUTSequence") or dataset.get("WindowCenter") is not None:
+        remarks.append(
+            "the stored values are taken: window and VOI LUT, which are for the eye, are not applied (--voi-lut)"
+        )
+    if word(dataset, "LossyImageCompression") == "01" or dataset.file_meta.TransferSyntaxUID.name.startswith(
+        "JPEG Base"
+    ):
+        remarks.append("the pictures have been compressed with loss")
+    masks = dataset.get("MaskSubtractionSequence") or []
+    if any(word(item, "MaskOperation") not in ("", "NONE") for item in masks):
+        remarks.append(f"{tag_name('MaskSubtractionSequence')}: no mask is subtracted")
+
+
+def frames(path: Path, dataset: Any, *, voi_lut: bool = False) -> Iterator[Pixels]:
+    """The pictures, one after another: (H, W) uint8 or uint16, more is brighter.
+
+    Args:
+        path: the object's file.
+        dataset: the object without its pixels, checked by `check_pixels`.
+        voi_lut: apply the object's own window or VOI LUT, as its display would; the values then span all bits stored.
+
+    Raises:
+        RecordingError: pixels that cannot be decoded, or fewer of them than the object says.
+    """
+    from pydicom.pixels import apply_voi_lut, iter_pixels
+
+    bits = int(dataset.BitsStored)
+    signed = bool(int(dataset.get("PixelRepresentation") or 0))
+    largest = (1 << bits) - 1
+    shift = int(dataset.get("HighBit", bits - 1)) - (bits - 1)
+    try:
+        for raw in iter_pixels(path, raw=True):
+            values = np.asarray(raw).astype(np.int32)
+            values = (values >> shift) & largest if not signed else values >> shift
+            if voi_lut:
+                shown = np.asarray(apply_voi_lut(values, dataset), dtype=np.float64)
+                values = np.clip(np.rint(shown), 0, largest).astype(np.int32)
+            elif signed:
+                values = np.clip(values + (1 << (bits - 1)), 0, largest)
+            if word(dataset, "PhotometricInterpretation") == "MONOCHROME1":
+                values = largest - values
+            yield values.astype(np.uint8) if bits <= 8 else values.astype(np.uint16)
+    except RecordingError:
+        raise
+    except Exception as error:  # decoders let errors of all kinds through
+        syntax = dataset.file_meta.TransferSyntaxUID.name
+        raise RecordingError(
+            f"{path}: pictures of {syntax} cannot be decoded: {' '.join(str(error).split())[:300]}"
+        ) from error
