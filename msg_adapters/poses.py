@@ -44,6 +44,23 @@ def encode_pose_with_covariance_stamped(
     return {"header": header, "pose": {"pose": encode_pose(transform), "covariance": flat}}
 
 
+def decode_covariance(message: Any) -> Array | None:
+    """The (6, 6) covariance of a PoseWithCovarianceStamped; None where it says that it knows none (all zero).
+
+    Raises:
+        MessageError: values that are not finite, or a matrix that is none of a covariance.
+    """
+    covariance = np.array(message.pose.covariance, dtype=np.float64).reshape(6, 6)
+    if not np.any(covariance):
+        return None
+    scale = np.max(np.abs(covariance))
+    if not (np.isfinite(scale) and np.allclose(covariance, covariance.T, atol=1e-6 * scale)):
+        raise MessageError("pose.covariance: expected a symmetric matrix of finite values")
+    if np.linalg.eigvalsh(covariance)[0] < -1e-6 * scale:
+        raise MessageError("pose.covariance: expected a covariance, found a negative variance")
+    return covariance
+
+
 def decode_pose(message: Any) -> Array:
     """The (4, 4) transform of a Pose, PoseStamped or PoseWithCovarianceStamped, metres.
 

@@ -19,6 +19,12 @@ class OverlayStyleConfig:
     outline_width_px: float = parameter(
         2.0, "width of the outline, at a 1024-pixel image", unit="px", minimum=1.0, maximum=10.0, read_only=False
     )
+    error_band: bool = parameter(
+        True,
+        "of a surface: a band about the compensated outline, in which each of its points lies with 95 % probability by"
+        " the motion's covariance, as far as the tracker gives one (brost2009 does not)",
+        read_only=False,
+    )
     show_static: bool = parameter(True, "also draw the uncompensated place, faintly", read_only=False)
     compensated_colour: str = parameter("#4be08a", "colour of the compensated overlay, #rrggbb", read_only=False)
     static_colour: str = parameter("#8fb4d8", "colour of the uncompensated one beside it, #rrggbb", read_only=False)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
@@ -31,12 +31,13 @@ from lasso_motion_ros.overlay.style import overlay_style
 from msg_adapters.images import encode_image
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
 from msg_adapters.messages import header_fields, stamp_to_ns
-from msg_adapters.poses import decode_pose, encode_pose
+from msg_adapters.poses import decode_covariance, decode_pose, encode_pose
 from msg_adapters.sync.calibrated_frames import CalibratedFrames
 from msg_adapters.topics import (
     CATHETER,
     IMAGE_TYPE,
     MOTION,
+    MOTION_WITH_COVARIANCE,
     OVERLAY_SURFACE,
     STATE,
     STATE_VALID_S,
@@ -93,7 +94,12 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
 
     def start(self) -> None:
         """Listen and draw."""
-        for topic, callback in ((STATE, self._on_state), (MOTION, self._on_motion), (CATHETER, self._on_catheter)):
+        for topic, callback in (
+            (STATE, self._on_state),
+            (MOTION, self._on_motion),
+            (MOTION_WITH_COVARIANCE, self._on_covariance),
+            (CATHETER, self._on_catheter),
+        ):
             topic_subscription(self, self.messages, topic, callback)
         self._inputs = PlaneInputs(self, self._on_image, self._on_camera_info)
         self._live = LiveParameters(self, self._config, self._on_tuning)
@@ -154,6 +160,15 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             self._changed.notify()
         if compensated:
             self._publish_surface(stamp_to_ns(message.header.stamp), motion)
+
+    @guarded
+    def _on_covariance(self, message: PoseWithCovarianceStamped) -> None:
+        covariance = decode_covariance(message)
+        if covariance is None or message.header.frame_id != self._config.world_frame:
+            return
+        with self._changed:
+            self._history.add_covariance(stamp_to_ns(message.header.stamp), covariance)
+            self._changed.notify()
 
     @guarded
     def _on_catheter(self, message: Marker) -> None:
@@ -232,7 +247,14 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         publisher = self._pictures[plane]
         if publisher.get_subscription_count() == 0:
             return
-        picture = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status, loop=choice.loop)
+        picture = self._painter.draw(
+            frame.pixels,
+            frame.projection,
+            choice.motion,
+            choice.status,
+            loop=choice.loop,
+            covariance=choice.covariance,
+        )
         header = header_fields(frame.stamp_ns, self._frame_ids[plane])
         publisher.publish(self.messages.make(IMAGE_TYPE, encode_image(picture, header)))
 

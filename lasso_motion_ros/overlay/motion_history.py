@@ -28,11 +28,14 @@ class Choice:
         motion: (4, 4) T with p_now = T · p_reference; None where none may be trusted.
         status: words for the picture: a remark on the motion, or why there is none.
         loop: (N, 3) the catheter that belongs to the motion, world metres; None where there is none.
+        covariance: (6, 6) of the motion, at the world origin, m and rad; None where there is none, or where the motion
+            is that of an earlier pair: how far off it is now the tracker has not said.
     """
 
     motion: Array | None
     status: str
     loop: Array | None = None
+    covariance: Array | None = None
 
 
 class MotionHistory:
@@ -50,6 +53,7 @@ class MotionHistory:
         self._timeout_ns = round(config.motion_timeout_s * NANOSECONDS)
         self._motions: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._loops: deque[tuple[int, Array]] = deque(maxlen=KEPT)
+        self._covariances: deque[tuple[int, Array]] = deque(maxlen=KEPT)
         self._state = ""
         self._intervals = FrameIntervals()
 
@@ -69,6 +73,10 @@ class MotionHistory:
         """Take a `catheter`, (N, 3) world metres. After the first one an image also waits for its motion's loop."""
         self._loops.append((stamp_ns, loop))
 
+    def add_covariance(self, stamp_ns: int, covariance: Array) -> None:
+        """Take a motion's (6, 6) covariance. After the first one an image also waits for its motion's."""
+        self._covariances.append((stamp_ns, covariance))
+
     def add_image(self, plane: Plane, stamp_ns: int) -> None:
         """Note an image's stamp: plane A's frame period is learnt from them."""
         if plane == "a":
@@ -77,7 +85,9 @@ class MotionHistory:
     def answered(self, plane: Plane, stamp_ns: int) -> bool:
         """Whether the motion of the image's own pair is there."""
         own = self._own(plane, stamp_ns)
-        return own is not None and (not self._loops or self._loop(own[0]) is not None)
+        return own is not None and all(
+            not known or _at(known, own[0]) is not None for known in (self._loops, self._covariances)
+        )
 
     def choose(self, plane: Plane, stamp_ns: int) -> Choice:
         """What to draw an image with, now."""
@@ -86,7 +96,7 @@ class MotionHistory:
         remark = "" if self._state == TrackerState.TRACKING.value else self._state
         own = self._own(plane, stamp_ns)
         if own is not None:
-            return Choice(own[1], remark, self._loop(own[0]))
+            return Choice(own[1], remark, _at(self._loops, own[0]), _at(self._covariances, own[0]))
         earlier = [(at, motion) for at, motion in self._motions if at <= stamp_ns + self._rule.jitter_ns]
         if not earlier:
             return Choice(None, NOT_YET)
@@ -94,7 +104,7 @@ class MotionHistory:
         age_s = (stamp_ns - at) / NANOSECONDS
         if stamp_ns - at > self._timeout_ns:
             return Choice(None, f"motion {age_s:.1f} s old")
-        return Choice(motion, f"{remark}, motion {age_s:.2f} s old".removeprefix(", "), self._loop(at))
+        return Choice(motion, f"{remark}, motion {age_s:.2f} s old".removeprefix(", "), _at(self._loops, at))
 
     @property
     def has_pose(self) -> bool:
@@ -104,9 +114,7 @@ class MotionHistory:
     def _forget(self) -> None:
         self._motions.clear()
         self._loops.clear()
-
-    def _loop(self, stamp_ns: int) -> Array | None:
-        return next((loop for at, loop in reversed(self._loops) if at == stamp_ns), None)
+        self._covariances.clear()
 
     def _own(self, plane: Plane, stamp_ns: int) -> tuple[int, Array] | None:
         earliest, latest = 0, 0
@@ -116,3 +124,8 @@ class MotionHistory:
             if earliest <= stamp_ns - at <= min(latest, self._timeout_ns):
                 return at, motion
         return None
+
+
+def _at(known: deque[tuple[int, Array]], stamp_ns: int) -> Array | None:
+    """The entry of a stamp, or None."""
+    return next((entry for at, entry in reversed(known) if at == stamp_ns), None)

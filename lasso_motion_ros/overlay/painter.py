@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.overlay.compositing import AlphaMask, blend, surface_mask
+from lasso_motion_ros.overlay.error_band import error_band
 from lasso_motion_ros.overlay.primitives import (
     Colour,
     draw_banner,
@@ -52,6 +53,7 @@ class OverlayPainter:
         status: str = "",
         *,
         loop: Array | None = None,
+        covariance: Array | None = None,
     ) -> RgbImage:
         """The surface over an image: compensated, or, where there is no motion, static with a warning in words.
 
@@ -62,6 +64,8 @@ class OverlayPainter:
             status: with a motion, a remark printed small ("DEGRADED: …", "motion 0.3 s old"), or empty; without one,
                 why not ("LOST: too few electrodes are seen"), printed in the banner.
             loop: (N, 3) the catheter's curve now, world metres; drawn thin beside a motion, never without one.
+            covariance: (6, 6) of the motion at the world origin (x, y, z, then about the fixed axes; m, rad), for the
+                band about a surface's outline; None where it is not known.
 
         Returns:
             (H, W, 3) uint8 RGB.
@@ -78,7 +82,14 @@ class OverlayPainter:
         if style.show_static:
             blend(picture, self._still_mask(projection, style, width, faint=True), style.static)
             legend.append(("static", style.static))
-        blend(picture, self._mask(projection, motion, style, width, faint=False), style.compensated)
+        if style.error_band and covariance is not None and isinstance(self.shown, TriangleMesh):
+            shape = silhouette(self.shown, projection, motion)
+            band = error_band(self.shown, shape, projection, motion, covariance)
+            blend(picture, band, style.compensated)
+            legend.append(("95 % error band", _lighter(style.compensated)))
+            blend(picture, surface_mask(shape, style, width), style.compensated)
+        else:
+            blend(picture, self._mask(projection, motion, style, width, faint=False), style.compensated)
         if loop is not None:
             draw_loop(picture, projection, loop, LOOP_COLOUR)
             legend.append(("lasso as tracked", LOOP_COLOUR))
@@ -111,6 +122,12 @@ class OverlayPainter:
             mask = self._mask(projection, np.eye(4), style, width, faint)
             self._still[key] = mask
         return mask
+
+
+def _lighter(colour: Colour) -> Colour:
+    """The colour by which a legend tells what is drawn translucent from its outline."""
+    red, green, blue = ((value + 255) // 2 for value in colour)
+    return red, green, blue
 
 
 def static_banner(status: str) -> str:

@@ -34,6 +34,7 @@ class Silhouette:
         coverage: (h, w) float32 share of each pixel covered, 0–1; (0, 0) where nothing is visible.
         wall_count: (⌈h/4⌉, ⌈w/4⌉) float32 how many triangles lie over each cell of 4×4 pixels (2 for a convex body).
         edges: (E, 2, 2) pixels, the fold and border edges.
+        ends: (E, 2) numbers of the vertices that they join.
         centroids: (T, 2) pixels, the projected triangles' centroids.
         facing: (T,) cosine between each triangle's normal and the ray, 0 (edge-on) to 1.
         depth: (T,) depth of the centroids, metres.
@@ -44,6 +45,7 @@ class Silhouette:
     coverage: npt.NDArray[np.float32]
     wall_count: npt.NDArray[np.float32]
     edges: Array
+    ends: npt.NDArray[np.int32]
     centroids: Array
     facing: Array
     depth: Array
@@ -75,7 +77,8 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
         table.of_triangle.ravel(), weights=(table.direction * turn[:, None]).ravel(), minlength=len(table.ends)
     )
     kept = np.flatnonzero(net != 0.0)
-    edges = pixels[table.ends[kept]]
+    ends = table.ends[kept]
+    edges = pixels[ends]
     centre_depth = _mean_of_corners(triangle_depth)
     # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
     scale = projection.focal_length_px / centre_depth
@@ -89,6 +92,7 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
         coverage=coverage,
         wall_count=wall_count,
         edges=edges,
+        ends=ends,
         centroids=np.stack([_mean_of_corners(x), _mean_of_corners(y)], axis=1),
         facing=np.minimum(facing, 1.0) * (turn != 0.0),
         depth=centre_depth,

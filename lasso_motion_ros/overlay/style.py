@@ -17,6 +17,7 @@ class OverlayStyle:
         fill: whether the region is filled.
         fill_opacity: opacity of the fill at its rim, 0–1.
         outline_width_px: width of the outline in a 1024-pixel image.
+        error_band: whether the band that holds 95 % of the error is drawn about the compensated outline.
         show_static: whether the static place is drawn beside the compensated one.
         compensated: colour of the compensated place.
         static: colour of the static place beside it.
@@ -28,6 +29,7 @@ class OverlayStyle:
     fill: bool = True
     fill_opacity: float = 0.30
     outline_width_px: float = 2.0
+    error_band: bool = True
     show_static: bool = True
     compensated: Colour = (75, 224, 138)
     static: Colour = (143, 180, 216)
@@ -46,6 +48,7 @@ def overlay_style(config: OverlayStyleConfig) -> OverlayStyle:
         fill=config.drawing != "outline",
         fill_opacity=config.fill_opacity,
         outline_width_px=config.outline_width_px,
+        error_band=config.error_band,
         show_static=config.show_static,
         compensated=parse_colour(config.compensated_colour),
         static=parse_colour(config.static_colour),

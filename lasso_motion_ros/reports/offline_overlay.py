@@ -100,13 +100,22 @@ class OfflineOverlay:
                 self._history.add_motion(at_ns, estimate.motion)
                 if estimate.loop is not None:
                     self._history.add_loop(at_ns, estimate.loop)
+                if estimate.covariance is not None:
+                    self._history.add_covariance(at_ns, estimate.covariance)
         return state
 
     def _picture(self, frame: Frame, choice: Choice) -> RgbImage:
         static = self._painter.draw_static(frame.pixels, frame.projection) if self._view != "compensated" else None
         if self._view == "static" and static is not None:
             return static
-        moved = self._painter.draw(frame.pixels, frame.projection, choice.motion, choice.status, loop=choice.loop)
+        moved = self._painter.draw(
+            frame.pixels,
+            frame.projection,
+            choice.motion,
+            choice.status,
+            loop=choice.loop,
+            covariance=choice.covariance,
+        )
         if static is None:
             return moved
         return beside([static, moved], _GAP_PX)

@@ -65,6 +65,7 @@ def test_frames_are_what_the_painter_draws(inputs: list[str], tmp_path: Path) ->
             None if z_mm is None else shift(z_mm),
             status,
             loop=None if z_mm is None else apply(shift(z_mm), loop()),
+            covariance=np.diag([0.25e-6] * 3 + [1e-6] * 3),
         )
         np.testing.assert_allclose(read_png(out / f"plane_{plane}_{pair:05d}.png"), expected, atol=2)
     drawn = json.loads((tmp_path / "drawn.json").read_text())

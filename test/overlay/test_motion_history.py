@@ -146,3 +146,16 @@ def test_the_loop_is_that_of_the_motion_and_is_waited_for_once_loops_come() -> N
     made.add_motion(2 * PERIOD, shift(2))
     assert made.answered("a", 2 * PERIOD)
     assert made.choose("a", 2 * PERIOD).loop is None
+
+
+def test_a_covariance_is_that_of_the_images_own_motion_only() -> None:
+    """An image that is drawn with an earlier motion has no band: how far off that one is by now nobody has said."""
+    made = history()
+    made.add_covariance(0, np.eye(6))
+    assert made.answered("a", 0)
+    assert not made.answered("a", PERIOD)
+    np.testing.assert_array_equal(made.choose("a", 0).covariance, np.eye(6))
+    made.add_covariance(PERIOD, 2.0 * np.eye(6))
+    assert made.answered("a", PERIOD)
+    assert made.choose("a", 2 * PERIOD).motion is not None
+    assert made.choose("a", 2 * PERIOD).covariance is None
