@@ -8,31 +8,21 @@ from dataclasses import asdict
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
-from lasso_motion_ros.config.overlay import OverlayConfig
-from lasso_motion_ros.config.parameters import configuration_from_values, configuration_values, load_configuration
+from lasso_motion_ros.cli.overlay_arguments import DEFAULT_CONFIG, add_overlay_arguments, overlay_configuration
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
-from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.reports.offline_overlay import OVERLAY_VIEWS
 from lasso_motion_ros.tools.rendering import FRAMES, is_video, render_recording
 
 HELP = """Draw the overlay over a recording, offline, with the motion of a tracker's result: what the overlay node draws
 live. OUT.mp4 becomes a video of both planes, any other name a directory of PNG frames, one a plane and pair."""
 
-DEFAULT_CONFIG = "config/overlay.yaml"
-
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.add_input("recording", metavar="IN.mcap", help="recording with the images")
     parser.add_input("result", metavar="RESULT.mcap", help="what a tracker published on it")
-    parser.add_input(
-        "--volume",
-        type=str,
-        required=True,
-        metavar="FILE",
-        help="surface (STL, PLY, OBJ, VTK, VTP) or volume (NIfTI, NRRD, MHA, a folder with a DICOM series)",
-    )
+    add_overlay_arguments(parser, required=True)
     parser.add_output(
         "-o",
         "--output",
@@ -42,21 +32,6 @@ def add_arguments(parser: CommandParser) -> None:
         metavar="OUT",
         help="OUT.mp4, or a directory",
     )
-    parser.add_argument(
-        "--units", choices=("mm", "m"), help="unit of the file's coordinates; must be given for surfaces"
-    )
-    parser.add_argument(
-        "--axes", choices=("lps", "ras"), help="a surface file's axes (default: as it states, else LPS)"
-    )
-    parser.add_input(
-        "--registration",
-        type=str,
-        metavar="NUMBERS|FILE",
-        help="volume to world, metres: 'x y z qx qy qz qw' or the 16 numbers of a matrix (default: identity)",
-    )
-    parser.add_argument("--level", type=float, metavar="VALUE", help="of a volume: the surface lies at this value")
-    parser.add_argument("--label", type=int, metavar="N", help="of a volume: the surface of the voxels with this value")
-    parser.add_argument("--projection", action="store_true", help="of a volume: its translucent projection, no surface")
     parser.add_argument(
         "--view",
         choices=OVERLAY_VIEWS,
@@ -104,23 +79,3 @@ def run(args: argparse.Namespace) -> int:
         print(f"lasso-motion render: {summary.damage}", file=sys.stderr)
         return EXIT_PART
     return EXIT_DONE
-
-
-def overlay_configuration(args: argparse.Namespace) -> OverlayConfig:
-    """The overlay's parameters: those of the file, with what the command line says.
-
-    Raises:
-        ConfigurationError: a file or a value that is not allowed.
-    """
-    config = load_configuration(args.config or share_file(DEFAULT_CONFIG), OverlayConfig, "lasso_overlay")
-    given = {
-        "volume_file": args.volume,
-        "units": args.units,
-        "axes": args.axes,
-        "registration": args.registration,
-        "volume.level": args.level,
-        "volume.label": args.label,
-        "volume.display": "projection" if args.projection else None,
-    }
-    values = configuration_values(config) | {name: value for name, value in given.items() if value is not None}
-    return configuration_from_values(OverlayConfig, values)

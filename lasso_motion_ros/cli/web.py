@@ -4,20 +4,32 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
+from pathlib import Path
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, port
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
+from lasso_motion_ros.cli.overlay_arguments import (
+    DEFAULT_CONFIG,
+    add_overlay_arguments,
+    given_overlay_values,
+    overlay_configuration,
+)
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.processes import stay_on_this_machine
 
 HELP = """A page in the browser: both planes live with overlay and tracked loop, state, motion and latency; clicking
-along the loop in both planes starts the tracker. With --annotate, the same tool draws the loop's centrelines into a
+along the loop in both planes starts the tracker. With IN.mcap the recording is played over and over to a tracker of its
+own; with --volume an overlay draws it at its static and at its compensated place, over the recording or over the graph
+that is running. With --annotate, the same tool draws the loop's centrelines into a
 copy of a recording, frame by frame, as /ground_truth/plane_x/catheter; that needs no ROS. Only this machine reaches
 page and graph, unless --host and ROS_AUTOMATIC_DISCOVERY_RANGE say otherwise."""
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT = 8080
+TRACKER_CONFIG = "config/tracker.yaml"
 
 
 def add_arguments(parser: CommandParser) -> None:
@@ -26,6 +38,15 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument("--port", type=port, default=DEFAULT_PORT, help=f"TCP port (default {DEFAULT_PORT}; 0: any)")
     parser.add_argument(
         "--allow-host", action="append", default=[], metavar="NAME", help="a further name browsers may ask for it by"
+    )
+    parser.add_input(
+        "recording", nargs="?", metavar="IN.mcap", help="a recording to play (default: the graph as it is)"
+    )
+    add_overlay_arguments(parser, required=False)
+    parser.add_input(
+        "--config",
+        metavar="FILE",
+        help=f"with IN.mcap or --volume: parameters (default: {TRACKER_CONFIG}, {DEFAULT_CONFIG})",
     )
     parser.add_input("--annotate", metavar="IN.mcap", help="draw centrelines into a copy of a recording")
     parser.add_output("-o", "--output", metavar="OUT.mcap", help="with --annotate: the copy")
@@ -37,10 +58,18 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Serve the page until stopped; returns the exit status."""
-    if args.annotate is not None:
+    if args.annotate is not None and args.recording is None and args.volume is None:
         return _annotate(args)
     if args.output is not None:
         raise LassoMotionError("-o goes with --annotate IN.mcap")
+    if given_overlay_values(args) and args.volume is None:
+        raise LassoMotionError("--units, --axes, --registration and what else tells of a volume go with --volume FILE")
+    if args.recording is not None or args.volume is not None:
+        return _show(args)
+    if args.config is not None:
+        raise LassoMotionError(
+            "--config goes with IN.mcap or --volume; the page's own is --ros-args --params-file FILE"
+        )
     require_ros()
     stay_on_this_machine()
     from lasso_motion_ros.nodes.executables import lasso_web
@@ -49,6 +78,26 @@ def run(args: argparse.Namespace) -> int:
     # Quotes: a host of digits must stay a text.
     words = [word for name, value in values.items() for word in ("-p", f"{name}:={_yaml(value)}")]
     return lasso_web(["--ros-args", *words, *args.ros_args])
+
+
+def _show(args: argparse.Namespace) -> int:
+    """The page with tracker and overlay of its own, as far as they are asked for."""
+    if args.annotate is not None:
+        raise LassoMotionError("--annotate draws centrelines; IN.mcap and --volume show a recording: one of both")
+    if args.ros_args and args.recording is not None:
+        raise LassoMotionError("--ros-args is for a graph that is running, not for IN.mcap")
+    overlay = None if args.volume is None else overlay_configuration(args)
+    configuration = None if args.recording is None else args.config or share_file(TRACKER_CONFIG)
+    require_ros()
+    from lasso_motion_ros.tools.demonstration import check_page_input
+    from lasso_motion_ros.tools.page_demonstration import PageInput, run_page
+
+    seeded = configuration is not None and check_page_input(args.recording, configuration)
+    page = ["--host", args.host, "--port", str(args.port)]
+    page += [word for name in args.allow_host for word in ("--allow-host", name)]
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_") as logs:
+        run_page(PageInput(args.recording, configuration, overlay, seeded, page, Path(logs), args.ros_args), print)
+    return EXIT_DONE
 
 
 def _annotate(args: argparse.Namespace) -> int:

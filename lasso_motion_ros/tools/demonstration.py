@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
@@ -131,19 +132,33 @@ def demonstrate_page(
     """
     from lasso_motion_ros.tools.page_demonstration import PageInput, run_page
 
-    topics = RecordingReader(recording).topics
-    check_tracking_topics(recording, topics)
-    seeded = all(seed_topic(plane).recorded_name in topics for plane in PLANES)
-    load_configuration(configuration, StreamConfig)
+    seeded = check_page_input(recording, configuration)
     truth = truth_if_any(recording)
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as working:
-        surface: Path | None = None
+        overlay: OverlayConfig | None = None
         if truth is not None and truth.loop is not None:
             surface = Path(working) / SURFACE
             write_stl(surface, demo_surface(truth), "mm")
+            overlay = OverlayConfig(volume_file=str(surface), units="mm")
         elif not quiet:
             say("no overlay: the recording has no truth that tells where a made-up atrium would have to be")
-        run_page(PageInput(recording, configuration, surface, seeded, host, port, directory), say)
+        page = ("--host", host, "--port", str(port))
+        run_page(PageInput(recording, configuration, overlay, seeded, page, directory), say)
+
+
+def check_page_input(recording: Path, configuration: Path) -> bool:
+    """Look at what is to be played, and to which tracker, before processes are started.
+
+    Returns:
+        Whether the recording has clicks.
+
+    Raises:
+        LassoMotionError: a recording that is none of biplane X-ray, or a parameter file that is not allowed.
+    """
+    topics = RecordingReader(recording).topics
+    check_tracking_topics(recording, topics)
+    load_configuration(configuration, StreamConfig)
+    return all(seed_topic(plane).recorded_name in topics for plane in PLANES)
 
 
 def read_pairs(recording: Path, config: StreamConfig) -> list[FramePair]:

@@ -1,48 +1,56 @@
-"""The demonstration with the page: tracker, overlay and page, live on a recording that plays again and again."""
+"""The page with all that it shows: tracker, overlay and page on a recording that plays again and again, or the overlay
+and the page beside a graph that is running.
+"""
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+import yaml
+
+from lasso_motion_ros.config.overlay import OverlayConfig
+from lasso_motion_ros.config.parameters import configuration_values
 from lasso_motion_ros.core.output_files import make_directory
 from lasso_motion_ros.nodes.ros_start import chosen_domain
 from lasso_motion_ros.tools.child_graph import LOGS, START_WAIT_S, child_graph
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
 
 READY = "the page is at "
+OVERLAY_PARAMETERS = "overlay.yaml"
+ROS_DEFAULT_DOMAIN = 0
 
 
 @dataclass(frozen=True)
 class PageInput:
-    """What is played, and to what.
+    """What is shown, and where.
 
     Attributes:
-        recording: the recording.
+        recording: what is played; None: a graph that is running.
         configuration: the tracker's parameter file.
-        surface: STL that the overlay draws, world millimetres; None: no overlay.
+        overlay: the overlay's parameters; None: no overlay.
         seeded: whether the recording has clicks.
-        host: address of the page.
-        port: TCP port of the page.
+        page: arguments of the page: `--host`, `--port`, …
         directory: where the processes' logs go.
+        ros: arguments of ROS for page and overlay, as behind `--ros-args`.
     """
 
-    recording: Path
-    configuration: Path
-    surface: Path | None
+    recording: Path | None
+    configuration: Path | None
+    overlay: OverlayConfig | None
     seeded: bool
-    host: str
-    port: int
+    page: Sequence[str]
     directory: Path
+    ros: Sequence[str] = ()
 
 
 def run_page(given: PageInput, say: Callable[[str], None]) -> None:
-    """Play a recording over and over, with the page beside it, until SIGINT or SIGTERM.
+    """Run the page with all that it shows until SIGINT or SIGTERM; a recording is played over and over.
 
     Args:
-        given: what to play.
+        given: what to show.
         say: takes a line for the user.
 
     Raises:
@@ -50,24 +58,34 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
     """
     stay_on_this_machine()
     # A domain that the user has chosen is kept, so that other tools see the graph.
-    domain = chosen_domain() or free_domain()
+    domain = chosen_domain() or (ROS_DEFAULT_DOMAIN if given.recording is None else free_domain())
     logs = given.directory / LOGS
     make_directory(logs)
     with contextlib.suppress(KeyboardInterrupt), child_graph(domain, logs) as graph:
-        graph.start_tracker(given.configuration)
-        if given.surface is not None:
-            graph.start_overlay(given.surface)
-        graph.start_command("page", "web", "--host", given.host, "--port", str(given.port))
+        if given.configuration is not None:
+            graph.start_tracker(given.configuration)
+        if given.overlay is not None:
+            parameters = given.directory / OVERLAY_PARAMETERS
+            parameters.write_text(_parameter_file(given.overlay), encoding="utf-8")
+            words = ["--ros-args", "--params-file", str(parameters), *given.ros]
+            graph.start_node("overlay", "lasso_overlay", words)
+        graph.start_command("page", "web", *given.page, *(["--ros-args", *given.ros] if given.ros else []))
         graph.wait_until(
             lambda: READY in graph.log("page", 50),
             START_WAIT_S,
             f"the page has not come up within {START_WAIT_S:g} s; see {logs}",
         )
         url = graph.log("page", 50).partition(READY)[2].split()[0]
-        listeners = 2 if given.surface is None else 3
-        # Clicks that come with the recording come in each round; a user's are to hold, so nothing may begin anew.
-        again = "--loop" if given.seeded else "--endless"
-        words = [again, "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
-        graph.start_command("player", "play", str(given.recording), *words)
+        if given.recording is not None:
+            listeners = 2 if given.overlay is None else 3
+            # Clicks that come with the recording come in each round; a user's are to hold, so nothing may begin anew.
+            again = "--loop" if given.seeded else "--endless"
+            words = [again, "--wait", str(START_WAIT_S), "--subscribers", str(listeners)]
+            graph.start_command("player", "play", str(given.recording), *words)
         say(f"open {url} in a browser (ROS_DOMAIN_ID={domain}, this machine only); Ctrl-C ends it")
         graph.wait_until(lambda: False)
+
+
+def _parameter_file(overlay: OverlayConfig) -> str:
+    """The overlay's parameters as ROS parameter YAML."""
+    return yaml.safe_dump({"/**/lasso_overlay": {"ros__parameters": configuration_values(overlay)}})

@@ -7,6 +7,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -16,8 +17,13 @@ pytest.importorskip("trimesh", reason="needs the overlay extra")
 pytest.importorskip("aiohttp", reason="needs the web extra")
 
 import aiohttp
+from rcl_interfaces.srv import GetParameters
 from support.child_processes import children_of, is_running
 from support.drawn_recording import write_input
+
+from lasso_motion_ros.overlay.atrium import left_atrium_surface
+from lasso_motion_ros.overlay.surface_files import write_stl
+from lasso_motion_ros.tools.listener import Listener
 
 PATIENCE_S = 60.0
 
@@ -57,3 +63,38 @@ def test_it_tracks_round_after_round_until_it_is_stopped(tmp_path: Path, truth: 
             demo.send_signal(signal.SIGINT)
         assert demo.wait(60) == 0
         assert not any(is_running(child) for child in children)
+
+
+def overlay_parameters(domain: int, names: tuple[str, ...]) -> list[str]:
+    """What a running overlay has for parameters."""
+    with Listener([], lambda *_: None, domain=domain) as listener:
+        client = listener.node.create_client(GetParameters, "/lasso_overlay/get_parameters")
+        assert client.wait_for_service(PATIENCE_S)
+        future = client.call_async(GetParameters.Request(names=list(names)))
+        answered = threading.Event()
+        future.add_done_callback(lambda _: answered.set())
+        assert answered.wait(PATIENCE_S)
+        return [value.string_value for value in future.result().values]
+
+
+@pytest.mark.ros
+def test_one_command_shows_a_recording_with_the_users_atrium(tmp_path: Path) -> None:
+    bag = write_input(tmp_path / "ring.mcap", [0.0, 2.0, 5.0, 3.0, 1.0, 0.0, 2.0, 5.0])
+    write_stl(tmp_path / "mine.stl", left_atrium_surface(4.0), "mm")
+    command = [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", str(bag), "--port", "0"]
+    command += ["--volume", str(tmp_path / "mine.stl"), "--units", "mm", "--registration", "0 0 0.01 0 0 0 1"]
+    asked = None
+    with subprocess.Popen(command, stdout=subprocess.PIPE, encoding="utf-8") as served:
+        try:
+            assert served.stdout is not None
+            line = served.stdout.readline()
+            children = children_of(served.pid)
+            assert len(children) == 4  # tracker, overlay, page, player
+            asyncio.run(states(line.split()[1], ["TRACKING"]))
+            domain = line.partition("ROS_DOMAIN_ID=")[2].split(",")[0]
+            asked = overlay_parameters(int(domain), ("volume_file", "registration"))
+        finally:
+            served.send_signal(signal.SIGINT)
+        assert served.wait(60) == 0
+        assert not any(is_running(child) for child in children)
+    assert asked == [str(tmp_path / "mine.stl"), "0 0 0.01 0 0 0 1"]
