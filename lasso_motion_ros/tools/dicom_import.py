@@ -104,8 +104,10 @@ def read_pair(paths: Mapping[Plane, Path], options: ImportOptions, *, quiet: boo
     given = read_geometry_file(options.geometry)
     objects: dict[Plane, XaObject] = {plane: read_xa(paths[plane], given[plane]) for plane in PLANES}
     a, b = objects["a"], objects["b"]
+    if a.dataset.get("SOPInstanceUID") == b.dataset.get("SOPInstanceUID"):
+        raise RecordingError(f"{a.path} and {b.path} are one object: expected one for each plane")
     remarks: dict[str, list[str]] = {f"plane {plane.upper()}": list(objects[plane].remarks) for plane in PLANES}
-    both = remarks.setdefault("both planes", [])
+    both = remarks["both planes"] = []
     for plane in PLANES:
         both += _check_annotation(objects[plane], options.identity)
     _check_designation(objects, both)
@@ -142,7 +144,7 @@ def read_pair(paths: Mapping[Plane, Path], options: ImportOptions, *, quiet: boo
             "a": [start_ns + time for time in a.times_ns],
             "b": [start_ns + offset_ns + time for time in b.times_ns],
         },
-        {place: lines for place, lines in remarks.items() if lines},
+        _shared(remarks),
     )
 
 
@@ -161,6 +163,18 @@ def describe(pair: ImportedPair) -> list[str]:
             f" {projection.millimetres_per_pixel(np.zeros(3)):.3f} mm a pixel there"
         )
     return lines + [f"{place}: {line}" for place, found in pair.remarks.items() for line in found]
+
+
+def _shared(remarks: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """The same remarks, with what holds for either plane said once."""
+    one, other = (remarks[place] for place in ("plane A", "plane B"))
+    common = [line for line in one if line in other]
+    sorted_out = {
+        "plane A": [line for line in one if line not in common],
+        "plane B": [line for line in other if line not in common],
+        "both planes": [*common, *remarks["both planes"]],
+    }
+    return {place: lines for place, lines in sorted_out.items() if lines}
 
 
 def report(pair: ImportedPair) -> dict[str, Any]:

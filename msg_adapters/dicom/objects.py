@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -26,8 +27,11 @@ def open_object(path: Path) -> Any:
         raise RecordingError(
             f"{path}: DICOM is read by pydicom, which is not installed: pip install 'lasso_motion_ros[dicom]'"
         ) from error
+    # Values of another form than the standard's are common and harmless, or else refused by name where they are used.
+    warnings.filterwarnings("ignore", module="pydicom")
     try:
         dataset = pydicom.dcmread(path, stop_before_pixels=True)
+        _drop_unreadable(dataset)
         kind = str(dataset.get("SOPClassUID", ""))
     except InvalidDicomError as error:
         raise RecordingError(f"{path}: not a DICOM file: the mark DICM is missing behind its preamble") from error
@@ -39,9 +43,18 @@ def open_object(path: Path) -> Any:
         name = pydicom.uid.UID(kind).name if kind else "none"
         raise RecordingError(
             f"{path}: (0008,0016) SOPClassUID: expected X-Ray Angiographic Image Storage, classic or Enhanced,"
-            f" found {name}"
+            f" found {' '.join(name.split())}"
         )
     return dataset
+
+
+def _drop_unreadable(dataset: Any) -> None:
+    """Take out what cannot be converted: where it is needed it is missing, and named."""
+    for tag in list(dataset.keys()):
+        try:
+            dataset[tag]
+        except Exception:  # pydicom lets errors of all kinds through
+            del dataset[tag]
 
 
 def tag_name(keyword: str) -> str:
@@ -75,7 +88,7 @@ def numbers(item: Any, keyword: str, count: int | None = None) -> tuple[float, .
         found = (float("nan"),)
     if (count is not None and len(found) != count) or not all(abs(one) < float("inf") for one in found):
         expected = "finite numbers" if count is None else f"{count} finite number{'s' if count > 1 else ''}"
-        raise RecordingError(f"{tag_name(keyword)}: expected {expected}, found {value}")
+        raise RecordingError(f"{tag_name(keyword)}: expected {expected}, found {' '.join(str(value).split())}")
     return found
 
 
@@ -90,9 +103,9 @@ def number(item: Any, keyword: str) -> float | None:
 
 
 def word(item: Any, keyword: str) -> str:
-    """The text of an attribute, without blanks around it; empty where it is absent."""
+    """The text of an attribute, in one line and without blanks around it; empty where it is absent."""
     value = None if item is None else item.get(keyword)
-    return "" if value is None else str(value).strip()
+    return "" if value is None else " ".join(str(value).split())
 
 
 def group_item(dataset: Any, frame: int, keyword: str) -> Any:

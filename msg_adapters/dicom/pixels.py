@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.core.errors import RecordingError
-from msg_adapters.dicom.objects import tag_name, word
+from msg_adapters.dicom.objects import number, tag_name, word
 from msg_adapters.images import MAX_SIDE_PX, Pixels
 
 
@@ -28,17 +28,21 @@ def check_pixels(dataset: Any, remarks: list[str]) -> None:
         raise RecordingError(
             f"{tag_name('PhotometricInterpretation')}: expected MONOCHROME1 or MONOCHROME2, found {kind or 'none'}"
         )
-    rows, columns = int(dataset.get("Rows") or 0), int(dataset.get("Columns") or 0)
+    rows, columns = _whole(dataset, "Rows"), _whole(dataset, "Columns")
     if not (1 <= rows <= MAX_SIDE_PX and 1 <= columns <= MAX_SIDE_PX):
         raise RecordingError(f"Rows, Columns: expected 1 to {MAX_SIDE_PX} pixels a side, found {columns}×{rows}")
-    allocated, stored = int(dataset.get("BitsAllocated") or 0), int(dataset.get("BitsStored") or 0)
+    allocated, stored = _whole(dataset, "BitsAllocated"), _whole(dataset, "BitsStored")
     if not 1 <= stored <= allocated or allocated not in (8, 16):
         raise RecordingError(
             f"{tag_name('BitsStored')}: expected at most 16 bits, 8 or 16 allocated, found {stored} of {allocated}"
         )
     if kind == "MONOCHROME1":
         remarks.append("MONOCHROME1 (more is darker) is turned over")
-    if int(dataset.get("PixelRepresentation") or 0):
+    if not stored - 1 <= _whole(dataset, "HighBit", stored - 1) < allocated:
+        raise RecordingError(
+            f"{tag_name('HighBit')}: expected {stored - 1} to {allocated - 1}, found {dataset.HighBit}"
+        )
+    if _whole(dataset, "PixelRepresentation"):
         remarks.append("signed pixels are moved up so that none is below zero")
     if dataset.get("VOILUTSequence") or dataset.get("WindowCenter") is not None:
         remarks.append(
@@ -66,10 +70,10 @@ def frames(path: Path, dataset: Any, *, voi_lut: bool = False) -> Iterator[Pixel
     """
     from pydicom.pixels import apply_voi_lut, iter_pixels
 
-    bits = int(dataset.BitsStored)
-    signed = bool(int(dataset.get("PixelRepresentation") or 0))
+    bits = _whole(dataset, "BitsStored")
+    signed = bool(_whole(dataset, "PixelRepresentation"))
     largest = (1 << bits) - 1
-    shift = int(dataset.get("HighBit", bits - 1)) - (bits - 1)
+    shift = _whole(dataset, "HighBit", bits - 1) - (bits - 1)
     try:
         for raw in iter_pixels(path, raw=True):
             values = np.asarray(raw).astype(np.int32)
@@ -85,7 +89,10 @@ def frames(path: Path, dataset: Any, *, voi_lut: bool = False) -> Iterator[Pixel
     except RecordingError:
         raise
     except Exception as error:  # decoders let errors of all kinds through
-        syntax = dataset.file_meta.TransferSyntaxUID.name
-        raise RecordingError(
-            f"{path}: pictures of {syntax} cannot be decoded: {' '.join(str(error).split())[:300]}"
-        ) from error
+        reason = f"pictures of {dataset.file_meta.TransferSyntaxUID.name} cannot be decoded: {error}"
+        raise RecordingError(f"{path}: {' '.join(reason.split())[:400]}") from error
+
+
+def _whole(dataset: Any, keyword: str, default: int = 0) -> int:
+    value = number(dataset, keyword)
+    return default if value is None else int(value)

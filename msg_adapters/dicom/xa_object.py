@@ -105,6 +105,8 @@ def read_xa(path: Path, given: GivenGeometry) -> XaObject:
         return _read(path, dataset, given)
     except LassoMotionError as error:
         raise RecordingError(f"{path}: {error}") from error
+    except Exception as error:  # pydicom converts values when they are asked for, and lets all errors through
+        raise RecordingError(f"{path}: cannot be read as DICOM: {' '.join(str(error).split())[:300]}") from error
 
 
 def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
