@@ -62,7 +62,7 @@ def plane_b_offset(a: XaObject, b: XaObject, given_s: float | None) -> tuple[int
         words = f"plane B begins {offset / NANOSECONDS:+.3f} s after plane A by {tag_name(clock)}"
         if not -b.times_ns[-1] <= offset <= a.times_ns[-1]:
             reason = f"{words}, so that the films do not overlap"
-        elif min(a.clock_step_s[clock], b.clock_step_s[clock]) == 1.0 and len(a.times_ns) > 1:
+        elif clock not in a.fine_clocks | b.fine_clocks and len(a.times_ns) > 1:
             reason = f"{tag_name(clock)} is in whole seconds"
         else:
             return offset, words

@@ -31,7 +31,7 @@ class XaObject:
         height: of the pictures, pixels.
         times_ns: (N,) of each frame, since the first.
         clocks: keyword of a clock → what it said at the first frame, nanoseconds since 1970.
-        clock_step_s: clock → how fine its reading is.
+        fine_clocks: the clocks that were read to fractions of a second.
         geometry: (N,) of each frame.
         r_waves: indices of the frames in which an R wave lies.
         remarks: what was taken for granted, a line each.
@@ -45,7 +45,7 @@ class XaObject:
     height: int
     times_ns: tuple[int, ...]
     clocks: Mapping[str, int]
-    clock_step_s: Mapping[str, float]
+    fine_clocks: frozenset[str]
     geometry: tuple[FrameGeometry, ...]
     r_waves: tuple[int, ...]
     remarks: tuple[str, ...]
@@ -120,11 +120,11 @@ def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
         geometry = enhanced_geometry(dataset, count, given, remarks)
         stamps = enhanced_times(dataset, count)
         times = tuple(stamp - stamps[0] for stamp in stamps)
-        clocks = {"FrameAcquisitionDateTime": stamps[0]}
+        clocks, fine = {"FrameAcquisitionDateTime": stamps[0]}, {"FrameAcquisitionDateTime"}
     else:
         geometry = classic_geometry(dataset, count, given, remarks)
         times = classic_times(dataset, count, given, remarks)
-        clocks = _clocks(dataset)
+        clocks, fine = _clocks(dataset)
     return XaObject(
         path=path,
         enhanced=enhanced,
@@ -132,7 +132,7 @@ def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
         height=int(dataset.Rows),
         times_ns=times,
         clocks=clocks,
-        clock_step_s={name: 1e-6 if stamp % 1_000_000_000 else 1.0 for name, stamp in clocks.items()},
+        fine_clocks=frozenset(fine),
         geometry=geometry,
         r_waves=_r_waves(dataset, count, remarks),
         remarks=tuple(remarks),
@@ -141,9 +141,10 @@ def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
     )
 
 
-def _clocks(dataset: Any) -> dict[str, int]:
-    """What a classic object says of the time of its first frame, in the order of trust."""
+def _clocks(dataset: Any) -> tuple[dict[str, int], set[str]]:
+    """What a classic object says of the time of its first frame, in the order of trust; which of it has fractions."""
     clocks: dict[str, int] = {}
+    fine = {one for one in ("AcquisitionDateTime", "AcquisitionTime", "ContentTime") if "." in word(dataset, one)}
     if text := word(dataset, "AcquisitionDateTime"):
         clocks["AcquisitionDateTime"] = nanoseconds(text, "AcquisitionDateTime")
     for kind in ("Acquisition", "Content"):
@@ -152,7 +153,7 @@ def _clocks(dataset: Any) -> dict[str, int]:
             clocks[f"{kind}Time"] = nanoseconds(day.replace(".", "") + time.replace(":", ""), f"{kind}Time")
     if "ContentTime" in clocks:
         clocks["ContentTime"] += round(1e6 * (number(dataset, "FrameDelay") or 0.0))
-    return clocks
+    return clocks, fine
 
 
 def _r_waves(dataset: Any, count: int, remarks: list[str]) -> tuple[int, ...]:
