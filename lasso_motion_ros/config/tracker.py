@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lasso_motion_ros.config.brost2009 import FeatureConfig, ModelConfig, RegistrationConfig
+from lasso_motion_ros.config.catheters import AUTO, named
 from lasso_motion_ros.config.parameters import group, parameter, tuning
 from lasso_motion_ros.config.ring import JudgementConfig, RingConfig, SearchConfig
 
@@ -46,6 +47,12 @@ class TrackerConfig:
         holds_from="from the next clicks on",
         method=APPEARANCE,
     )
+    catheter: str = parameter(
+        AUTO,
+        "the catheter that is followed, by its name in config/catheters.yaml; its size is then asked of the clicks'"
+        " ring, and its distances of the electrodes; auto: as the images show",
+        method=APPEARANCE,
+    )
     path: PathConfig = group(PathConfig)
     model: ModelConfig = group(ModelConfig, method=BROST2009)
     features: FeatureConfig = group(FeatureConfig, method=BROST2009)
@@ -53,3 +60,11 @@ class TrackerConfig:
     ring: RingConfig = group(RingConfig, method=APPEARANCE)
     search: SearchConfig = group(SearchConfig, method=APPEARANCE)
     judgement: JudgementConfig = group(JudgementConfig, method=APPEARANCE)
+
+    def __post_init__(self) -> None:
+        """Refuse a catheter that nobody knows, wherever its name came from.
+
+        Raises:
+            ConfigurationError: no such name.
+        """
+        named(self.catheter)

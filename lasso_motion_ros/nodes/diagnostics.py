@@ -64,6 +64,8 @@ def tracker_status(
             values["time from A's to B's exposure (s)"] = f"{1e-9 * statistics.offset_ns:.3f}"
         if statistics.seed_gap_mm is not None:
             values["planes' disagreement at the seed (mm)"] = f"{statistics.seed_gap_mm:.2f}"
+        if statistics.catheter is not None:
+            values["catheter"] = statistics.catheter.text
         for plane, residual in statistics.residual_px.items():
             values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
         for plane, share in statistics.temporal_filter.items():

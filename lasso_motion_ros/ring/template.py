@@ -80,6 +80,16 @@ class RingTemplate:
             self._shown[plane] = self._shown[plane] + (shown[plane] - self._shown[plane]) * share
         self._renew()
 
+    @property
+    def count(self) -> int:
+        """Pairs that it was learned from."""
+        return self._count
+
+    @property
+    def shown(self) -> dict[Plane, Image]:
+        """Per plane, (L,) the mean evidence along the arc; never changed in place."""
+        return dict(self._shown)
+
     def softened(self) -> RingTemplate:
         """What it looks like in a softened `WorkingImage`."""
         soft = copy.copy(self)

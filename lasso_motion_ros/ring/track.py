@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
+from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.template import RingTemplate
@@ -23,6 +24,8 @@ Array = npt.NDArray[np.float64]
 
 USUAL_SHARE = 0.1  # of the newest pair, in what is usual
 SMALLEST_CONTRAST = 1e-6
+# Pairs after which the electrodes are looked at anew: each time some twice as many.
+ELECTRODES_AFTER = (2, 4, 8, 16, 24)
 
 
 @dataclass(eq=False)
@@ -38,6 +41,7 @@ class Track:
         curve: where breathing has taken it.
         start_ns: stamp of the seed pair.
         agreement: of the planes at the seed: what the calibration is worth.
+        electrodes: what both planes show along its curve.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
@@ -67,6 +71,7 @@ class Track:
     curve: BreathingCurve
     start_ns: int
     agreement: SeedAgreement
+    electrodes: RingEvidence
     seed_support: float
     usual_support: float
     contrast: dict[Plane, float]
@@ -141,6 +146,8 @@ class Track:
             {plane: fit.shown for plane, fit in fits.items()},
             {plane: fit.correlation for plane, fit in fits.items()},
         )
+        if len(fits) == len(PLANES) and self.template.count in ELECTRODES_AFTER:
+            self.electrodes = replace(self.electrodes, shown=self.template.shown)
 
     def learn_rotation(self, best: Hypothesis, time_s: float) -> None:
         """Learn whether it turns with the breath."""

@@ -31,6 +31,7 @@ def without_pose(track: Track, pair: FramePair, state: TrackerState, reason: str
         None,
         track.reference_ns,
         seed_gap_mm=track.agreement.gap_mm,
+        catheter=track.electrodes,
         temporal_filter=track.display.filters,
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Seed
@@ -14,6 +15,7 @@ from lasso_motion_ros.ring.association import Association, Hypothesis, associate
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
+from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import build_loop_model
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
@@ -38,7 +40,7 @@ class RingTracker:
     """
 
     def __init__(self, config: TrackerConfig, stages: Stages = no_stages, options: RingOptions | None = None) -> None:
-        self._config = config
+        self._config, self._catheter = config, named(config.catheter)
         self._stages, self._options = stages, options or RingOptions()
         self._track: Track | None = None
 
@@ -73,6 +75,9 @@ class RingTracker:
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
             agreement=agreement,
+            electrodes=RingEvidence(
+                model.points, template.shown, 2e3 * float(np.linalg.norm(model.arms, axis=1).mean()), self._catheter
+            ),
             seed_support=seen.support,
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},

@@ -7,7 +7,7 @@ from typing import Any
 
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
-from lasso_motion_ros.tracking.tracker import RingMotion, TrackerState
+from lasso_motion_ros.tracking.tracker import Description, RingMotion, TrackerState
 from msg_adapters.sync.calibrated_frames import CalibrationCounts
 from msg_adapters.sync.pairing import PlaneCounts
 from msg_adapters.topics import Topic
@@ -61,6 +61,7 @@ class PipelineStatistics:
         residual_px: per plane, the last result's residual.
         ring: what the ring did by itself in the last pair.
         seed_gap_mm: by which the planes disagreed at the seed, mm; None without a seed, or where that is not judged.
+        catheter: the last result's.
         temporal_filter: per plane, the last result's.
         offset_ns: time from A's to B's exposure, as the last pairs have it or as it is configured.
         calibrated: the planes whose last calibration is valid.
@@ -81,6 +82,7 @@ class PipelineStatistics:
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None
+    catheter: Description | None = None
     temporal_filter: dict[Plane, float] = field(default_factory=dict)
     offset_ns: int = 0
     calibrated: tuple[Plane, ...] = ()

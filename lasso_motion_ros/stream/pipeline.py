@@ -84,6 +84,7 @@ class TrackingPipeline:
             temporal_filter={} if result is None else dict(result.temporal_filter),
             ring=None if result is None else result.ring,
             seed_gap_mm=None if result is None else result.seed_gap_mm,
+            catheter=None if result is None else result.catheter,
             heartbeat=session.heartbeat.status,
             offset_ns=intake.offset_ns,
             calibrated=intake.calibrated,

@@ -60,6 +60,14 @@ class TrackerState(Enum):
         return any(published == state.value for state in cls if state.has_pose)
 
 
+class Description(Protocol):
+    """What is known of something, in words that are worked out when somebody asks for them."""
+
+    @property
+    def text(self) -> str:
+        """A line for people."""
+
+
 @dataclass(frozen=True)
 class RingMotion:
     """What the ring has done by itself since the seed pair, the atrium's rotation taken away.
@@ -91,6 +99,8 @@ class TrackResult:
         residual_px: per plane, mean distance of the projected model to the lines found; empty where none.
         ring: what the ring does by itself; None where it is not seen or not told apart.
         seed_gap_mm: by which the planes disagreed on the ring's place at the seed, mm; None where that is not judged.
+        catheter: what the images show of its kind: poles, their distances, the loop's size; None where that is not
+            looked at.
         temporal_filter: per plane, the share of the last image that the display's filter over time keeps in the next;
             empty where none is recognised.
     """
@@ -105,6 +115,7 @@ class TrackResult:
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None
+    catheter: Description | None = None
     temporal_filter: dict[Plane, float] = field(default_factory=dict)
 
     def with_loop(self, loop: Array) -> TrackResult:

@@ -1,0 +1,248 @@
+"""The electrodes as such: a comb of poles fitted to what both planes show along the ring's curve.
+
+Poles stay where they are on the curve while all else moves on, so that the mean of several pairs shows them. A comb,
+even or in pairs, is fitted to both planes' evidence at once, by maximum likelihood with an amplitude for each plane; its
+score is the logarithm of how much likelier the evidence is with it than without one, whatever its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.config.catheters import Catheter, catalogue
+from lasso_motion_ros.geometry.curves import arc_length
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.ring.working_image import Image
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ElectrodesTuning:
+    """What a pole looks like along the arc, which combs are tried, and when one is believed."""
+
+    fine_mm: float = 0.6  # the evidence's own differences of Gaussians, and what it blurs besides
+    coarse_mm: float = 1.6
+    coarse_share: float = 0.72  # of the area of the one in the other
+    independent_mm: float = 1.2  # evidence further apart along the arc has noise of its own
+    slow_terms: int = 4  # Legendre polynomials: what changes over the whole ring is no comb
+    even_lengths_mm: tuple[float, ...] = (1.0, 2.0, 3.5)
+    pair_shares: tuple[float, ...] = (0.25, 0.35)  # from the first to the second of a pair, of a period
+    pair_length_mm: float = 1.0
+    even_mm: tuple[float, float] = (2.7, 14.0)
+    pairs_mm: tuple[float, float] = (5.5, 13.0)
+    distance_step: float = 0.02  # of its logarithm
+    place_step_mm: float = 0.45
+    largest_correlation: float = 0.97  # of one plane's evidence with a comb
+    resolved_score: float = 8.0
+    resolved_probability: float = 0.9  # of the distance, within
+    same_distance: float = 0.06  # of its logarithm
+    beyond_mm: float = 1.0  # the curve's ends: clicks end a little inside
+    faintest_end: float = 0.5  # of the poles' usual evidence: less of it at an end, and there is no pole
+    near_diameter: float = 0.12  # of a catalogue's: a loop is squeezed by its vein
+    near_distance: float = 0.08
+    near_share: float = 0.05  # of a pair's: from edge to edge or from centre to centre, it differs by as much
+    fewest_seen: float = 0.6  # of its poles: where a loop overlaps, some lie beside the curve
+
+
+TUNING = ElectrodesTuning()
+
+
+@dataclass(frozen=True)
+class Comb:
+    """Poles along the ring.
+
+    Attributes:
+        period_mm: from pole to pole where they are even, else from pair to pair.
+        share: from the first to the second of a pair, of the period; 0 where they are even.
+        length_mm: of an electrode, the nearest of those that were tried.
+        places_mm: of the poles, from the curve's beginning.
+        score: natural logarithm of how much likelier the evidence is than without a comb.
+        probability: that the period is this one, if it is any.
+        paired: probability that they are in pairs, if the period is this one.
+    """
+
+    period_mm: float
+    share: float
+    length_mm: float
+    places_mm: tuple[float, ...]
+    score: float
+    probability: float
+    paired: float
+
+    @property
+    def is_resolved(self) -> bool:
+        """Whether dose and view show the poles."""
+        return self.score >= TUNING.resolved_score and self.probability >= TUNING.resolved_probability
+
+    @property
+    def distances(self) -> str:
+        """In words."""
+        if self.share:
+            first = self.share * self.period_mm
+            return f"{first:.1f} and {self.period_mm - first:.1f} mm apart"
+        return f"{self.period_mm:.1f} mm apart"
+
+
+@dataclass(frozen=True, eq=False)
+class RingEvidence:
+    """What both planes show along the ring, and the poles in it; worked out when somebody asks.
+
+    Args:
+        points: (L, 3) of the ring's curve, evenly spaced, metres.
+        shown: per plane, (L,) the mean evidence.
+        diameter_mm: of the ring.
+        catheter: that was named, or None.
+    """
+
+    points: Array
+    shown: Mapping[Plane, Image]
+    diameter_mm: float
+    catheter: Catheter | None = None
+
+    @cached_property
+    def comb(self) -> Comb | None:
+        """The likeliest comb; None where the named catheter has no distances."""
+        arc_mm = 1e3 * arc_length(self.points)
+        if self.catheter is None:
+            return fit_comb(arc_mm, self.shown)
+        unit_mm = self.catheter.unit_mm
+        if unit_mm is None:
+            return None
+        length = self.catheter.electrode_length_mm or TUNING.pair_length_mm
+        return fit_comb(arc_mm, self.shown, [(self.catheter.share, length, _distances(*unit_mm))])
+
+    @cached_property
+    def text(self) -> str:
+        """What is known of the catheter, for people."""
+        comb, across = self.comb, f"{self.diameter_mm:.0f} mm across"
+        if self.catheter is not None:
+            name = f"{self.catheter.name}, {self.catheter.poles} poles"
+            if comb is None:
+                return f"{name} (distances not in the catalogue), {across}"
+            if comb.score < TUNING.resolved_score:
+                return f"{name}, {comb.distances}: not resolved in the images, {across}"
+            return f"{name}, {comb.distances}: {len(comb.places_mm)} seen along the ring, {across}"
+        if comb is None or not comb.is_resolved:
+            return f"not resolved, {across}"
+        nearest, poles = nearest_catheter(comb, self.diameter_mm), f"{len(comb.places_mm)} poles, {comb.distances}"
+        if 1.0 - TUNING.resolved_probability < comb.paired < TUNING.resolved_probability:
+            count = len(comb.places_mm) // (2 if comb.share else 1)
+            nearest, poles = None, f"{count} poles or pairs, {comb.period_mm:.1f} mm apart"
+        return f"{'unknown' if nearest is None else f'like {nearest.name}'}, {poles}, {across}"
+
+
+def fit_comb(
+    arc_mm: Array, shown: Mapping[Plane, Image], kinds: list[tuple[float, float, Array]] | None = None
+) -> Comb:
+    """The likeliest comb.
+
+    The profile of each plane is a multiple, not negative, of the comb's, beside what varies slowly and normal noise of
+    unknown size; both amplitudes and both sizes of noise are maximised over (profile likelihood), the place is averaged
+    over.
+
+    Args:
+        arc_mm: (L,) along the curve.
+        shown: per plane, (L,) evidence.
+        kinds: which are tried: share of a pair (0: even), length of an electrode in mm, periods in mm.
+    """
+    if kinds is None:
+        even, pairs = _distances(*TUNING.even_mm), _distances(*TUNING.pairs_mm)
+        kinds = [(0.0, length, even) for length in TUNING.even_lengths_mm]
+        kinds += [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
+    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(arc_mm)), TUNING.slow_terms)
+    slow = np.linalg.qr(slow)[0]
+    profiles = np.stack([np.asarray(shown[plane], dtype=np.float64) for plane in PLANES], axis=1)
+    profiles -= slow @ (slow.T @ profiles)
+    profiles /= np.maximum(np.linalg.norm(profiles, axis=0), 1e-9)
+    count = float(arc_mm[-1]) / TUNING.independent_mm
+    found: list[tuple[float, float, float, float, float]] = []  # share, length, period, phase, score
+    for share, length, periods in kinds:
+        for period in periods:
+            phases = np.arange(0.0, period, TUNING.place_step_mm)
+            comb = _comb_profile(arc_mm, float(period), share, length, phases)
+            comb -= (comb @ slow) @ slow.T
+            comb /= np.maximum(np.linalg.norm(comb, axis=1, keepdims=True), 1e-9)
+            correlations = np.clip(comb @ profiles, 0.0, TUNING.largest_correlation)
+            likelihood = -0.5 * count * np.log1p(-(correlations**2)).sum(axis=1)
+            best = int(np.argmax(likelihood))
+            mean = likelihood[best] + np.log(np.mean(np.exp(likelihood - likelihood[best])))
+            found.append((share, length, float(period), float(phases[best]), float(mean)))
+    scores = np.array([score for *_, score in found])
+    weights = np.exp(scores - scores.max())
+    share, length, period, phase, score = found[int(np.argmax(scores))]
+    same = np.array([abs(np.log(other / period)) < TUNING.same_distance for _, _, other, *_ in found])
+    paired = np.array([other > 0.0 for other, *_ in found])
+    return Comb(
+        period,
+        share,
+        length,
+        _places(arc_mm, np.mean([shown[plane] for plane in PLANES], axis=0), period, share, phase),
+        score,
+        float(weights[same].sum() / weights.sum()),
+        float(weights[same & paired].sum() / weights[same].sum()),
+    )
+
+
+def nearest_catheter(comb: Comb, diameter_mm: float) -> Catheter | None:
+    """The entry of the catalogue whose distances and loop a comb has; None where there is none, or more than one."""
+    near = [entry for entry in catalogue().values() if _is_near(entry, comb, diameter_mm)]
+    return near[0] if len(near) == 1 else None
+
+
+def _is_near(entry: Catheter, comb: Comb, diameter_mm: float) -> bool:
+    if entry.unit_mm is None or abs(entry.share - comb.share) > TUNING.near_share:
+        return False
+    if not comb.share and entry.electrode_length_mm is not None:
+        nearest = min(TUNING.even_lengths_mm, key=lambda length: abs(length - (entry.electrode_length_mm or 0.0)))
+        if comb.length_mm != nearest:
+            return False
+    if not TUNING.fewest_seen * entry.poles <= len(comb.places_mm) <= entry.poles:
+        return False
+    (low, high), tolerance = entry.unit_mm, 1.0 + TUNING.near_distance
+    if not low / tolerance <= comb.period_mm <= high * tolerance:
+        return False
+    return entry.diameter_mm is None or is_near_size(entry.diameter_mm, diameter_mm, TUNING.near_diameter)
+
+
+def is_near_size(range_mm: tuple[float, float], diameter_mm: float, tolerance: float) -> bool:
+    """Whether a ring is as large as a catheter's loop, within a share of it."""
+    return range_mm[0] * (1.0 - tolerance) <= diameter_mm <= range_mm[1] * (1.0 + tolerance)
+
+
+def _distances(low: float, high: float) -> Array:
+    count = max(1, round(np.log(high / low) / TUNING.distance_step) + 1)
+    return np.asarray(np.exp(np.linspace(np.log(low), np.log(high), count)))
+
+
+def _comb_profile(arc_mm: Array, period: float, share: float, length: float, phases: Array) -> Array:
+    """(P, L) what a comb shows along the arc for phases (P,), mm."""
+    total = np.zeros((len(phases), len(arc_mm)))
+    for offset in (0.0, share * period) if share else (0.0,):
+        beside = (arc_mm[None] - phases[:, None] - offset) % period
+        for neighbour in (beside, beside - period):
+            total += _pole(neighbour, length)
+    return total
+
+
+def _pole(beside: Array, length: float) -> Array:
+    """The evidence beside a pole of a length, mm: a difference of Gaussians, each widened by the electrode."""
+    widened = length**2 / 12.0  # the variance of a box
+    fine, coarse = np.sqrt(TUNING.fine_mm**2 + widened), np.sqrt(TUNING.coarse_mm**2 + widened)
+    share = TUNING.coarse_share * fine / coarse
+    return np.asarray(np.exp(-0.5 * (beside / fine) ** 2) - share * np.exp(-0.5 * (beside / coarse) ** 2))
+
+
+def _places(arc_mm: Array, evidence: Array, period: float, share: float, phase: float) -> tuple[float, ...]:
+    """Where a comb's poles lie on the curve, mm, in order; not beyond the last at either end that is seen."""
+    first = np.arange(phase - 2.0 * period, arc_mm[-1] + 2.0 * period, period)
+    every = np.sort(np.concatenate([first, first + share * period])) if share else first
+    every = every[(every >= -TUNING.beyond_mm) & (every <= arc_mm[-1] + TUNING.beyond_mm)]
+    seen = np.interp(every, arc_mm, evidence)
+    plain = np.flatnonzero(seen >= TUNING.faintest_end * np.median(seen)) if len(seen) else []
+    return tuple(float(place) for place in every[plain[0] : plain[-1] + 1]) if len(plain) else ()
