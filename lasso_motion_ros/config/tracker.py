@@ -47,10 +47,11 @@ class TrackerConfig:
         holds_from="from the next clicks on",
         method=APPEARANCE,
     )
-    catheter: str = parameter(
+    catheter: str = tuning(
         AUTO,
         "the catheter that is followed, by its name in config/catheters.yaml; its size is then asked of the clicks'"
         " ring, and its distances of the electrodes; auto: as the images show",
+        holds_from="from the next clicks on",
         method=APPEARANCE,
     )
     path: PathConfig = group(PathConfig)

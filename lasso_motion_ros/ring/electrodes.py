@@ -1,8 +1,8 @@
 """The electrodes as such: a comb of poles fitted to what both planes show along the ring's curve.
 
 Poles stay where they are on the curve while all else moves on, so that the mean of several pairs shows them. A comb,
-even or in pairs, is fitted to both planes' evidence at once, by maximum likelihood with an amplitude for each plane; its
-score is the logarithm of how much likelier the evidence is with it than without one, whatever its place.
+even or in pairs, is fitted to both planes' evidence at once, by maximum likelihood, with an amplitude for each plane.
+Its score is the logarithm of how much likelier the evidence is with it than without one, whatever its place.
 """
 
 from __future__ import annotations
@@ -31,16 +31,18 @@ class ElectrodesTuning:
     coarse_share: float = 0.72  # of the area of the one in the other
     independent_mm: float = 1.2  # evidence further apart along the arc has noise of its own
     slow_terms: int = 4  # Legendre polynomials: what changes over the whole ring is no comb
-    even_lengths_mm: tuple[float, ...] = (1.0, 2.0, 3.5)
+    even_lengths_mm: tuple[float, ...] = (1.0, 1.8, 2.6, 3.5)
     pair_shares: tuple[float, ...] = (0.25, 0.35)  # from the first to the second of a pair, of a period
     pair_length_mm: float = 1.0
     even_mm: tuple[float, float] = (2.7, 14.0)
     pairs_mm: tuple[float, float] = (5.5, 13.0)
     distance_step: float = 0.02  # of its logarithm
+    table_step_mm: float = 0.05
     place_step_mm: float = 0.45
     largest_correlation: float = 0.97  # of one plane's evidence with a comb
-    resolved_score: float = 8.0
+    resolved_score: float = 12.0
     resolved_probability: float = 0.9  # of the distance, within
+    closest_pair_mm: float = 1.75  # a closer pair looks like one long electrode
     same_distance: float = 0.06  # of its logarithm
     beyond_mm: float = 1.0  # the curve's ends: clicks end a little inside
     faintest_end: float = 0.5  # of the poles' usual evidence: less of it at an end, and there is no pole
@@ -79,6 +81,13 @@ class Comb:
     def is_resolved(self) -> bool:
         """Whether dose and view show the poles."""
         return self.score >= TUNING.resolved_score and self.probability >= TUNING.resolved_probability
+
+    @property
+    def is_kind_resolved(self) -> bool:
+        """Whether even poles are told from pairs."""
+        if self.share and self.share * self.period_mm < TUNING.closest_pair_mm:
+            return False
+        return not 1.0 - TUNING.resolved_probability < self.paired < TUNING.resolved_probability
 
     @property
     def distances(self) -> str:
@@ -131,7 +140,7 @@ class RingEvidence:
         if comb is None or not comb.is_resolved:
             return f"not resolved, {across}"
         nearest, poles = nearest_catheter(comb, self.diameter_mm), f"{len(comb.places_mm)} poles, {comb.distances}"
-        if 1.0 - TUNING.resolved_probability < comb.paired < TUNING.resolved_probability:
+        if not comb.is_kind_resolved:
             count = len(comb.places_mm) // (2 if comb.share else 1)
             nearest, poles = None, f"{count} poles or pairs, {comb.period_mm:.1f} mm apart"
         return f"{'unknown' if nearest is None else f'like {nearest.name}'}, {poles}, {across}"
@@ -163,9 +172,10 @@ def fit_comb(
     count = float(arc_mm[-1]) / TUNING.independent_mm
     found: list[tuple[float, float, float, float, float]] = []  # share, length, period, phase, score
     for share, length, periods in kinds:
+        pole = _pole(length)
         for period in periods:
             phases = np.arange(0.0, period, TUNING.place_step_mm)
-            comb = _comb_profile(arc_mm, float(period), share, length, phases)
+            comb = _comb_profile(arc_mm, float(period), share, pole, phases)
             comb -= (comb @ slow) @ slow.T
             comb /= np.maximum(np.linalg.norm(comb, axis=1, keepdims=True), 1e-9)
             correlations = np.clip(comb @ profiles, 0.0, TUNING.largest_correlation)
@@ -220,20 +230,23 @@ def _distances(low: float, high: float) -> Array:
     return np.asarray(np.exp(np.linspace(np.log(low), np.log(high), count)))
 
 
-def _comb_profile(arc_mm: Array, period: float, share: float, length: float, phases: Array) -> Array:
-    """(P, L) what a comb shows along the arc for phases (P,), mm."""
+def _comb_profile(arc_mm: Array, period: float, share: float, pole: Array, phases: Array) -> Array:
+    """(P, L) what a comb shows along the arc for phases (P,), mm, given one of its poles (`_pole`)."""
     total = np.zeros((len(phases), len(arc_mm)))
     for offset in (0.0, share * period) if share else (0.0,):
         beside = (arc_mm[None] - phases[:, None] - offset) % period
-        for neighbour in (beside, beside - period):
-            total += _pole(neighbour, length)
+        for away in (beside, period - beside):
+            total += pole[np.minimum((away / TUNING.table_step_mm).astype(np.intp), len(pole) - 1)]
     return total
 
 
-def _pole(beside: Array, length: float) -> Array:
-    """The evidence beside a pole of a length, mm: a difference of Gaussians, each widened by the electrode."""
-    widened = length**2 / 12.0  # the variance of a box
-    fine, coarse = np.sqrt(TUNING.fine_mm**2 + widened), np.sqrt(TUNING.coarse_mm**2 + widened)
+def _pole(length: float) -> Array:
+    """(T,) the evidence beside a pole of a length, mm, every `table_step_mm`.
+
+    A difference of Gaussians, each widened by the electrode (a box has a twelfth of its squared length as variance).
+    """
+    beside = np.arange(0.0, 0.5 * length + 4.0 * TUNING.coarse_mm, TUNING.table_step_mm)
+    fine, coarse = (float(np.hypot(sigma, length / np.sqrt(12.0))) for sigma in (TUNING.fine_mm, TUNING.coarse_mm))
     share = TUNING.coarse_share * fine / coarse
     return np.asarray(np.exp(-0.5 * (beside / fine) ** 2) - share * np.exp(-0.5 * (beside / coarse) ** 2))
 
@@ -244,5 +257,5 @@ def _places(arc_mm: Array, evidence: Array, period: float, share: float, phase: 
     every = np.sort(np.concatenate([first, first + share * period])) if share else first
     every = every[(every >= -TUNING.beyond_mm) & (every <= arc_mm[-1] + TUNING.beyond_mm)]
     seen = np.interp(every, arc_mm, evidence)
-    plain = np.flatnonzero(seen >= TUNING.faintest_end * np.median(seen)) if len(seen) else []
+    plain = np.flatnonzero(seen >= TUNING.faintest_end * np.median(seen))
     return tuple(float(place) for place in every[plain[0] : plain[-1] + 1]) if len(plain) else ()

@@ -97,6 +97,11 @@ class LoopModel:
         """Largest distance of a point from the centre, mm."""
         return 1e3 * float(np.linalg.norm(self.arms, axis=1).max())
 
+    @property
+    def diameter_mm(self) -> float:
+        """Twice the mean distance of the points from the centre, mm."""
+        return 2e3 * float(np.linalg.norm(self.arms, axis=1).mean())
+
 
 def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> LoopModel:
     """The loop's curve from the clicks.

@@ -40,7 +40,7 @@ class RingTracker:
     """
 
     def __init__(self, config: TrackerConfig, stages: Stages = no_stages, options: RingOptions | None = None) -> None:
-        self._config, self._catheter = config, named(config.catheter)
+        self._config = config
         self._stages, self._options = stages, options or RingOptions()
         self._track: Track | None = None
 
@@ -52,7 +52,7 @@ class RingTracker:
                 by more than any usable calibration.
             ReconstructionError: no 3-D loop explains the clicks.
         """
-        options, frames = self._options, pair.frames
+        options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
         model = build_loop_model(pair, seed, self._config, options.points)
         model, template, seen = seed_template(model, frames, options.template, options.detection)
         agreement = seed_agreement(model, pair, self._config.judgement)
@@ -75,9 +75,7 @@ class RingTracker:
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
             agreement=agreement,
-            electrodes=RingEvidence(
-                model.points, template.shown, 2e3 * float(np.linalg.norm(model.arms, axis=1).mean()), self._catheter
-            ),
+            electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             seed_support=seen.support,
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},

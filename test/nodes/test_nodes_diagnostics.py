@@ -39,3 +39,16 @@ def test_a_filter_over_time_is_told_of_the_plane_that_has_it() -> None:
     told = dataclasses.replace(statistics(), temporal_filter={"a": 0.3456})
     values = tracker_status("/lasso_tracker", TrackerState.TRACKING, told)["values"]
     assert [one for one in values if "temporal" in one["key"]] == [{"key": "temporal filter, plane A", "value": "0.35"}]
+
+
+def test_what_the_images_show_of_the_catheter_is_told_in_one_line() -> None:
+    @dataclasses.dataclass(frozen=True)
+    class Told:
+        text: str
+
+    told = dataclasses.replace(statistics(), catheter=Told("like achieve_20, 8 poles, 7.2 mm apart, 18 mm across"))
+    values = tracker_status("/lasso_tracker", TrackerState.TRACKING, told)["values"]
+    assert {"key": "catheter", "value": "like achieve_20, 8 poles, 7.2 mm apart, 18 mm across"} in values
+    assert not [
+        one for one in tracker_status("/x", TrackerState.LOST, statistics())["values"] if one["key"] == "catheter"
+    ]
