@@ -7,7 +7,7 @@ no calibration is exact, but it tells how far the calibration is to be believed:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,10 @@ class SeedAgreement:
 
     gap_mm: float
     doubt: str
+
+    def doubted(self, doubt: str) -> SeedAgreement:
+        """The same with one more doubt; an empty one is none."""
+        return replace(self, doubt="; ".join(one for one in (self.doubt, doubt) if one))
 
 
 def seed_agreement(model: LoopModel, pair: FramePair, limits: JudgementConfig) -> SeedAgreement:

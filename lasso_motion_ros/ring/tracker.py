@@ -19,6 +19,7 @@ from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import build_loop_model
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
+from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
@@ -48,14 +49,15 @@ class RingTracker:
         """Build model and template from the clicks on `pair`; its motion is the identity.
 
         Raises:
-            SeedError: clicks that are too few or outside the image, a pair that lacks a plane, or planes that disagree
-                by more than any usable calibration.
+            SeedError: clicks that are too few or outside the image, a pair that lacks a plane, planes that disagree by
+                more than any usable calibration, or a ring of no lasso's size or shape.
             ReconstructionError: no 3-D loop explains the clicks.
         """
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
         model = build_loop_model(pair, seed, self._config, options.points)
         model, template, seen = seed_template(model, frames, options.template, options.detection)
-        agreement = seed_agreement(model, pair, self._config.judgement)
+        require_loop_of_clicks(seed)
+        agreement = seed_agreement(model, pair, self._config.judgement).doubted(shape_doubt(model, catheter))
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)
         projections = {plane: frame.projection for plane, frame in frames.items()}
         motion = RespiratoryMotion(

@@ -32,6 +32,7 @@ def track(late_s=0.0):
         curve=BreathingCurve(np.zeros(3), 0.0, CURVE),
         start_ns=0,
         agreement=SeedAgreement(0.0, ""),
+        electrodes=None,
         seed_support=2.2,
         usual_support=2.2,
         contrast={"a": 0.2, "b": 0.2},

@@ -41,6 +41,7 @@ def track(**changed):
         "reference": REFERENCE,
         "reference_ns": 3,
         "agreement": SeedAgreement(0.0, ""),
+        "electrodes": None,
         "reference_covariance": np.zeros((3, 3)),
         "rotation": rotation(),
         "display": SimpleNamespace(filters={"a": 0.3}),
