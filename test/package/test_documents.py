@@ -19,7 +19,7 @@ from lasso_motion_ros.cli.main import COMMANDS
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 PACKAGE = ROOT / "lasso_motion_ros"
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "tutorials").glob("*.md")])
 WRITTEN_BY_RUNS = {"demo_output"}  # named as what a command writes
 STANDS_FOR = re.compile(r"[<>*…]|\bx\b|/path/to|YOUR|NAME|FILE|DIR")
 
