@@ -18,6 +18,17 @@ _ANGLES = (
 )
 _TABLE = ("TableXPositionToIsocenter", "TableYPositionToIsocenter", "TableZPositionToIsocenter")
 _TABLE_ANGLES = ("TableHorizontalRotationAngle", "TableHeadTiltAngle", "TableCradleTiltAngle")
+# Entries of the geometry file that only classic XA leaves open.
+_SAID_BY_ITSELF = (
+    "primary_deg",
+    "secondary_deg",
+    "rotation_deg",
+    "mirrored",
+    "increments",
+    "frame_time_ms",
+    "use_pixel_spacing",
+    "patient_position",
+)
 _TURNED_DEG = 0.01
 
 
@@ -31,8 +42,8 @@ def enhanced_geometry(dataset: Any, frames: int, given: GivenGeometry, remarks: 
         remarks: what is taken for granted is appended.
 
     Raises:
-        RecordingError: attributes that are missing, a table that turns, or a picture that is turned by other than
-            quarters.
+        RecordingError: attributes that are missing, a table that turns, a picture that is turned by other than
+            quarters, or entries that such an object has no use for.
     """
     _say_what_is_given(given, remarks)
     geometry = tuple(_frame(dataset, frame, given) for frame in range(frames))
@@ -103,6 +114,9 @@ def nanoseconds(text: str, keyword: str) -> int:
 
 
 def _say_what_is_given(given: GivenGeometry, remarks: list[str]) -> None:
+    unused = [name for name in _SAID_BY_ITSELF if getattr(given, name) is not None]
+    if unused:
+        raise RecordingError(f"an Enhanced XA object says itself what --geometry gives: leave out {', '.join(unused)}")
     for keyword, value in (
         ("DistanceSourceToDetector", given.source_detector_mm),
         ("DistanceSourceToIsocenter", given.source_isocentre_mm),

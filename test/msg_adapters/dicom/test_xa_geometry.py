@@ -221,6 +221,12 @@ def test_an_enhanced_object_without_its_reference_system_is_refused(tmp_path: Pa
         read_xa(write_enhanced(tmp_path / "a.dcm", shot(change=change)), NOTHING)
 
 
+def test_an_entry_that_an_enhanced_object_has_no_use_for_is_refused(tmp_path: Path) -> None:
+    path = write_enhanced(tmp_path / "a.dcm", shot())
+    with pytest.raises(RecordingError, match="leave out primary_deg, mirrored"):
+        read_xa(path, GivenGeometry(mirrored=False, primary_deg=3.0, source_detector_mm=1200.0))
+
+
 def test_a_table_that_turns_is_refused(tmp_path: Path) -> None:
     def change(dataset: Any) -> None:
         item = dataset.PerFrameFunctionalGroupsSequence[3].IsocenterReferenceSystemSequence[0]
