@@ -94,6 +94,20 @@ def check_source(detector: Projection) -> None:
     )
 
 
+def encode_plain_camera(k: Array, width: int, height: int, header: Mapping[str, Any]) -> dict[str, Any]:
+    """The fields of the CameraInfo of a plain camera: `p` = [K|0], its pose elsewhere (TF)."""
+    return {
+        "header": header,
+        "height": height,
+        "width": width,
+        "distortion_model": "plumb_bob",
+        "d": np.zeros(5),
+        "k": k.reshape(-1),
+        "r": np.eye(3).reshape(-1),
+        "p": np.column_stack([k, np.zeros(3)]).reshape(-1),
+    }
+
+
 def _check_distortion(distortion: Array) -> None:
     if np.any(distortion != 0.0):  # also true of NaN
         raise MessageError(

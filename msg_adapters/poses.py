@@ -25,6 +25,13 @@ def encode_pose(transform: Array) -> dict[str, Any]:
     }
 
 
+def encode_transform_stamped(transform: Array, header: Mapping[str, Any], child: str) -> dict[str, Any]:
+    """The fields of a `geometry_msgs/TransformStamped`: x_parent = T · x_child; the header's frame is the parent."""
+    pose = encode_pose(transform)
+    placed = {"translation": pose["position"], "rotation": pose["orientation"]}
+    return {"header": header, "child_frame_id": child, "transform": placed}
+
+
 def encode_pose_stamped(transform: Array, header: Mapping[str, Any]) -> dict[str, Any]:
     """The fields of a `geometry_msgs/PoseStamped`."""
     return {"header": header, "pose": encode_pose(transform)}

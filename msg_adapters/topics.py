@@ -67,6 +67,16 @@ def overlay_topic(plane: Plane) -> Topic:
     return Topic(f"plane_{plane}/overlay", IMAGE_TYPE)
 
 
+def standard_image_topic(plane: Plane) -> Topic:
+    """One plane's film as a plain camera sees it: not mirrored."""
+    return Topic(f"plane_{plane}/standard/image_raw", IMAGE_TYPE)
+
+
+def standard_camera_info_topic(plane: Plane) -> Topic:
+    """The plain camera of `standard_image_topic`; its pose is in TF."""
+    return Topic(f"plane_{plane}/standard/camera_info", "sensor_msgs/msg/CameraInfo")
+
+
 R_PEAK = Topic("ecg/r_peak", "std_msgs/msg/Header")
 
 MOTION = Topic("motion", "geometry_msgs/msg/PoseStamped")
@@ -86,6 +96,7 @@ LAST_LATENCY_KEY = "latency of the last pair (ms)"
 # How often clicks made a model, how often they were refused, and why they were the last time.
 CLICKS_TAKEN_KEY, CLICKS_REFUSED_KEY, LAST_REFUSAL_KEY = "clicks taken", "clicks refused", "clicks refused because"
 """Under which the tracker's diagnostics say it, and the evaluation finds it."""
+TF = Topic("/tf", "tf2_msgs/msg/TFMessage", depth=100)
 OVERLAY_SURFACE = Topic("overlay/surface", "visualization_msgs/msg/Marker")
 
 TRUE_MOTION = Topic("/ground_truth/motion", "geometry_msgs/msg/PoseStamped")

@@ -65,6 +65,12 @@ class StreamConfig(TrackerConfig):
     """
 
     world_frame: str = parameter("patient_table", "frame fixed to the table top, in which every pose is published")
+    publish_tf: bool = parameter(
+        True, "say on /tf where atrium_frame is, with each motion, and the standard views' cameras; needs tf2_msgs"
+    )
+    atrium_frame: str = parameter(
+        "left_atrium", "frame on /tf that moves with the atrium: at the reference the world's"
+    )
     seed_buffer_pairs: int = parameter(32, "past pairs kept for seeds that come late", minimum=1, maximum=1000)
     autostart: bool = parameter(True, "the node configures and activates itself")
     image_reliability: str = parameter(

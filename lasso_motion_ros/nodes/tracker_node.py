@@ -87,7 +87,9 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._latencies = Latencies()
         self._warm, self._silence = False, ""
         self._left_out = 0
-        self._tracker_publishers = TrackerPublishers(self, self.messages, self.complaints.error, self._on_state_change)
+        self._tracker_publishers = TrackerPublishers(
+            self, self.messages, self.complaints.error, self._on_state_change, self.declared
+        )
         self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(
@@ -316,6 +318,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
         self._show()
+        self._tracker_publishers.show_standard(pipeline.session.last_pair)
 
     def _is_left_out(self, task: PairTask, worker: Worker[PairTask]) -> bool:
         """Whether a pair is too old to be answered, as after a model was built, and newer ones follow the motion."""

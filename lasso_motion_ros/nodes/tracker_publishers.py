@@ -14,15 +14,18 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 
-from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.qos import topic_publisher
+from lasso_motion_ros.nodes.standard_views import StandardViews, TransformPublisher
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.overlay.tracking_picture import draw_tracking
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import encode_image
 from msg_adapters.messages import MessageFactory, header_fields
-from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, OUTPUTS, STATE, STATE_RENEWED_S, Topic, tracking_topic
+from msg_adapters.poses import decode_pose
+from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, MOTION, OUTPUTS, STATE, STATE_RENEWED_S, Topic, tracking_topic
 
 GOODBYE_WAIT_S = 1.0
 
@@ -60,6 +63,7 @@ class TrackerPublishers:
         messages: makes the messages.
         on_error: takes what drawing raised.
         on_change: called when another state than the last was published.
+        config: names the frames, and says whether /tf is published.
     """
 
     def __init__(
@@ -68,6 +72,7 @@ class TrackerPublishers:
         messages: MessageFactory,
         on_error: Callable[[Exception], None],
         on_change: Callable[[], None],
+        config: StreamConfig,
     ) -> None:
         self._messages = messages
         self._on_change = on_change
@@ -81,6 +86,9 @@ class TrackerPublishers:
             topic.name: topic_publisher(node, messages, topic)
             for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
         }
+        self._world_frame, self._atrium_frame = config.world_frame, config.atrium_frame
+        self._transforms = TransformPublisher(node, messages, config.publish_tf)
+        self._standard = StandardViews(node, messages, self._transforms, config.world_frame, on_error)
         # One picture may wait: a viewer wants the newest, and the tracker must not wait for the drawing.
         self._pictures: Worker[TrackingPicture] = Worker(
             self._draw, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="pictures"
@@ -96,6 +104,9 @@ class TrackerPublishers:
                     self.state = output.message.data
                     self._stated_s = time.monotonic()
                 self._publishers[output.topic.name].publish(output.message)
+                if output.topic is MOTION:
+                    transform = decode_pose(output.message)
+                    self._transforms.publish(output.stamp_ns, self._world_frame, self._atrium_frame, transform)
         if changed:
             self._on_change()
 
@@ -132,9 +143,15 @@ class TrackerPublishers:
             self._held = picture.held
         self._pictures.put([picture])
 
+    def show_standard(self, pair: FramePair | None) -> None:
+        """Have a pair's film published with its plain cameras, while somebody looks; does not wait."""
+        if pair is not None:
+            self._standard.show(pair.frames)
+
     def close(self) -> None:
         """Stop drawing, and wait until those who listen have the last state."""
         self._pictures.stop()
+        self._standard.close()
         self._publishers[STATE.name].wait_for_all_acked(Duration(seconds=GOODBYE_WAIT_S))
 
     def _draw(self, picture: TrackingPicture) -> None:

@@ -13,6 +13,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 
 from support.node_harness import PATIENCE_S, Graph
 
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, UncalibratedFrame
 from lasso_motion_ros.nodes import tracker_publishers
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
@@ -47,7 +48,8 @@ def test_no_picture_of_another_pair_is_published_once_one_is_held(
     pictures = [tracking_topic(plane) for plane in PLANES]
     with Graph(pictures, tmp_path) as graph:
         heard = graph.heard.messages
-        publishers = TrackerPublishers(graph.listener.node, RosMessages(), lambda error: None, lambda: None)
+        node = graph.listener.node
+        publishers = TrackerPublishers(node, RosMessages(), lambda error: None, lambda: None, StreamConfig())
         graph.wait_until(
             lambda: all(publishers._publishers[topic.name].get_subscription_count() > 0 for topic in pictures)
         )
