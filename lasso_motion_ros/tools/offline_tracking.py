@@ -63,6 +63,7 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
         "frames": {plane: asdict(frames) for plane, frames in statistics.frames.items()},
         "pairing": {plane: asdict(pairing) for plane, pairing in statistics.pairing.items()},
         "heartbeat": None if statistics.heartbeat is None else statistics.heartbeat.text,
+        "catheter": None if statistics.catheter is None else statistics.catheter.text,
         "problems": [
             {"topic": problem.topic, "text": problem.text, "count": count}
             for problem, count in summary.problems.items()
@@ -80,11 +81,12 @@ def why_nothing(summary: TrackSummary) -> str:
 
 
 def describe(statistics: PipelineStatistics) -> str:
-    """One line: pairs, poses, states, what became of the heartbeat."""
+    """One line: pairs, poses, states, what became of the heartbeat, what the images show of the catheter."""
     states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
     half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
     heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
-    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}"
+    catheter = "" if statistics.catheter is None else f"; catheter: {statistics.catheter.text}"
+    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}{catheter}"
 
 
 def track_recording(
