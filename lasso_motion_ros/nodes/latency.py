@@ -55,11 +55,6 @@ class Latencies:
             while len(self._received_s) > TUNING.remembered:
                 del self._received_s[next(iter(self._received_s))]
 
-    def waited_s(self, number: int, now_s: float) -> float:
-        """How long a pair has waited since `begin`, seconds; 0 where it has not begun."""
-        with self._lock:
-            return now_s - self._received_s.get(number, now_s)
-
     def end(self, number: int, now_s: float, stamp_s: float) -> None:
         """A pair has been published.
 

@@ -32,7 +32,6 @@ from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.session import FOLLOWED_NS
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import decode_image
@@ -47,7 +46,6 @@ class _Tuning:
 
     Attributes:
         waiting_pairs: pairs that may wait for the tracker. Ten come at once where calibrations were sent again.
-        stale_s: a pair that has waited longer is of use to the tracker only: the overlay applies no older motion.
         look_s: between two looks whether images still come and are answered.
         patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
@@ -55,7 +53,6 @@ class _Tuning:
     """
 
     waiting_pairs: int = 12
-    stale_s: float = 1.0
     look_s: float = 0.1
     patience_s: float = 5.0
     diagnostics_s: float = 1.0
@@ -86,7 +83,6 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies = Latencies()
         self._warm, self._silence = False, ""
-        self._left_out = 0
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
         )
@@ -173,7 +169,6 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             name="tracker",
         )
         self._watch = StreamWatch(time.monotonic())
-        self._left_out = 0
         self._state_watch.begin(config.stream_timeout_s)
         self._by_arrival = config.stamp_source == "arrival"
         self._tracker_publishers.publish(pipeline.session.initial_outputs())
@@ -299,7 +294,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _track(self, task: PairTask) -> None:
         pipeline, worker = self._active(), self._worker
         refusal = "the tracker failed on these clicks; its log says why"
-        if worker is None or self._is_left_out(task, worker):
+        if worker is None:
             return
         try:
             with self._answering:
@@ -319,20 +314,6 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._complain()
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
-
-    def _is_left_out(self, task: PairTask, worker: Worker[PairTask]) -> bool:
-        """Whether a pair is too old to be answered, as after a model was built, and newer ones follow the motion."""
-        last, stamp_ns = self._active().session.last_pair, task.pair.stamp_ns
-        left_out = (
-            worker.waiting > 0
-            and task.seed is None
-            and not task.begins_run
-            and last is not None
-            and 0 < stamp_ns - last.stamp_ns < FOLLOWED_NS
-            and self._latencies.waited_s(task.number, time.monotonic()) > _TUNING.stale_s
-        )
-        self._left_out += left_out
-        return left_out
 
     def _show(self) -> None:
         """Have the newest pair drawn, or the frozen one, while somebody watches."""
@@ -411,9 +392,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             statistics = self._told()
             age_s = self._state_watch.pose_age_s
             statuses = [
-                tracker_status(
-                    name, statistics.state, statistics, worker.dropped + self._left_out, self._latencies.words(), age_s
-                )
+                tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words(), age_s)
             ]
             statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)

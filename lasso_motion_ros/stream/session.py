@@ -25,8 +25,8 @@ SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
 
-FOLLOWED_NS = 250_000_000
-"""Four pairs a second are what many systems take: no breath is missed between two of them."""
+# Four pairs a second are what many systems take: no breath is missed between two of them.
+_FOLLOWED_NS = 250_000_000
 
 
 class TrackingSession:
@@ -185,7 +185,7 @@ class TrackingSession:
     def _answers_again(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         followed_ns = task.pair.stamp_ns
         for pair in task.later:
-            if pair.stamp_ns - followed_ns < FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
+            if pair.stamp_ns - followed_ns < _FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
                 continue
             followed_ns = pair.stamp_ns
             yield self._result_outputs(pair, self._tracked(pair))

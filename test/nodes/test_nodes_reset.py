@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -103,24 +102,6 @@ def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monk
     with pytest.raises(RuntimeError):
         node._track(TASK)
     assert answers == ["the tracker failed on these clicks; its log says why"]
-
-
-def test_stale_pairs_are_left_out_while_newer_ones_follow_the_motion(node: TrackerNode) -> None:
-    answered: list[int] = []
-
-    def answers(task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
-        answered.append(task.number)
-        node._pipeline.last_pair = task.pair
-        yield []
-
-    node._pipeline.answers = answers
-    for number in range(12):
-        pair = FramePair(stamp(0) + number * 100_000_000, None, None)
-        node._latencies.begin(number, time.monotonic() - 2.0 + 0.15 * number)  # the last five are fresh
-        node._worker.waiting = 11 - number
-        node._track(PairTask(pair, number=number))
-    assert answered == [0, 3, 6, 7, 8, 9, 10, 11]
-    assert node._left_out == 4
 
 
 def test_no_pair_is_held_beyond_deactivation(node: TrackerNode) -> None:
