@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from rclpy.node import Node
+from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.publisher import Publisher
 
 from lasso_motion_ros.geometry.frames import PLANES
@@ -12,6 +12,10 @@ from lasso_motion_ros.tools.raw_topics import offer_of
 from msg_adapters.topics import IMAGE_TYPE, INPUTS, camera_info_topic, image_topic, seed_topic
 
 _CLICKED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
+# What every node publishes, and what `ros2 bag record` does of itself.
+_SAID_BY_LISTENERS = frozenset(
+    {"rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "rosbag2_interfaces/msg/WriteSplitEvent"}
+)
 _NEEDED_WITH_CLICKS = frozenset(
     make(plane).recorded_name for make in (image_topic, camera_info_topic) for plane in PLANES
 )
@@ -21,7 +25,8 @@ class AwaitedSubscribers:
     """Tells on which of the tracker's inputs somebody is still missing.
 
     A node that takes clicks needs the clicked images, too. It may subscribe to them later than to the clicks: once it
-    has discovered how they are offered. Meanwhile another node's subscription must not pass for its own.
+    has discovered how they are offered. Meanwhile another node's subscription must not pass for its own, nor ever that
+    of one that only listens, as a recorder does.
 
     Args:
         node: the node that publishes.
@@ -48,11 +53,13 @@ class AwaitedSubscribers:
 
     def missing(self) -> list[str]:
         """The topics that have too few subscribers now."""
-        take_clicks: set[str] = set().union(*(self._nodes_on(name) for name in _CLICKED_NAMES & self._wanted.keys()))
+        clicked = {name: self._that_answer(self._nodes_on(name)) for name in _CLICKED_NAMES & self._wanted.keys()}
+        take_clicks: set[str] = set().union(*clicked.values())
         return [
             name
             for name, wanted in self._wanted.items()
             if self._publishers[name].get_subscription_count() < wanted
+            or not clicked.get(name, True)
             or (name in _NEEDED_WITH_CLICKS and not take_clicks <= self._nodes_on(name))
         ]
 
@@ -60,3 +67,16 @@ class AwaitedSubscribers:
         """The nodes with a subscription that hears what is published on a topic."""
         subscriptions = self._node.get_subscriptions_info_by_topic(self._publishers[name].topic_name)
         return {one.node for one in map(offer_of, subscriptions) if name in self._latched or not one.latched}
+
+    def _that_answer(self, nodes: set[str]) -> set[str]:
+        """Those of some nodes that publish something of their own."""
+        return {node for node in nodes if not self._said_by(node) <= _SAID_BY_LISTENERS}
+
+    def _said_by(self, node: str) -> set[str]:
+        """The types of what a node publishes; none where it has just gone."""
+        namespace, _, name = node.rpartition("/")
+        try:
+            said = self._node.get_publisher_names_and_types_by_node(name, namespace or "/")
+        except NodeNameNonExistentError:
+            return set()
+        return {kind for _, kinds in said for kind in kinds}

@@ -47,9 +47,11 @@ def tracked(graph: Graph) -> None:
 
 
 def test_the_two_commands_of_the_readme(tmp_path: Path) -> None:
-    """No option at all; the player is even the first."""
+    """No option at all; the player comes first, and a recorder that hears all before it: the clicks are not for it."""
     recording = write_input(tmp_path / "ring.mcap", MOTIONS_MM, truth=False)
     with Graph(HEARD, tmp_path) as graph:
+        graph.processes.start("recorder", "lasso_motion_ros.cli.main", ["record", str(tmp_path / "all.mcap")])
+        graph.wait_until(lambda: "recording into" in graph.processes.log("recorder"))
         graph.processes.start("player", "lasso_motion_ros.cli.main", ["play", str(recording)])
         graph.wait_until(lambda: "waiting for subscribers on /plane_a/image_raw" in graph.processes.log("player"))
         graph.processes.start_node("tracker", "lasso_tracker")
