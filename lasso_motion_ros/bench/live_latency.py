@@ -113,6 +113,7 @@ class _Answers:
             self.poses[stamp_to_ns(message.header.stamp)] = now
         elif topic is CATHETER:
             self.answered.add(stamp_to_ns(message.header.stamp))
+            self.answered.discard(0)  # of no pair: the stream has stopped
         elif topic is STATE:
             self.up.set()
         else:

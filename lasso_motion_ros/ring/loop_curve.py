@@ -114,11 +114,14 @@ def _ridge_path(gain: Array) -> npt.NDArray[np.int64]:
     """(N,) column per row that maximises the gain less a penalty per squared column step (dynamic programming)."""
     rows, columns = gain.shape
     steps = np.arange(-3, 4)
+    penalty = (TUNING.bend * steps**2)[:, None]
     total = gain[0].copy()
     choices = np.zeros((rows, columns), dtype=np.int64)
+    padded = np.full(columns + 6, -np.inf)
+    from_steps = np.lib.stride_tricks.sliding_window_view(padded, columns)  # a row for each step, of the same memory
     for row in range(1, rows):
-        padded = np.pad(total, 3, constant_values=-np.inf)
-        options = np.stack([padded[3 + s : 3 + s + columns] - TUNING.bend * s * s for s in steps])
+        padded[3:-3] = total
+        options = from_steps - penalty
         choice = np.argmax(options, axis=0)
         choices[row] = steps[choice]
         total = options[choice, np.arange(columns)] + gain[row]
