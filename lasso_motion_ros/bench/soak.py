@@ -115,8 +115,8 @@ class _Answers:
         self.up = False
 
     def __call__(self, topic: Topic, message: Any, published_ns: int) -> None:
-        # Behind four bytes of its encoding a marker begins with its stamp. It is zero where the stream has stopped: that
-        # answers no pair.
+        # Behind four bytes of its encoding a marker begins with its stamp, which is zero where the stream has stopped:
+        # such a one answers no pair.
         self.answered += topic is CATHETER and any(message[4:12])
         self.poses += topic is MOTION
         self.up = self.up or topic is STATE
