@@ -12,10 +12,8 @@ from lasso_motion_ros.tools.raw_topics import offer_of
 from msg_adapters.topics import IMAGE_TYPE, INPUTS, camera_info_topic, image_topic, seed_topic
 
 _CLICKED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
-# What every node publishes, and what `ros2 bag record` does of itself.
-_SAID_BY_LISTENERS = frozenset(
-    {"rcl_interfaces/msg/Log", "rcl_interfaces/msg/ParameterEvent", "rosbag2_interfaces/msg/WriteSplitEvent"}
-)
+# Message types that every node publishes, and that `ros2 bag record` does of itself.
+_SAID_BY_LISTENERS = frozenset({"Log", "ParameterEvent", "WriteSplitEvent"})
 _NEEDED_WITH_CLICKS = frozenset(
     make(plane).recorded_name for make in (image_topic, camera_info_topic) for plane in PLANES
 )
@@ -73,10 +71,12 @@ class AwaitedSubscribers:
         return {node for node in nodes if not self._said_by(node) <= _SAID_BY_LISTENERS}
 
     def _said_by(self, node: str) -> set[str]:
-        """The types of what a node publishes; none where it has just gone."""
+        """The message types that a node publishes; none where it has just gone, or its name is not known yet."""
         namespace, _, name = node.rpartition("/")
+        if namespace and not namespace.startswith("/"):
+            return set()
         try:
             said = self._node.get_publisher_names_and_types_by_node(name, namespace or "/")
         except NodeNameNonExistentError:
             return set()
-        return {kind for _, kinds in said for kind in kinds}
+        return {kind.rpartition("/")[2] for _, kinds in said for kind in kinds}
