@@ -66,19 +66,24 @@ class RingTemplate:
 
     def learn(
         self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], correlations: Mapping[Plane, float]
-    ) -> None:
-        """Take in one pair that surely shows the ring: its strips and evidence, and how well they correlated."""
+    ) -> bool:
+        """Take in one pair that surely shows the ring: its strips and evidence, and how well they correlated.
+
+        Returns:
+            Whether the profile has changed: it is fixed after some pairs, and one plane alone changes nothing.
+        """
         for plane, correlation in correlations.items():
             step = (correlation - self.usual[plane]) / self._tuning.memory
             self.usual[plane] = max(self.usual[plane] + step, self._tuning.smallest_usual)
         if self._count >= self._tuning.pairs or len(strips) < len(PLANES):
-            return
+            return False
         self._count += 1
         share = np.float32(1.0 / self._count)
         for plane, strip in strips.items():
             self._means[plane] = self._means[plane] + (strip - self._means[plane]) * share
             self._shown[plane] = self._shown[plane] + (shown[plane] - self._shown[plane]) * share
         self._renew()
+        return True
 
     @property
     def count(self) -> int:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
@@ -141,12 +141,12 @@ class Track:
     def learn_template(self, best: Hypothesis) -> None:
         """Learn how it looks."""
         fits = best.detection.planes
-        self.template.learn(
+        is_renewed = self.template.learn(
             {plane: fit.strip for plane, fit in fits.items()},
             {plane: fit.shown for plane, fit in fits.items()},
             {plane: fit.correlation for plane, fit in fits.items()},
         )
-        if len(fits) == len(PLANES) and self.template.count in ELECTRODES_AFTER:
+        if is_renewed and self.template.count in ELECTRODES_AFTER:
             self.electrodes = replace(self.electrodes, shown=self.template.shown)
 
     def learn_rotation(self, best: Hypothesis, time_s: float) -> None:
