@@ -30,8 +30,6 @@ SHORTEST_PAUSE_S = 0.02
 HEARTBEAT_S = 10.0
 ALIVE_S = 1.0
 """A status is sent this often even if nothing has changed, so that a page knows that its server lives."""
-# Commands wait for the tracker's answers: on threads of their own, or nobody would encode pictures meanwhile.
-_COMMANDS = ThreadPoolExecutor(max_workers=16, thread_name_prefix="command")
 
 
 class PageConnection:
@@ -41,6 +39,7 @@ class PageConnection:
         number: of the page.
         source: what is shown.
         encoder: encodes its pictures, once for all pages.
+        command_pool: threads on which commands wait for the tracker's answers.
         on_settings: called when the page wants to see something else.
         on_answer: called when a command has been carried out, for the other pages.
 
@@ -55,10 +54,12 @@ class PageConnection:
         number: int,
         source: Source,
         encoder: PictureEncoder,
+        command_pool: ThreadPoolExecutor,
         on_settings: Callable[[], None],
         on_answer: Callable[[], None],
     ) -> None:
         self._number, self._source, self._encoder = number, source, encoder
+        self._command_pool = command_pool
         self._on_settings, self._on_answer = on_settings, on_answer
         self.socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=HEARTBEAT_S, compress=False)
         self.settings = DisplaySettings("film")
@@ -69,6 +70,7 @@ class PageConnection:
         self._sent_status, self._sent_status_s = "", 0.0
         self._sent_point = 0
         self._commands: set[asyncio.Task[None]] = set()
+        self._farewell: tuple[int, bytes] | None = None
 
     def wake(self) -> None:
         """Note that there may be something new to send."""
@@ -87,6 +89,15 @@ class PageConnection:
         finally:
             for task in (writer, *self._commands):
                 task.cancel()
+            # Also here, which `end` wakes: aiohttp itself would close what it serves, with a code that tells nothing.
+            if self._farewell is not None:
+                code, reason = self._farewell
+                await self.socket.close(code=code, message=reason)
+
+    async def end(self, code: int, reason: str) -> None:
+        """Disconnect the page, and tell it why."""
+        self._farewell = code, reason.encode()
+        await self.socket.close(code=code, message=reason.encode())
 
     async def _take(self, text: str) -> None:
         self.heard_s = time.monotonic()
@@ -114,7 +125,7 @@ class PageConnection:
         done, text = True, ""
         try:
             text = await asyncio.get_running_loop().run_in_executor(
-                _COMMANDS, self._source.command, request.name, request.body, self._number
+                self._command_pool, self._source.command, request.name, request.body, self._number
             )
         except LassoMotionError as error:
             done, text = False, str(error)

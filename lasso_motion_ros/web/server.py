@@ -11,6 +11,7 @@ import socket
 import threading
 import time
 from collections.abc import Awaitable, Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -91,6 +92,8 @@ class WebServer:
         self._host, self._port = host, port
         self._names = LOOPBACK_NAMES | {host.lower(), socket.gethostname().lower(), *(name.lower() for name in names)}
         self._encoder = PictureEncoder()
+        # Commands wait for the tracker's answers: on threads of their own, or nobody would encode pictures meanwhile.
+        self._command_pool = ThreadPoolExecutor(max_workers=16, thread_name_prefix="command")
         self._pages: dict[int, PageConnection] = {}
         self._numbers = itertools.count(1)
         self._connections = IdleConnections(time.monotonic)
@@ -146,6 +149,7 @@ class WebServer:
             self._failure = error
         finally:
             self._ready.set()
+            self._command_pool.shutdown(wait=False, cancel_futures=True)
             with contextlib.suppress(Exception):
                 self._loop.run_until_complete(self._loop.shutdown_default_executor())
             self._loop.close()
@@ -174,7 +178,7 @@ class WebServer:
                 if runner.server is not None:
                     self._connections.sweep(runner.server.connections)
             for page in list(self._pages.values()):
-                await page.socket.close(code=WSCloseCode.GOING_AWAY, message=b"the server stops")
+                await page.end(WSCloseCode.GOING_AWAY, "the server stops")
         finally:
             await runner.cleanup()
 
@@ -250,12 +254,12 @@ class WebServer:
         if not _same_origin(request.headers.get("Origin", ""), request.headers.get("Host", "")):
             raise web.HTTPForbidden(text="only the page itself may connect\n")
         number = next(self._numbers)
-        page = PageConnection(number, self._source, self._encoder, self._tell_audience, self._wake)
+        page = PageConnection(number, self._source, self._encoder, self._command_pool, self._tell_audience, self._wake)
         await page.socket.prepare(request)
         if len(self._pages) >= TUNING.most_pages and not await self._make_room():
             text = f"{len(self._pages)} pages are open already, and all are in use: close one."
             LOG.warning("another page was refused: %s", text)
-            await page.socket.close(code=FULL, message=text.encode())
+            await page.end(FULL, text)
             return page.socket
         self._pages[number] = page
         self._tell_audience()
@@ -273,7 +277,7 @@ class WebServer:
             return False
         del self._pages[number]
         LOG.warning("the page that was idle for longest has made room for another")
-        await page.socket.close(code=MADE_ROOM, message=b"This window was idle, and has made room for another.")
+        await page.end(MADE_ROOM, "This window was idle, and has made room for another.")
         return True
 
     def _tell_audience(self) -> None:
