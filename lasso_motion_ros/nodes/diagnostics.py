@@ -9,7 +9,7 @@ from dataclasses import asdict
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.nodes.state_watch import state_words
+from lasso_motion_ros.nodes.state_words import state_words
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.stream.outputs import PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
