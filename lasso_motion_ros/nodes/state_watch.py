@@ -8,11 +8,12 @@ import time
 from collections.abc import Callable, Sequence
 
 from lasso_motion_ros.nodes.running import ThrottledLog, kind_of
+from lasso_motion_ros.nodes.state_words import state_words
 from lasso_motion_ros.nodes.stream_timeout import StreamTimeout
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.topics import LAST_POSE_WORDS, MOTION_RAW
+from msg_adapters.topics import MOTION_RAW
 
 # Two looks that lie further apart were held up: images that came meanwhile still wait to be taken.
 _HELD_UP_S = 0.5
@@ -38,7 +39,7 @@ class StateWatch:
         self._publishers, self._complaints, self._loss = publishers, complaints, loss
         self._lock = threading.RLock()
         self._silence = ""
-        self._looked_s = 0.0
+        self._looked_s, self._was_held_up = 0.0, False
         self._posed_s: float | None = None
         self._alarm = ""  # the last one that the log was told of
         self._active = False
@@ -56,8 +57,10 @@ class StateWatch:
             self._active, self._silence = False, ""
 
     def answer(self, number: int, outputs: Sequence[Output]) -> None:
-        """Publish the tracker's answer to the task with this number."""
+        """Publish the tracker's answer to the task with this number, unless the node was deactivated meanwhile."""
         with self._lock:
+            if not self._active:
+                return
             now_s = time.monotonic()
             self.timeout.answered(number, now_s)
             self._silence = ""
@@ -76,15 +79,17 @@ class StateWatch:
         """
         with self._lock:
             now_s = time.monotonic()
-            held_up = now_s - self._looked_s > _HELD_UP_S
-            self._looked_s = now_s
+            # One look only: where all of them are late, the machine is too slow to wait for.
+            held_up = now_s - self._looked_s > _HELD_UP_S and not self._was_held_up
+            self._looked_s, self._was_held_up = now_s, held_up
             if self._active and not held_up:
                 began, silence = not self._silence, self.timeout.reason(now_s)
                 if silence or not state.has_model:  # else what was said holds until a pair is answered
                     self._silence = silence
                 if silence and began and state.has_model:
                     self._publishers.publish(self._loss())
-            self._publishers.renew_state()
+            if not held_up:
+                self._publishers.renew_state()
             return self._silence
 
     def told(self, statistics: PipelineStatistics) -> PipelineStatistics:
@@ -119,17 +124,3 @@ class StateWatch:
             self._complaints.complain("state", words, kind=kind_of(words))
         elif state.has_pose:
             self._complaints.inform("state", f"{state.value} again", kind="again")
-
-
-def state_words(state: TrackerState, reason: str, pose_age_s: float | None) -> str:
-    """State, reason and, where there is a model but no pose, how old the last one is, in a line."""
-    words = f"{state.value}: {reason}" if reason else state.value
-    age = last_pose_words(pose_age_s) if state.is_alarm else ""
-    return f"{words}{LAST_POSE_WORDS}{age}" if age else words
-
-
-def last_pose_words(age_s: float | None) -> str:
-    """How long ago the last pose was, in words; empty where there was none."""
-    if age_s is None:
-        return ""
-    return f"{age_s:.1f} s ago" if age_s < 60.0 else f"{age_s / 60.0:.0f} min ago"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections import deque
 from collections.abc import Callable
 from typing import Any
@@ -130,7 +131,8 @@ class CalibrationSubscription:
 class SeedSubscription:
     """Hears clicks from publishers that latch them and from those that do not, each message once.
 
-    Two subscriptions, as `CalibrationSubscription` has; a seed that came twice would begin the track anew.
+    Two subscriptions, as `CalibrationSubscription` has; a seed that came twice would begin the track anew. Clicks
+    without a stamp are for the next picture: latched ones from before this subscription are of one that has gone by.
 
     Args:
         node: the node.
@@ -144,18 +146,27 @@ class SeedSubscription:
         self._node = node
         self._callback = callback
         self._heard: deque[tuple[int, int]] = deque(maxlen=REMEMBERED)
+        self._topic, self._since_ns = topic, time.time_ns()  # by the clock of the messages' source stamps
         quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
         self._subscriptions = [
             node.create_subscription(
-                message_type, topic, self._on_message, qos(depth=depth, latched=latched), event_callbacks=events
+                message_type, topic, callback, qos(depth=depth, latched=latched), event_callbacks=events
             )
-            for latched, events in ((False, None), (True, quiet))
+            for latched, callback, events in ((False, self._on_message, None), (True, self._on_latched, quiet))
         ]
 
     def destroy(self) -> None:
         """Stop listening."""
         for subscription in self._subscriptions:
             self._node.destroy_subscription(subscription)
+
+    def _on_latched(self, message: Any, information: dict[str, Any]) -> None:
+        stamp = message.header.stamp
+        if stamp.sec or stamp.nanosec or int(information["source_timestamp"]) >= self._since_ns:
+            self._on_message(message, information)
+        else:
+            text = f"{self._topic}: clicks without a stamp, latched before this node listened, are left out"
+            self._node.get_logger().warning(text)
 
     def _on_message(self, message: Any, information: dict[str, Any]) -> None:
         mark = int(information["source_timestamp"]), int(information["publication_sequence_number"] or 0)

@@ -21,7 +21,8 @@ from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, t
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
-from lasso_motion_ros.nodes.state_watch import StateWatch, last_pose_words
+from lasso_motion_ros.nodes.state_watch import StateWatch
+from lasso_motion_ros.nodes.state_words import last_pose_words
 from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
@@ -302,13 +303,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
                     if self._worker is worker:  # else it hung, and the node was deactivated meanwhile
                         self._state_watch.answer(task.number, outputs)
             refusal = pipeline.session.last_refusal
-        except Exception:
-            self._state_watch.answer(task.number, [])
-            raise
         finally:
-            self._tracker_services.seeded(task, refusal)
-            if task.seed is not None:
-                self._publish_diagnostics()  # whoever clicked waits for the answer
+            # A pair on which the tracker failed is not answered: if they all are such, that is a loss.
+            if self._worker is worker:
+                self._tracker_services.seeded(task, refusal)
+                if task.seed is not None:
+                    self._publish_diagnostics()  # whoever clicked waits for the answer
+        if self._worker is not worker:
+            return
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()

@@ -74,7 +74,7 @@ class HeartbeatSeparation:
         self._centre = np.zeros(3)
         self._reference_ns: int | None = None
         self._poses = self._in_window = 0
-        self._last_update_ns = 0
+        self._last_update_ns: int | None = None  # before the first open window, if the gate came in mid-stream
         self._status: HeartbeatStatus | None = None
         self.reset()
 
@@ -114,10 +114,10 @@ class HeartbeatSeparation:
         updated = is_open or stamp_ns == result.reference_stamp_ns
         if updated:
             self._last_update_ns = stamp_ns
-        age_s = 1e-9 * (stamp_ns - self._last_update_ns)
+        age_s = None if self._last_update_ns is None else 1e-9 * (stamp_ns - self._last_update_ns)
         values = {
             "poses in the window": f"{self._in_window} of {self._poses}",
-            "age of motion (s)": f"{age_s:.2f}",
+            "age of motion (s)": "not yet updated" if age_s is None else f"{age_s:.2f}",
             "R peaks": str(self._phases.peaks_received),
         } | _heart_rate(phase)
         reference_ns = result.reference_stamp_ns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -22,6 +23,7 @@ from lasso_motion_ros.nodes.tracker_services import RESET_MEANWHILE, TrackerServ
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.tools.processes import free_domain
+from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.topics import STATE
 
 pytestmark = pytest.mark.ros
@@ -30,6 +32,7 @@ TASK = PairTask(FramePair(stamp(0), None, None), number=1)
 
 
 ANSWER, FORGOTTEN = Output(STATE, "TRACKING", 0), Output(STATE, "WAITING_FOR_SEED", 0)
+LOSS = Output(STATE, "LOST", 0)
 
 
 class FakePipeline:
@@ -51,6 +54,9 @@ class FakePipeline:
     def reset(self) -> list[Output]:
         return [FORGOTTEN]
 
+    def loss_outputs(self) -> list[Output]:
+        return [LOSS]
+
     def release(self) -> None:
         self.released = True
 
@@ -67,6 +73,7 @@ def node() -> Iterator[TrackerNode]:
     made = TrackerNode()
     made._pipeline = FakePipeline()
     made._worker = SimpleNamespace(clear=lambda: None, stop=lambda _: True, waiting=0)
+    made._state_watch.begin(0.5)
     yield made
     made.close()
     made.destroy_node()
@@ -102,6 +109,51 @@ def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monk
     with pytest.raises(RuntimeError):
         node._track(TASK)
     assert answers == ["the tracker failed on these clicks; its log says why"]
+
+
+def test_a_tracker_that_fails_on_every_pair_is_lost(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[Output] = []
+    monkeypatch.setattr(node._tracker_publishers, "publish", said.extend)
+    node._pipeline.failure = IndexError("unforeseen")
+    node._state_watch.timeout.asked(TASK.number, time.monotonic() - 2.0)
+    with pytest.raises(IndexError):
+        node._track(TASK)
+    node._state_watch.look(TrackerState.TRACKING)
+    assert "the tracker has not answered for 2." in node._state_watch.look(TrackerState.TRACKING)
+    assert said == [LOSS]
+
+
+def test_a_thread_that_was_left_behind_says_nothing_more(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[Any] = []
+    monkeypatch.setattr(node._tracker_services, "seeded", lambda *answer: said.append(answer))
+    monkeypatch.setattr(node._tracker_publishers, "publish", said.append)
+    monkeypatch.setattr(node._tracker_publishers, "show_standard", said.append)
+
+    def answers(task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
+        node._worker = SimpleNamespace(clear=lambda: None, stop=lambda _: True, waiting=0)  # deactivated, activated
+        yield [ANSWER]
+
+    node._pipeline.answers = answers
+    node._track(TASK)
+    assert said == []
+
+
+def test_nothing_is_answered_once_the_node_is_deactivated(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[Any] = []
+    monkeypatch.setattr(node._tracker_publishers, "publish", said.append)
+    node._state_watch.end()
+    node._state_watch.answer(1, [ANSWER])
+    assert said == []
+
+
+def test_a_state_is_not_renewed_by_a_look_that_was_held_up(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
+    renewed: list[bool] = []
+    monkeypatch.setattr(node._tracker_publishers, "renew_state", lambda: renewed.append(True))
+    monkeypatch.setattr(node._state_watch, "_looked_s", time.monotonic() - 3.0)
+    node._state_watch.look(TrackerState.WAITING_FOR_SEED)
+    assert renewed == []
+    node._state_watch.look(TrackerState.WAITING_FOR_SEED)
+    assert renewed == [True]
 
 
 def test_no_pair_is_held_beyond_deactivation(node: TrackerNode) -> None:
