@@ -15,7 +15,10 @@ from msg_adapters.dicom.frame_geometry import FrameGeometry
 from msg_adapters.dicom.given_geometry import GivenGeometry
 from msg_adapters.dicom.objects import Needed, missing, number, numbers, tag_name, word
 
-_TABLE = ("TableLateralIncrement", "TableVerticalIncrement", "TableLongitudinalIncrement")
+# Towards the patient's left, back and head. The standard's longitudinal and lateral are those of an operator at the
+# table's side: longitudinal is positive towards +90° of the primary angle (LAO), lateral towards +90° of the secondary
+# one (CRAN) (PS3.3 C.8.7.4).
+_TABLE = ("TableLongitudinalIncrement", "TableVerticalIncrement", "TableLateralIncrement")
 # Beyond it the field of view is of another size than the pixels: (0018,1164) is not that of this picture.
 _FIELD_DISAGREEMENT = 0.03
 
@@ -66,6 +69,12 @@ def classic_geometry(dataset: Any, frames: int, given: GivenGeometry, remarks: l
     table = np.column_stack([_increments(dataset, keyword, frames, given) for keyword in _TABLE])
     if not any(numbers(dataset, keyword) for keyword in _TABLE):
         remarks.append(f"the table stands still: {tag_name(_TABLE[0])} and its like are absent")
+    elif table.any():
+        left, back, head = table[-1]
+        remarks.append(
+            f"the table moves: in the last frame {left:+.1f} mm to the patient's left, {back:+.1f} mm to the back,"
+            f" {head:+.1f} mm headwards ({tag_name(_TABLE[0])} is towards LAO, {tag_name(_TABLE[2])} towards CRAN)"
+        )
     return tuple(
         FrameGeometry(
             primary_deg=float(primaries[frame]),

@@ -184,7 +184,8 @@ def _on_picture(
         numbers(dataset, "PositionOfIsocenterProjection", 2), "PositionOfIsocenterProjection", "isocentre_px"
     )
     element = needed.two(
-        numbers(dataset, "DetectorElementSpacing", 2) or numbers(dataset, "DetectorElementPhysicalSize", 2),
+        # Not the element's physical size: the elements may lie further apart than they are large.
+        numbers(dataset, "DetectorElementSpacing", 2),
         "DetectorElementSpacing",
         "isocentre_px",
     )

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from lasso_motion_ros.core.errors import RecordingError
-from msg_adapters.dicom.objects import number, tag_name, word
+from msg_adapters.dicom.objects import group_item, number, tag_name, word
 from msg_adapters.images import MAX_SIDE_PX, Pixels
+
+Grey = np.ndarray[Any, np.dtype[np.int32]]
 
 
 def check_pixels(dataset: Any, remarks: list[str]) -> None:
@@ -44,7 +46,7 @@ def check_pixels(dataset: Any, remarks: list[str]) -> None:
         )
     if _whole(dataset, "PixelRepresentation"):
         remarks.append("signed pixels are moved up so that none is below zero")
-    if dataset.get("VOILUTSequence") or dataset.get("WindowCenter") is not None:
+    if _has_window(_window_item(dataset, 0)):
         remarks.append(
             "the stored values are taken: window and VOI LUT, which are for the eye, are not applied (--voi-lut)"
         )
@@ -66,21 +68,21 @@ def frames(path: Path, dataset: Any, *, voi_lut: bool = False) -> Iterator[Pixel
         voi_lut: apply the object's own window or VOI LUT, as its display would; the values then span all bits stored.
 
     Raises:
-        RecordingError: pixels that cannot be decoded, or fewer of them than the object says.
+        RecordingError: pixels that cannot be decoded, fewer of them than the object says, or no window where one is to
+            be applied.
     """
-    from pydicom.pixels import apply_voi_lut, iter_pixels
+    from pydicom.pixels import iter_pixels
 
     bits = _whole(dataset, "BitsStored")
     signed = bool(_whole(dataset, "PixelRepresentation"))
     largest = (1 << bits) - 1
     shift = _whole(dataset, "HighBit", bits - 1) - (bits - 1)
     try:
-        for raw in iter_pixels(path, raw=True):
+        for index, raw in enumerate(iter_pixels(path, raw=True)):
             values = np.asarray(raw).astype(np.int32)
             values = (values >> shift) & largest if not signed else values >> shift
             if voi_lut:
-                shown = np.asarray(apply_voi_lut(values, dataset), dtype=np.float64)
-                values = np.clip(np.rint(shown), 0, largest).astype(np.int32)
+                values = _as_shown(values, _window_item(dataset, index), dataset, largest)
             elif signed:
                 values = np.clip(values + (1 << (bits - 1)), 0, largest)
             if word(dataset, "PhotometricInterpretation") == "MONOCHROME1":
@@ -91,6 +93,52 @@ def frames(path: Path, dataset: Any, *, voi_lut: bool = False) -> Iterator[Pixel
     except Exception as error:  # decoders let errors of all kinds through
         reason = f"pictures of {dataset.file_meta.TransferSyntaxUID.name} cannot be decoded: {error}"
         raise RecordingError(f"{path}: {' '.join(reason.split())[:400]}") from error
+
+
+def _window_item(dataset: Any, frame: int) -> Any:
+    """What holds a frame's window or VOI LUT: its functional group, or the object itself."""
+    item = group_item(dataset, frame, "FrameVOILUTSequence")
+    return dataset if item is None else item
+
+
+def _has_window(item: Any) -> bool:
+    return bool(item.get("VOILUTSequence")) or item.get("WindowCenter") is not None
+
+
+def _as_shown(values: Grey, item: Any, dataset: Any, largest: int) -> Grey:
+    """Stored values (H, W) through an item's window or VOI LUT, as its display would show them; 0 to `largest`.
+
+    Raises:
+        RecordingError: the item has none.
+    """
+    from pydicom.dataset import Dataset
+    from pydicom.pixels import apply_windowing
+
+    if not _has_window(item):
+        raise RecordingError(f"--voi-lut: no {tag_name('WindowCenter')} and no {tag_name('VOILUTSequence')}")
+    if sequence := item.get("VOILUTSequence"):
+        shown = _through_table(values, sequence[0], largest)
+    else:
+        window = Dataset()
+        window.update({element.tag: element for element in item if element.keyword.startswith(("Window", "VOILUTF"))})
+        for keyword in ("PhotometricInterpretation", "BitsStored", "PixelRepresentation"):
+            setattr(window, keyword, dataset.get(keyword))
+        shown = np.asarray(apply_windowing(values, window), dtype=np.float64)
+    grey: Grey = np.clip(np.rint(shown), 0, largest).astype(np.int32)
+    return grey
+
+
+def _through_table(values: Grey, table: Any, largest: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Values (H, W) through a VOI LUT, whose entries have a depth of their own (PS3.3 C.11.2.1.1)."""
+    entries, first, depth = (int(value) for value in table.LUTDescriptor)
+    data, count = table.LUTData, entries or 1 << 16
+    if isinstance(data, bytes):
+        listed = np.frombuffer(data, np.uint8 if len(data) < 2 * count else "<u2")[:count]
+    else:
+        listed = np.asarray(data)
+    if len(listed) < count:
+        raise RecordingError(f"{tag_name('LUTData')}: expected {count} entries, found {len(listed)}")
+    return listed[np.clip(values - first, 0, count - 1)] * (largest / ((1 << depth) - 1))
 
 
 def _whole(dataset: Any, keyword: str, default: int = 0) -> int:

@@ -54,10 +54,11 @@ def write_classic(path: Path, shot: Shot) -> Path:
         dataset.PositionerPrimaryAngleIncrement = [one - shot.primary_deg[0] for one in shot.primary_deg]
         dataset.PositionerSecondaryAngleIncrement = [one - shot.secondary_deg[0] for one in shot.secondary_deg]
     if shot.table_mm:
-        lateral, vertical, longitudinal = (np.asarray(shot.table_mm) - shot.table_mm[0]).T.tolist()
+        left, back, head = (np.asarray(shot.table_mm) - shot.table_mm[0]).T.tolist()
         dataset.TableMotion = "DYNAMIC"
-        dataset.TableLateralIncrement, dataset.TableVerticalIncrement = lateral, vertical
-        dataset.TableLongitudinalIncrement = longitudinal
+        # As PS3.3 C.8.7.4 has them: longitudinal towards LAO, lateral towards CRAN.
+        dataset.TableLongitudinalIncrement, dataset.TableLateralIncrement = left, head
+        dataset.TableVerticalIncrement = back
     dataset.FrameTime = shot.frame_ms
     return _save(path, dataset, shot)
 
@@ -79,7 +80,8 @@ def write_enhanced(
     dataset.CArmPositionerTabletopRelationship = "YES"
     dataset.XRayReceptorType = "DIGITAL_DETECTOR"
     dataset.PositionOfIsocenterProjection = list(isocentre)
-    dataset.DetectorElementPhysicalSize = dataset.DetectorElementSpacing = list(element_mm)
+    dataset.DetectorElementSpacing = list(element_mm)
+    dataset.DetectorElementPhysicalSize = [0.9 * size for size in element_mm]  # smaller than their pitch
     shared = Dataset()
     shared.FramePixelDataPropertiesSequence = Items([_item(ImagerPixelSpacing=list(shot.spacing_mm))])
     shared.XRayGeometrySequence = Items(

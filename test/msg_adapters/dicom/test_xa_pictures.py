@@ -14,6 +14,7 @@ import pytest
 pytest.importorskip("pydicom", reason="needs the dicom extra")
 
 import pydicom
+from pydicom.dataset import Dataset
 from support.xa_objects import Shot, write_classic, write_enhanced
 
 from lasso_motion_ros.core.errors import RecordingError
@@ -100,6 +101,49 @@ def test_a_window_is_applied_only_where_asked_for(tmp_path: Path) -> None:
     assert np.all(shown[np.asarray(pictures[0]) > 1260] == 4095)
     expected = pydicom.pixels.apply_voi_lut(np.asarray(pictures[0], np.uint16), pydicom.dcmread(path))
     np.testing.assert_allclose(shown, expected, atol=0.51)
+
+
+@pytest.mark.parametrize("kind", ["MONOCHROME1", "MONOCHROME2"])
+@pytest.mark.parametrize(("bits", "depth"), [(8, 12), (12, 8)])
+def test_a_table_of_another_depth_spans_all_grey_values(tmp_path: Path, bits: int, depth: int, kind: str) -> None:
+    """A table that turns the stored values into its own depth, in proportion."""
+    pictures = noise(1, (1 << bits) - 1)
+    table = Dataset()
+    table.LUTDescriptor = [1 << bits, 0, depth]
+    table.LUTData = (
+        np.linspace(0, (1 << depth) - 1, 1 << bits).round().astype(np.uint8 if depth == 8 else np.uint16).tobytes()
+    )
+    path = write_classic(
+        tmp_path / "a.dcm",
+        shot(pictures, bits=bits, change=changed(VOILUTSequence=[table], PhotometricInterpretation=kind)),
+    )
+    shown = np.asarray(next(iter(read_xa(path, NOTHING).pictures(voi_lut=True))), dtype=float)
+    largest = (1 << bits) - 1
+    expected = pictures[0] if kind == "MONOCHROME2" else largest - np.asarray(pictures[0], dtype=float)
+    np.testing.assert_allclose(shown, expected, atol=largest / ((1 << min(bits, depth)) - 1))
+
+
+def test_the_window_of_an_enhanced_object_is_that_of_each_frame(tmp_path: Path) -> None:
+    pictures = noise(2, 4095)
+    windows = [Dataset(), Dataset()]
+    for window, centre in zip(windows, (1000, 3000), strict=True):
+        window.WindowCenter, window.WindowWidth = centre, 500
+
+    def change(dataset: Dataset) -> None:
+        for groups, window in zip(dataset.PerFrameFunctionalGroupsSequence, windows, strict=True):
+            groups.FrameVOILUTSequence = [window]
+
+    one = read_xa(write_enhanced(tmp_path / "a.dcm", shot(pictures, bits=12, change=change)), NOTHING)
+    assert any("--voi-lut" in line for line in one.remarks)
+    for picture, shown, centre in zip(pictures, one.pictures(voi_lut=True), (1000, 3000), strict=True):
+        assert np.all(shown[np.asarray(picture) < centre - 260] == 0)
+        assert np.all(shown[np.asarray(picture) > centre + 260] == 4095)
+
+
+def test_a_window_that_is_not_there_is_not_applied_in_silence(tmp_path: Path) -> None:
+    path = write_classic(tmp_path / "a.dcm", shot(noise(1, 4095), bits=12))
+    with pytest.raises(RecordingError, match=r"--voi-lut: no \(0028,1050\) WindowCenter"):
+        list(read_xa(path, NOTHING).pictures(voi_lut=True))
 
 
 def test_pictures_that_are_missing_are_noticed(tmp_path: Path) -> None:
