@@ -47,6 +47,11 @@ class TransformPublisher:
             except MessageError:
                 node.get_logger().info("tf2_msgs is not installed: nothing is published on /tf")
 
+    @property
+    def is_active(self) -> bool:
+        """Whether anything is published."""
+        return self._publisher is not None
+
     def publish(self, stamp_ns: int, parent: str, child: str, transform: Array) -> None:
         """Say where a frame is: x_parent = T · x_child, (4, 4), metres."""
         if self._publisher is not None:
@@ -104,5 +109,6 @@ class StandardViews:
             topic = standard_camera_info_topic(plane)
             fields = encode_plain_camera(camera.k, frame.projection.width, frame.projection.height, header)
             self._infos[plane].publish(self._messages.make(topic.type_name, fields))
-            image = encode_image(camera.image(frame.pixels), header)
-            self._images[plane].publish(self._messages.make(standard_image_topic(plane).type_name, image))
+            if self._images[plane].get_subscription_count() > 0:
+                image = encode_image(camera.image(frame.pixels), header)
+                self._images[plane].publish(self._messages.make(standard_image_topic(plane).type_name, image))

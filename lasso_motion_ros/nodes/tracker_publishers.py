@@ -104,7 +104,7 @@ class TrackerPublishers:
                     self.state = output.message.data
                     self._stated_s = time.monotonic()
                 self._publishers[output.topic.name].publish(output.message)
-                if output.topic is MOTION:
+                if output.topic is MOTION and self._transforms.is_active:
                     transform = decode_pose(output.message)
                     self._transforms.publish(output.stamp_ns, self._world_frame, self._atrium_frame, transform)
         if changed:

@@ -68,21 +68,25 @@ def error_band(
         motion: (4, 4) T with p_now = T · p_reference.
         covariance: (6, 6) of it, as in `pixel_covariances`.
     """
-    band = np.zeros((projection.height, projection.width), dtype=np.uint8)
     outer = _on_the_rim(shape)
     if not np.any(outer):
-        return AlphaMask(band, 0, 0)
+        return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
     ends = shape.ends[outer]
     vertices, place = np.unique(ends, return_inverse=True)
     ellipses = _ellipses(pixel_covariances(covariance, apply(motion, mesh.vertices[vertices]), projection))
     edges = shape.edges[outer]
     corners = edges[:, :, None, :] + ellipses[place.reshape(ends.shape)]
+    size = np.array([projection.width, projection.height])
+    # Only the part that holds the band: blending takes longer than drawing it.
+    low = np.clip(np.floor(corners.min(axis=(0, 1, 2))).astype(int) - 1, 0, size - 1)
+    high = np.clip(np.ceil(corners.max(axis=(0, 1, 2))).astype(int) + 2, low + 1, size)
+    band = np.zeros(tuple((high - low)[::-1].tolist()), dtype=np.uint8)
     # Far outside the image, coordinates would overflow OpenCV's fixed-point format.
-    fixed = np.rint(np.clip(corners, -1e4, 1e4) * 2**_TUNING.subpixel_bits).astype(np.int32)
+    fixed = np.rint(np.clip(corners - low, -1e4, 1e4) * 2**_TUNING.subpixel_bits).astype(np.int32)
     opacity = round(255 * _TUNING.opacity)
     for both in fixed.reshape(len(fixed), -1, 2):
         cv2.fillConvexPoly(band, cv2.convexHull(both), opacity, cv2.LINE_AA, _TUNING.subpixel_bits)
-    return AlphaMask(band, 0, 0)
+    return AlphaMask(band, int(low[0]), int(low[1]))
 
 
 def _on_the_rim(shape: Silhouette) -> npt.NDArray[np.bool_]:

@@ -63,15 +63,16 @@ def test_the_band_is_as_wide_as_its_own_vertices_errors(surface) -> None:
     projection = projections()["a"]
     shape = silhouette(surface, projection, np.eye(4))
     sigma_m = 2.4e-3
-    even = error_band(surface, shape, projection, np.eye(4), np.diag([sigma_m**2] * 3 + [0.0] * 3)).opacity
+    even = error_band(surface, shape, projection, np.eye(4), np.diag([sigma_m**2] * 3 + [0.0] * 3))
     expected = 2.448 * sigma_m * projection.focal_length_px / projection.depth(np.zeros(3))
     for side in (np.min, np.max):  # where the outline is level
         outline = side(np.nonzero(shape.coverage > 0.5)[0]) + shape.top
-        assert abs(side(np.nonzero(even > 30)[0]) - outline) == pytest.approx(expected, rel=0.08)
+        assert abs(side(np.nonzero(even.opacity > 30)[0]) + even.top - outline) == pytest.approx(expected, rel=0.08)
     turned = error_band(
         surface, shape, projection, np.eye(4), at_world_origin(CENTRE, np.eye(3) * 1e-8, np.eye(3) * 2e-3)
     )
     rows, columns = np.nonzero(turned.opacity)
+    columns, rows = columns + turned.left, rows + turned.top
     at_lasso = np.hypot(*(np.column_stack([columns, rows]) - projection.project(CENTRE)).T) < 25
     far = np.hypot(*(np.column_stack([columns, rows]) - projection.project(-CENTRE)).T) < 45
     assert np.count_nonzero(far) > 5 * max(np.count_nonzero(at_lasso), 1)
