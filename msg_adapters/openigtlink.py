@@ -145,9 +145,13 @@ def server_address(text: str) -> tuple[str, int]:
     if not separator or text.endswith("]"):
         host, port = text.strip(), str(DEFAULT_PORT)
     host = host.removeprefix("[").removesuffix("]")
-    if not host or not port.isdigit() or not 1 <= int(port) <= 65535:
-        raise ConfigurationError(f"expected HOST:PORT of an OpenIGTLink server, found {text!r}")
-    return host, int(port)
+    try:
+        host.encode("idna")  # as the connection does
+        if host and port.isdecimal() and 1 <= int(port) <= 65535:
+            return host, int(port)
+    except UnicodeError:
+        pass
+    raise ConfigurationError(f"expected HOST:PORT of an OpenIGTLink server, found {text!r}")
 
 
 class IgtlConnection:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 from lasso_motion_ros.cli.arguments import CommandParser, not_negative
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
-from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.output_checks import check_free
 from lasso_motion_ros.core.output_files import EarlierFile, write_json
 from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.ros_start import require_ros
@@ -79,6 +80,7 @@ def _record(args: argparse.Namespace) -> RecordSummary:
     from lasso_motion_ros.tools.recorder import record
 
     with held_signals() as interrupted:
+        check_free(args.output, args.overwrite)  # again: another recorder may have begun there since
         earlier = EarlierFile(args.output)
         written = 0
         try:
@@ -99,7 +101,10 @@ def _record(args: argparse.Namespace) -> RecordSummary:
             if not written:
                 earlier.bring_back()
             elif (kept := earlier.keep()) is not None:
-                raise RecordingError(f"{error}; the earlier recording is kept as {kept}") from error
+                said = f"the earlier recording is kept as {kept}"
+                if isinstance(error, LassoMotionError):
+                    raise RecordingError(f"{error}; {said}") from error
+                print(f"lasso-motion record: {said}", file=sys.stderr)
             raise
         earlier.drop()
     return summary

@@ -52,10 +52,11 @@ class Catheter:
 
     @property
     def share(self) -> float:
-        """From the first to the second electrode of a pair, as a share of the pattern; 0 where they are even."""
+        """From the first to the second electrode of a pair, centre to centre, as a share of the pattern; 0 if even."""
         if self.spacing_mm is None or len(self.spacing_mm) < 2:
             return 0.0
-        return self.spacing_mm[0] / sum(self.spacing_mm)
+        added = (self.electrode_length_mm or 0.0) if self.spacing_is == EDGE_TO_EDGE else 0.0
+        return (self.spacing_mm[0] + added) / (sum(self.spacing_mm) + added * len(self.spacing_mm))
 
     @property
     def unit_mm(self) -> tuple[float, float] | None:

@@ -54,7 +54,7 @@ def check_outputs(outputs: Sequence[OutputPlace], inputs: Iterable[Path], overwr
         RecordingError: an output exists and is not to be replaced, is an input (by whatever path, link or hard link)
             or another output, or is in a place that cannot be written to.
     """
-    read = _identities(file for given in inputs for file in (_files(given) if given.is_dir() else [given]))
+    read = _identities(file for given in inputs for file in (_files(given) if os.path.isdir(given) else [given]))  # noqa: PTH112 - a matrix is no path, and too long for one
     for output in outputs:
         try:
             _check_kind(output)

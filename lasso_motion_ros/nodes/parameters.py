@@ -75,8 +75,12 @@ def declare_configuration(node: Node, config_type: type[Config], arguments: Sequ
         for name, parameter in node.get_parameters_by_prefix("").items()
         if not name.startswith(BUILT_IN)
     }
-    for name, why in inapplicable_parameters(config_type, given).items():
-        if name in _given_to_all_nodes(node.get_name(), sys.argv if arguments is None else arguments):
+    inapplicable = inapplicable_parameters(config_type, given)
+    to_all = (
+        _given_to_all_nodes(node.get_name(), sys.argv if arguments is None else arguments) if inapplicable else set()
+    )
+    for name, why in inapplicable.items():
+        if name in to_all:
             node.get_logger().warning(f"passed over, for it is given to all nodes: {why}")
             node.undeclare_parameter(name)
             del given[name]

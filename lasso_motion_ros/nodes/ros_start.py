@@ -110,13 +110,19 @@ def ros_session() -> Iterator[None]:
 def ros_problem(error: Exception) -> str | None:
     """An error of ROS itself (its arguments, its libraries) in one line; None where it is none."""
     package = type(error).__module__.partition(".")[0]
-    if isinstance(error, ImportError) or package in _ROS_PACKAGES[1:]:
+    if (isinstance(error, ImportError) and _is_of_ros(error)) or package in _ROS_PACKAGES[1:]:
         return f"{type(error).__name__}: {_one_line(str(error))}; {MIXED}"
     if package not in _ROS_PACKAGES:
         return None
     if type(error).__name__ == "UnknownROSArgsError":
         return f"ROS does not know these arguments: {error}"
     return _one_line(str(error))
+
+
+def _is_of_ros(error: ImportError) -> bool:
+    """Whether what could not be imported belongs to ROS, and not to another library that is broken by itself."""
+    named = f"{error.name or ''} {error.path or ''} {error}"
+    return any(word in named for word in (*_ROS_PACKAGES, "rcl", "rmw", "_msgs", "rosidl"))
 
 
 def _one_line(text: str) -> str:
@@ -136,14 +142,18 @@ def _check_middleware() -> None:
     index = Path("share/ament_index/resource_index/packages") / name
     if any((prefix / index).is_file() for prefix in Path(rclpy.origin).parents):
         return
-    tried = subprocess.run(
-        [sys.executable, "-c", "import rclpy; rclpy.init(args=[])"],
-        capture_output=True,
-        encoding="utf-8",
-        errors="replace",
-        check=False,
-        timeout=PROBE_WAIT_S,
-    )
+    try:
+        tried = subprocess.run(
+            [sys.executable, "-c", "import rclpy; rclpy.init(args=[])"],
+            capture_output=True,
+            encoding="utf-8",
+            errors="replace",
+            check=False,
+            timeout=PROBE_WAIT_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        text = f"RMW_IMPLEMENTATION: {name!r} cannot be used here: not ready within {PROBE_WAIT_S:g} s"
+        raise ConfigurationError(text) from error
     if tried.returncode != 0:
         said = [line for line in tried.stderr.splitlines() if line.strip()] or [f"status {tried.returncode}"]
         found = re.sub(r"^\[\w+\] \[[\d.]+\] (\[rcl\]: )?", "", said[-1])

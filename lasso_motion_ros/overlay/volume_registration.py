@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +24,7 @@ def read_registration(text: str) -> npt.NDArray[np.float64]:
     Raises:
         ConfigurationError: as `parse_registration`, or the file cannot be read.
     """
-    if len(text.replace(",", " ").split()) != 1 and not Path(text).is_file():
+    if len(text.replace(",", " ").split()) != 1 and not os.path.isfile(text):  # noqa: PTH113 - of any length
         return parse_registration(text)
     try:
         lines = Path(text).read_text(encoding="utf-8").splitlines()

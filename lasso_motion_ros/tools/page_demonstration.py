@@ -65,7 +65,7 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
         if given.configuration is not None:
             graph.start_tracker(given.configuration)
         if given.overlay is not None:
-            parameters = given.directory / OVERLAY_PARAMETERS
+            parameters = logs / OVERLAY_PARAMETERS
             parameters.write_text(_parameter_file(given.overlay), encoding="utf-8")
             words = ["--ros-args", "--params-file", str(parameters), *given.ros]
             graph.start_node("overlay", "lasso_overlay", words)

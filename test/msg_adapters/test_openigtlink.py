@@ -43,7 +43,9 @@ def test_an_address_is_host_and_port(text: str, address: tuple[str, int]) -> Non
     assert server_address(text) == address
 
 
-@pytest.mark.parametrize("text", ["", ":18944", "slicer:", "slicer:0", "slicer:70000", "slicer:x"])
+@pytest.mark.parametrize(
+    "text", ["", ":18944", "slicer:", "slicer:0", "slicer:70000", "slicer:x", "a:²", "slicer..local:7"]
+)
 def test_an_address_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected HOST:PORT"):
         server_address(text)

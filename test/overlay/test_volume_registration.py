@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.core.output_checks import check_outputs
 from lasso_motion_ros.overlay.volume_registration import parse_registration, read_registration
 
 QUARTER_TURN_ABOUT_Z = [[0, -1, 0, 0.1], [1, 0, 0, 0.2], [0, 0, 1, 0.3], [0, 0, 0, 1]]
@@ -57,3 +58,10 @@ def test_a_file_that_is_none_and_one_with_bad_numbers_are_named(tmp_path: Path) 
     path.write_text("1 2 3")
     with pytest.raises(ConfigurationError, match=r"bad\.txt: .*found 3 numbers"):
         read_registration(str(path))
+
+
+def test_a_matrix_with_all_its_digits_is_no_path():
+    numbers = " ".join(f"{value:.17e}" for value in np.eye(4).ravel())
+    assert len(numbers) > 255  # longer than any name of a file
+    np.testing.assert_array_equal(read_registration(numbers), np.eye(4))
+    check_outputs([], [Path(numbers)], overwrite=False)
