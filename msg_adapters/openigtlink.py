@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError
+from lasso_motion_ros.geometry.patient_axes import SUPINE, patient_axes
 from msg_adapters.messages import NANOSECONDS
 
 Array = npt.NDArray[np.float64]
@@ -26,7 +27,6 @@ DEFAULT_PORT = 18944
 """The port registered for OpenIGTLink."""
 LONGEST_NAME = 20 - len("State")
 """Letters of a device's name: the protocol's field has 20, and the state's device is named after the motion's."""
-_DIRECTIONS = {"R": (0, 1.0), "L": (0, -1.0), "A": (1, 1.0), "P": (1, -1.0), "S": (2, 1.0), "I": (2, -1.0)}
 
 
 @dataclass(frozen=True)
@@ -47,30 +47,6 @@ class _Tuning:
 
 
 _TUNING = _Tuning()
-
-
-def patient_axes(text: str) -> Array:
-    """(3, 3) rotation from the world's axes to RAS (+x right, +y anterior, +z superior).
-
-    Args:
-        text: where in the patient the world's x, y and z point, a letter each, of R, L, A, P, S, I: `LPS`.
-
-    Raises:
-        ConfigurationError: other letters, two of one axis, or a left-handed set.
-    """
-    letters = text.strip().upper()
-    found = [_DIRECTIONS[letter] for letter in letters if letter in _DIRECTIONS]
-    if len(letters) == len(found) == len({axis for axis, _ in found}) == 3:
-        axes = np.zeros((3, 3))
-        for column, (row, sign) in enumerate(found):
-            axes[row, column] = sign
-        if np.linalg.det(axes) > 0.0:
-            return axes
-        raise ConfigurationError(f"axes: {text} is left-handed; a world frame is right-handed, as LPS and RAS are")
-    raise ConfigurationError(
-        f"axes: expected where the world's x, y and z point in the patient, a letter each of R, L, A, P, S, I, such as"
-        f" LPS, found {text!r}"
-    )
 
 
 def motion_in_ras(motion: Array, axes: Array) -> Array:
@@ -101,7 +77,7 @@ class IgtlMessages:
         LassoMotionError: pyigtl is not installed.
     """
 
-    def __init__(self, device: str = "LassoMotion", axes: str = "LPS") -> None:
+    def __init__(self, device: str = "LassoMotion", axes: str = SUPINE) -> None:
         if not (0 < len(device) <= LONGEST_NAME and device.isascii() and device.isprintable()):
             raise ConfigurationError(f"device: expected 1 to {LONGEST_NAME} ASCII letters, found {device!r}")
         self._library = _pyigtl()

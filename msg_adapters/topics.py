@@ -94,6 +94,8 @@ LAST_POSE_WORDS = "; last good pose "
 """Behind these, where there is no pose, the tracker's diagnostics say how old the last one is."""
 LAST_LATENCY_KEY = "latency of the last pair (ms)"
 """Under which the tracker's diagnostics say it, and the evaluation finds it."""
+POSTURE_KEY = "posture"
+"""How the patient lies, as the tracker was told."""
 CLICKS_TAKEN_KEY, CLICKS_REFUSED_KEY, LAST_REFUSAL_KEY = "clicks taken", "clicks refused", "clicks refused because"
 """How often clicks made a model, how often they were refused, and why they were the last time."""
 TF = Topic("/tf", "tf2_msgs/msg/TFMessage", depth=100)

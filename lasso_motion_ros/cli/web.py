@@ -15,8 +15,10 @@ from lasso_motion_ros.cli.overlay_arguments import (
     given_overlay_values,
     overlay_configuration,
 )
+from lasso_motion_ros.config.web import AUTO_AXES, UNKNOWN_AXES
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.geometry.patient_axes import patient_axes
 from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.processes import stay_on_this_machine
 
@@ -50,6 +52,12 @@ def add_arguments(parser: CommandParser) -> None:
     )
     parser.add_input("--annotate", metavar="IN.mcap", help="draw centrelines into a copy of a recording")
     parser.add_output("-o", "--output", metavar="OUT.mcap", help="with --annotate: the copy")
+    parser.add_argument(
+        "--world-axes",
+        default=AUTO_AXES,
+        metavar="LPS",
+        help="where in the patient the world's x, y and z point (default: LPS, if both calibrations look like it)",
+    )
     add_remap(parser, "with --annotate: read the recorded topic FROM as TO")
     parser.add_argument(
         "--ros-args", nargs=argparse.REMAINDER, default=[], help="what follows goes to ROS (-r __ns:=/lab, -p …)"
@@ -64,6 +72,8 @@ def run(args: argparse.Namespace) -> int:
         raise LassoMotionError("-o goes with --annotate IN.mcap")
     if given_overlay_values(args) and args.volume is None:
         raise LassoMotionError("--units, --axes, --registration and what else tells of a volume go with --volume FILE")
+    if args.world_axes not in (AUTO_AXES, UNKNOWN_AXES):
+        patient_axes(args.world_axes)  # refuses bad input before anything starts
     if args.recording is not None or args.volume is not None:
         return _show(args)
     if args.config is not None:
@@ -74,7 +84,12 @@ def run(args: argparse.Namespace) -> int:
     stay_on_this_machine()
     from lasso_motion_ros.nodes.executables import lasso_web
 
-    values = {"host": args.host, "port": args.port, "allowed_hosts": " ".join(args.allow_host)}
+    values = {
+        "host": args.host,
+        "port": args.port,
+        "allowed_hosts": " ".join(args.allow_host),
+        "axes": args.world_axes,
+    }
     # Quotes: a host of digits must stay a text.
     words = [word for name, value in values.items() for word in ("-p", f"{name}:={_yaml(value)}")]
     return lasso_web(["--ros-args", *words, *args.ros_args])
@@ -93,7 +108,7 @@ def _show(args: argparse.Namespace) -> int:
     from lasso_motion_ros.tools.page_demonstration import PageInput, run_page
 
     seeded = configuration is not None and check_page_input(args.recording, configuration)
-    page = ["--host", args.host, "--port", str(args.port)]
+    page = ["--host", args.host, "--port", str(args.port), "--world-axes", args.world_axes]
     page += [word for name in args.allow_host for word in ("--allow-host", name)]
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as logs:
         run_page(PageInput(args.recording, configuration, overlay, seeded, page, Path(logs), args.ros_args), print)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from lasso_motion_ros.config.parameters import group, parameter
 from lasso_motion_ros.config.stream import SyncConfig
 
+AUTO_AXES, UNKNOWN_AXES = "auto", "unknown"
+
 
 @dataclass(frozen=True)
 class WebConfig:
@@ -28,5 +30,11 @@ class WebConfig:
     )
     world_frame: str = parameter(
         "patient_table", "frame fixed to the table top, in which motion and catheter are given"
+    )
+    axes: str = parameter(
+        AUTO_AXES,
+        "where in the patient the world's x, y and z point, a letter each of R, L, A, P, S, I, by which directions and"
+        " the planes' angles are named; auto: LPS where posture is supine and both calibrations look like it;"
+        " unknown: x, y, z, and no angles",
     )
     sync: SyncConfig = group(SyncConfig)

@@ -13,7 +13,7 @@ from lasso_motion_ros.nodes.state_words import state_words
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.stream.outputs import PipelineStatistics
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.topics import CLICKS_REFUSED_KEY, CLICKS_TAKEN_KEY, LAST_REFUSAL_KEY
+from msg_adapters.topics import CLICKS_REFUSED_KEY, CLICKS_TAKEN_KEY, LAST_REFUSAL_KEY, POSTURE_KEY
 
 OK, WARN, ERROR = b"\x00", b"\x01", b"\x02"
 PAIRS, HALF_PAIRS, DROPPED_PAIRS = "pairs answered", "of these with a plane missing", "pairs dropped"
@@ -32,6 +32,7 @@ def tracker_status(
     dropped_pairs: int = 0,
     latencies: Mapping[str, str] | None = None,
     pose_age_s: float | None = None,
+    posture: str | None = None,
 ) -> dict[str, Any]:
     """Fields of the status `<node>: tracker`.
 
@@ -42,6 +43,7 @@ def tracker_status(
         dropped_pairs: pairs that were never worked on.
         latencies: percentiles, in words.
         pose_age_s: since the last pose was published, steady clock; None where none was.
+        posture: how the patient lies, as the tracker was told; None while the node is not active.
     """
     values: dict[str, Any] = {}
     message = state.value
@@ -60,6 +62,8 @@ def tracker_status(
         if pose_age_s is not None:
             values["age of the last pose (s)"] = f"{pose_age_s:.3f}"
         values |= latencies or {}
+        if posture is not None:
+            values[POSTURE_KEY] = posture
         if statistics.pairs > statistics.half_pairs:
             values["time from A's to B's exposure (s)"] = f"{1e-9 * statistics.offset_ns:.3f}"
         if statistics.seed_gap_mm is not None:

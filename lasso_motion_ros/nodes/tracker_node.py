@@ -392,10 +392,9 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             statuses = [tracker_status(name, TrackerState.INACTIVE)]
         else:
             statistics = self._told()
-            age_s = self._state_watch.pose_age_s
-            statuses = [
-                tracker_status(name, statistics.state, statistics, worker.dropped, self._latencies.words(), age_s)
-            ]
+            age_s, posture = self._state_watch.pose_age_s, self._live.config.posture
+            latencies = self._latencies.words()
+            statuses = [tracker_status(name, statistics.state, statistics, worker.dropped, latencies, age_s, posture)]
             statuses += [plane_status(name, plane, statistics, inputs.reliable(plane), self._watch) for plane in PLANES]
             statuses += heartbeat_status(name, statistics)
         fields = {"header": {"stamp": self.get_clock().now().to_msg()}, "status": statuses}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
+from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
@@ -37,6 +37,7 @@ from msg_adapters.topics import (
     CATHETER,
     DIAGNOSTICS,
     MOTION,
+    MOTION_WITH_COVARIANCE,
     STATE,
     overlay_topic,
     seed_topic,
@@ -79,7 +80,7 @@ class WebNode(ConfiguredNode[WebConfig]):
     def __init__(self) -> None:
         super().__init__("lasso_web", WebConfig)
         config = self._config = self.declared
-        self._stream = LiveStream(config.sync, config.tracker, config.world_frame, config.answer_wait_s)
+        self._stream = LiveStream(config.sync, config.tracker, config.world_frame, config.answer_wait_s, config.axes)
         names = tuple(config.allowed_hosts.replace(",", " ").split())
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
@@ -104,7 +105,12 @@ class WebNode(ConfiguredNode[WebConfig]):
         Raises:
             LassoMotionError: the port cannot be had.
         """
-        for topic, callback in ((STATE, self._on_state), (MOTION, self._on_motion), (CATHETER, self._on_catheter)):
+        for topic, callback in (
+            (STATE, self._on_state),
+            (MOTION, self._on_motion),
+            (MOTION_WITH_COVARIANCE, self._on_covariance),
+            (CATHETER, self._on_catheter),
+        ):
             topic_subscription(self, self.messages, topic, callback)
         self.create_subscription(
             DiagnosticArray, DIAGNOSTICS.name, self._on_diagnostics, qos(depth=DIAGNOSTICS.depth, reliable=False)
@@ -308,6 +314,10 @@ class WebNode(ConfiguredNode[WebConfig]):
     def _on_motion(self, message: PoseStamped) -> None:
         self._stream.add_motion(message)
         self._changed()
+
+    @guarded
+    def _on_covariance(self, message: PoseWithCovarianceStamped) -> None:
+        self._stream.add_motion_with_covariance(message)
 
     @guarded
     def _on_catheter(self, message: Marker) -> None:

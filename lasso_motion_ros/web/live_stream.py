@@ -12,21 +12,23 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.stream import SyncConfig
+from lasso_motion_ros.config.web import AUTO_AXES
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.web.click_answers import ClickAnswers
 from lasso_motion_ros.web.headline import TrackerWord
 from lasso_motion_ros.web.motion_trace import MotionTrace
+from lasso_motion_ros.web.patient_view import PatientView
 from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.shown_pairs import ShownPairs
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from lasso_motion_ros.web.stream_health import StreamHealth
 from msg_adapters.markers import DELETE, decode_points
 from msg_adapters.messages import stamp_to_ns
-from msg_adapters.poses import decode_pose
+from msg_adapters.poses import decode_covariance, decode_pose
 from msg_adapters.sync.frame_pairs import FramePairs
 from msg_adapters.sync.partner import PartnerRule
-from msg_adapters.topics import LAST_LATENCY_KEY, LAST_POSE_WORDS
+from msg_adapters.topics import LAST_LATENCY_KEY, LAST_POSE_WORDS, POSTURE_KEY
 
 Array = npt.NDArray[np.float64]
 
@@ -39,12 +41,16 @@ class LiveStream:
         tracker: the tracker node's name without its namespace, as in its diagnostics.
         world_frame: frame of motion and loop.
         answer_wait_s: how long a pair waits for the tracker's answer.
+        axes: where the world's axes point in the patient, as in `PatientView`.
         clock: steady clock, seconds.
 
     Attributes:
         answers: what the tracker says to clicks.
         new_runs: how many times both planes' stamps have gone back.
         pairs_of_run: pairs since then.
+
+    Raises:
+        ConfigurationError: axes that are none.
     """
 
     def __init__(
@@ -53,6 +59,7 @@ class LiveStream:
         tracker: str,
         world_frame: str,
         answer_wait_s: float,
+        axes: str = AUTO_AXES,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._tracker, self._world_frame = tracker, world_frame
@@ -60,6 +67,7 @@ class LiveStream:
         self._intake = FramePairs(PartnerRule.from_seconds(sync.jitter_s, sync.plane_b_offset_s))
         self._health = StreamHealth(clock)
         self._trace = MotionTrace(clock)
+        self._patient = PatientView(axes)
         self._shown = ShownPairs(answer_wait_s, clock)
         self._word = TrackerWord(clock, self._health)
         self._had_pose = False
@@ -90,6 +98,8 @@ class LiveStream:
                 self.pairs_of_run = 0
             self.pairs_of_run += 1
             self._shown.add_pair(pair)
+            for plane, frame in pair.frames.items():
+                self._patient.take(plane, frame.projection)
 
     def add_state(self, state: str) -> None:
         """Take a `state`."""
@@ -103,14 +113,25 @@ class LiveStream:
         Raises:
             MessageError: another frame, or no pose.
         """
-        if message.header.frame_id != self._world_frame:
-            raise MessageError(f"motion is in frame {message.header.frame_id!r}, expected {self._world_frame!r}")
+        self._check_frame("motion", message)
         motion = decode_pose(message)
         stamp_ns = stamp_to_ns(message.header.stamp)
         with self._lock:
             self._word.take_pose()
             self._had_pose = True
             self._trace.add_motion(stamp_ns, motion, self._health.add_answer(stamp_ns))
+
+    def add_motion_with_covariance(self, message: Any) -> None:
+        """Take a `motion_with_covariance`: how well the loop's place is known.
+
+        Raises:
+            MessageError: another frame, no pose, or no covariance.
+        """
+        self._check_frame("motion_with_covariance", message)
+        motion, covariance = decode_pose(message), decode_covariance(message)
+        if covariance is not None:
+            with self._lock:
+                self._trace.add_covariance(stamp_to_ns(message.header.stamp), motion, covariance)
 
     def add_catheter(self, message: Any) -> None:
         """Take a `catheter`: the loop of the pair with its stamp, or that there is none.
@@ -121,8 +142,7 @@ class LiveStream:
         stamp_ns = stamp_to_ns(message.header.stamp)
         loop: Array | None = None
         if message.action != DELETE:
-            if message.header.frame_id != self._world_frame:
-                raise MessageError(f"catheter is in frame {message.header.frame_id!r}, expected {self._world_frame!r}")
+            self._check_frame("catheter", message)
             loop = decode_points(message)
             if not np.isfinite(loop).all():
                 raise MessageError("catheter: a point is not finite")
@@ -130,6 +150,10 @@ class LiveStream:
             self._shown.add_loop(stamp_ns, loop)
             if loop is not None:
                 self._trace.add_loop(stamp_ns, loop)
+
+    def _check_frame(self, what: str, message: Any) -> None:
+        if message.header.frame_id != self._world_frame:
+            raise MessageError(f"{what} is in frame {message.header.frame_id!r}, expected {self._world_frame!r}")
 
     def add_diagnostics(self, message: Any) -> None:
         """Take `/diagnostics`: the tracker's reason and latency."""
@@ -140,6 +164,7 @@ class LiveStream:
             values = {entry.key: entry.value for entry in status.values}
             self.answers.take(values)
             with self._lock:
+                self._patient.posture = values.get(POSTURE_KEY, self._patient.posture)
                 state, _, reason = status.message.partition(": ")
                 # The page counts on from the last pose by itself.
                 self._word.take_reason(state, in_plain_words(reason.partition(LAST_POSE_WORDS)[0]))
@@ -218,9 +243,12 @@ class LiveStream:
             self._look()
             headline, age = self._word.headline(), self._word.pose_age_s
             silence = {plane: self._health.silence_s(plane) for plane in PLANES}
+            sigma_mm = self._trace.sigma_mm if headline.has_pose else None
             latency, worst = self._health.latency_ms, self._health.worst_latency_ms
             return {
                 **asdict(headline),
+                **self._patient.words(),
+                "sigma_mm": None if sigma_mm is None else round(sigma_mm, 2),
                 "pose_age_s": None if age is None else round(age, 1 if age < 1.0 else None),
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},
                 "seen": {plane: self._health.has_seen(plane) for plane in PLANES},

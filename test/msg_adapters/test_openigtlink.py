@@ -17,21 +17,9 @@ from support.igtl_peer import IgtlPeer
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry.transforms import apply, rigid
-from msg_adapters.openigtlink import IgtlConnection, IgtlMessages, patient_axes, server_address
+from msg_adapters.openigtlink import IgtlConnection, IgtlMessages, server_address
 
 MOTION = rigid((0.1, -0.2, 0.3), (0.004, -0.005, 0.012))
-
-
-def test_lps_turns_to_ras_about_the_long_axis() -> None:
-    np.testing.assert_array_equal(patient_axes("LPS"), np.diag([-1.0, -1.0, 1.0]))
-    np.testing.assert_array_equal(patient_axes("ras"), np.eye(3))
-    np.testing.assert_array_equal(patient_axes("SLP") @ [1, 0, 0], [0, 0, 1])
-
-
-@pytest.mark.parametrize(("axes", "words"), [("LAS", "left-handed"), ("LLS", "a letter each"), ("LP", "found 'LP'")])
-def test_axes_that_are_none_are_refused(axes: str, words: str) -> None:
-    with pytest.raises(ConfigurationError, match=words):
-        patient_axes(axes)
 
 
 @pytest.mark.parametrize(

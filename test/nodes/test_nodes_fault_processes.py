@@ -244,6 +244,7 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
         assert all(result.successful for result in set_parameters(graph, posture="prone", polarity="dark"))
         stream.said("posture: prone holds from the next clicks on")
         stream.expect(stream.pairs(2))
+        graph.heard.wait_for(lambda: diagnosed(graph, "tracker").get(topics.POSTURE_KEY) == "prone")
 
         # Without R peaks no motion is updated; the tracker goes on.
         assert set_parameters(graph, **{"heartbeat.mode": "gate"})[0].successful

@@ -42,6 +42,17 @@ return ['state', 'pose-age', 'reason', 'detail', 'hint', 'message-text'].map((id
     return out || e.scrollWidth > e.clientWidth + 1;
   }).map((e) => e.textContent);
 """
+# What stands in one line: captions, the numbers below the trace, its title.
+BROKEN_LINES = """
+return [...document.querySelectorAll('.caption, #axes, #trace-panel h2')].filter((e) => e.offsetParent !== null)
+  .filter((e) => {
+    const boxes = [...e.children].map((one) => one.getBoundingClientRect()).filter((box) => box.width);
+    const own = e.getBoundingClientRect();
+    const lines = Math.max(...boxes.map((box) => box.bottom)) - Math.min(...boxes.map((box) => box.top)) > 28;
+    const over = boxes.some((p, i) => boxes.some((q, j) => j > i && p.right > q.left + 1 && q.right > p.left + 1));
+    return lines || over || boxes.some((box) => box.right > own.right + 1 || box.left < own.left - 1);
+  }).map((e) => e.textContent);
+"""
 SMALL_TARGETS = """
 return [...document.querySelectorAll('button, select, input, summary')].filter((e) => e.offsetParent !== null)
   .map((e) => [e.id || e.textContent, e.getBoundingClientRect()])

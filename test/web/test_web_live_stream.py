@@ -9,7 +9,7 @@ import pytest
 from support.drawn_recording import SIDE, loop, projections, shift, stamp
 
 from lasso_motion_ros.config.stream import SyncConfig
-from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.core.errors import ConfigurationError, MessageError
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.overlay.primitives import draw_banner
 from lasso_motion_ros.web.live_stream import LiveStream
@@ -19,7 +19,7 @@ from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import RecordedMessages, header_fields
-from msg_adapters.poses import encode_pose_stamped
+from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 
 WORLD = "patient_table"
 MAKE = RecordedMessages().make
@@ -28,13 +28,13 @@ MAKE = RecordedMessages().make
 class Bench:
     """A view with a clock that is set by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, axes: str = "auto") -> None:
         self.now = 100.0
-        self.stream = LiveStream(SyncConfig(), "lasso_tracker", WORLD, 0.15, clock=lambda: self.now)
+        self.stream = LiveStream(SyncConfig(), "lasso_tracker", WORLD, 0.15, axes, clock=lambda: self.now)
 
-    def image(self, plane: str, pair: int) -> None:
+    def image(self, plane: str, pair: int, calibration: str = "") -> None:
         header = header_fields(stamp(pair), f"detector_{plane}")
-        info = encode_camera_info(projections()[plane], header)
+        info = encode_camera_info(projections()[calibration or plane], header)
         assert self.stream.add_camera_info(plane, MAKE(topics.camera_info_topic(plane).type_name, info)) == []
         pixels = np.full((SIDE, SIDE), pair, np.uint8)
         assert self.stream.add_image(plane, MAKE(topics.IMAGE_TYPE, encode_image(pixels, header))) == []
@@ -394,3 +394,54 @@ def test_the_reason_is_the_trackers_own_and_of_this_state(bench: Bench) -> None:
     assert bench.stream.status()["reason"] == ""
     bench.diagnostics("/lasso_tracker: tracker", "DEGRADED: late", **{topics.LAST_LATENCY_KEY: "?"})
     assert (bench.stream.status()["reason"], bench.stream.status()["tracker_latency_ms"]) == ("", None)
+
+
+def test_planes_are_named_by_their_angles_so_that_exchanged_calibrations_are_seen(bench: Bench) -> None:
+    assert bench.stream.status()["angles"] == {"a": None, "b": None}
+    bench.pair(0)
+    assert bench.stream.status()["angles"] == {"a": "RAO 30°", "b": "LAO 60°"}
+    assert bench.stream.status()["axes"] == ("left", "posterior", "head")
+    bench.image("a", 1, calibration="b")
+    bench.image("b", 1, calibration="a")
+    assert bench.stream.status()["angles"] == {"a": "LAO 60°", "b": "RAO 30°"}
+    assert bench.stream.status()["axes"] == ("left", "posterior", "head")
+
+
+def test_nothing_is_named_where_the_worlds_axes_are_not_known(bench: Bench) -> None:
+    bench.image("a", 0)
+    unnamed = {"axes": None, "angles": {"a": None, "b": None}}
+    assert bench.stream.status() | unnamed == bench.stream.status()  # one calibration is too little
+    bench.pair(1)
+    bench.diagnostics("/lasso_tracker: tracker", "TRACKING", **{topics.POSTURE_KEY: "prone"})
+    assert bench.stream.status() | unnamed == bench.stream.status()
+    told_nothing, told = Bench("unknown"), Bench("RAS")
+    for one in (told_nothing, told):
+        one.pair(0)
+    assert told_nothing.stream.status() | unnamed == told_nothing.stream.status()
+    assert told.stream.status()["axes"] == ("right", "anterior", "head")
+    assert told.stream.status()["angles"] == {"a": "LAO 150°", "b": "RAO 120°"}  # as it was told, so it is seen
+    with pytest.raises(ConfigurationError, match="axes: expected"):
+        Bench("LPX")
+
+
+def test_sigma_is_of_the_loops_place_in_its_worst_direction_and_goes_with_the_pose(bench: Bench) -> None:
+    def cover(pair: int) -> None:
+        # 0.3 mm along z, and 1 mrad about y: the loop's centre is 0.4 m from the origin along x.
+        spread = np.diag([0.1e-3, 0.1e-3, 0.3e-3, 0.0, 1e-3, 0.0]) ** 2
+        fields = encode_pose_with_covariance_stamped(shift(2.0), spread, header_fields(stamp(pair), WORLD))
+        bench.stream.add_motion_with_covariance(MAKE(topics.MOTION_WITH_COVARIANCE.type_name, fields))
+
+    bench.stream.add_state("TRACKING")
+    for pair in (0, 1):
+        bench.motion(pair, 2.0)
+        cover(pair)
+        assert bench.stream.status()["sigma_mm"] == (None, 0.5)[pair]  # the loop comes behind
+        points = apply(shift(2.0), loop() - loop()[:-1].mean(axis=0) + np.array([0.4, 0.0, -0.002]))
+        fields = encode_line_strip(points, header_fields(stamp(pair), WORLD), "c")
+        bench.stream.add_catheter(MAKE(topics.CATHETER.type_name, fields))
+    bench.motion(6, 2.0)  # 1.25 s later, and nobody says how sure it is
+    assert bench.stream.status()["sigma_mm"] is None
+    cover(6)
+    assert bench.stream.status()["sigma_mm"] == 0.5
+    bench.stream.add_state("LOST")
+    assert bench.stream.status()["sigma_mm"] is None

@@ -81,6 +81,12 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     moved = second - first
     centre = np.array([[0.0, 0.0, 1e-3 * mm] for mm in (first_mm, second_mm)])
     np.testing.assert_allclose(moved, np.diff(projections()["a"].project(centre), axis=0)[0], atol=1.5)
+    # In the words of the lab, of the tracker's own word: that of a supine patient, and how sure it is.
+    assert [page.text(f"axis-{axis}") for axis in "xyz"] == ["left", "posterior", "head"]
+    angles = [one.text for one in page.driver.find_elements("css selector", ".plane .angle")]
+    assert angles == ["RAO 30°", "LAO 60°"]
+    page.wait_for(lambda: page.text("sigma").strip("σ< ") not in ("", "–"), "how sure the pose is")
+    assert 0.0 < float(page.text("sigma").strip("σ< ")) < 2.0
     assert float(page.text("shift-z").replace("−", "-").replace("+", "")) == pytest.approx(0.0, abs=2 * BREATH_MM + 1)
     assert page.complaints() == []
 

@@ -13,7 +13,15 @@ pytest.importorskip("selenium", reason="needs the dev extra")
 
 from selenium.webdriver.common.keys import Keys
 from support.browser import Page, open_page, require_browser
-from support.page_checks import FAINT_TEXTS, LISTEN_LIKE_A_SCREEN_READER, SMALL_TARGETS, cut_texts, pinch, scale
+from support.page_checks import (
+    BROKEN_LINES,
+    FAINT_TEXTS,
+    LISTEN_LIKE_A_SCREEN_READER,
+    SMALL_TARGETS,
+    cut_texts,
+    pinch,
+    scale,
+)
 
 from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.server import WebServer
@@ -51,7 +59,8 @@ class Scene:
     def status(self, page: int) -> dict[str, Any]:
         both = dict.fromkeys("ab", True)
         known = {"seen": both, "calibrated": both, "stopped_s": dict.fromkeys("ab"), "drawing": "both", "overlay": True}
-        numbers = {"pose_age_s": 0.1, "latency_ms": 12.0, "tracker_latency_ms": 5.0, "clicks": 6}
+        known |= {"axes": ("right", "anterior", "feet"), "angles": dict.fromkeys("ab", "RAO 120° CAUD 25°")}
+        numbers = {"sigma_mm": 12.3, "pose_age_s": 0.1, "latency_ms": 12.0, "tracker_latency_ms": 5.0, "clicks": 6}
         return {"mode": "live", **known, **numbers, **self.said, "held": self.held, "has_pose": False}
 
     def picture(self, view: PageView, page: int) -> Picture:
@@ -59,7 +68,7 @@ class Scene:
         return Picture(2 if self.held else 1, self.held, planes)
 
     def trace(self, after: int) -> list[TracePoint]:
-        return [TracePoint(1, 0.5, (1.0, -2.0, 3.0))] if after < 1 else []
+        return [TracePoint(1, 0.5, (11.0, -22.0, -33.0))] if after < 1 else []
 
     def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         self.held = name == "hold"
@@ -132,6 +141,14 @@ def test_it_can_be_read_and_touched(page: Page, scene: Scene, size: tuple[int, i
         assert scale(page, "a") == 1.0
     finally:
         page.driver.set_window_size(before["width"], before["height"])
+
+
+def test_directions_and_uncertainty_are_in_the_words_of_the_lab(page: Page) -> None:
+    page.wait_for(lambda: page.text("shift-z") == "−33.0", "a pose")
+    assert [page.text(f"axis-{axis}") for axis in "xyz"] == ["right", "anterior", "feet"]
+    assert page.text("sigma") == "σ 12.3"
+    assert page.driver.find_element("css selector", "#plane-a .angle").text == "RAO 120° CAUD 25°"
+    assert page.driver.execute_script(BROKEN_LINES) == []
 
 
 def test_no_reason_is_cut(page: Page, scene: Scene) -> None:

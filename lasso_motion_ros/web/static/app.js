@@ -16,6 +16,7 @@ const REFUSED_CLICKS = {
   taken: (plane) => `No point set: plane ${plane} has one there already.`,
   outside: (plane) => `No point set: that is outside plane ${plane}'s picture.`,
 };
+const AXES = ["x", "y", "z"];
 const get = (id) => document.getElementById(id);
 
 const clicks = new Clicks();
@@ -105,7 +106,7 @@ function takeStatus(now) {
 function takeTrace(rows) {
   trace.add(rows);
   const last = rows[rows.length - 1];
-  ["x", "y", "z"].forEach((axis, i) => (get(`shift-${axis}`).textContent = last[i + 1] === null ? "–" : signed(last[i + 1])));
+  AXES.forEach((axis, i) => (get(`shift-${axis}`).textContent = last[i + 1] === null ? "–" : signed(last[i + 1])));
 }
 
 function takePicture(header, bitmaps) {
@@ -145,6 +146,8 @@ function refresh() {
   get("numbers").hidden = !live || clicking;
   get("latency").textContent = milliseconds(status?.latency_ms);
   get("tracker-latency").textContent = milliseconds(status?.tracker_latency_ms);
+  get("sigma-mm").textContent = sigma(status?.sigma_mm);
+  AXES.forEach((axis, i) => (get(`axis-${axis}`).textContent = status?.axes?.[i] ?? axis));
   get("rate").textContent = drawn.length > 1 ? `${((drawn.length - 1) / ((drawn[drawn.length - 1] - drawn[0]) / 1000)).toFixed(1)} /s` : "–";
   get("click-panel").hidden = !(live && clicking);
   get("draw-panel").hidden = live;
@@ -172,6 +175,7 @@ function refresh() {
     plane.root.classList.toggle("clicking", clicking);
     plane.root.classList.toggle("chosen", clicking && chosen === name);
     plane.root.classList.toggle("old", !connected || (live && !clicking && (status?.state === "NO_IMAGES" || plane.missing || typeof silence === "number")));
+    plane.angle.textContent = status?.angles?.[name] ?? "";
     if (!clicking) plane.count.textContent = plane.bitmap ? (plane.drawn ? "overlay" : "film") : "";
     else plane.count.textContent = counted(plane, live, fit);
     plane.count.classList.toggle("enough", clicking && plane.points.length >= fewest() && !fit?.doubtful);
@@ -550,5 +554,6 @@ setInterval(() => {
 }, 100);
 
 const signed = (value) => `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(1)}`;
+const sigma = (value) => (typeof value !== "number" ? "–" : value < 0.1 ? "< 0.1" : value.toFixed(1));
 const milliseconds = (value) => (typeof value === "number" ? `${Math.round(value)} ms` : "–");
 refresh();

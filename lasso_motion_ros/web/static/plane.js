@@ -20,6 +20,7 @@ export class Plane {
     this.marks.tabIndex = 0;
     this.marks.setAttribute("aria-label", `Plane ${name.toUpperCase()}: arrows move, Space sets a point`);
     this.label = div("name", `Plane ${name.toUpperCase()}`);
+    this.angle = div("angle"); // where the detector stands
     this.count = div("count");
     this.note = div("note", "no picture yet");
     this.scale = button("1.0×", `Show plane ${name.toUpperCase()} whole`, () => this.whole());
@@ -27,7 +28,7 @@ export class Plane {
     this.out = button("−", `Zoom plane ${name.toUpperCase()} out`, () => this.zoomBy(1 / BUTTON_ZOOM));
     this.in = button("+", `Zoom plane ${name.toUpperCase()} in`, () => this.zoomBy(BUTTON_ZOOM));
     const caption = div("caption");
-    caption.append(this.label, this.count);
+    caption.append(this.label, this.angle, this.count);
     const zoom = div("zoom");
     zoom.append(this.out, this.scale, this.in);
     this.stage = div("stage");
