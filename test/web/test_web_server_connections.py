@@ -1,0 +1,133 @@
+"""The web server's connections: how many there may be, how long they may be idle, and how they end."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import dataclasses
+import socket
+from typing import Any
+
+import pytest
+
+pytest.importorskip("aiohttp", reason="needs the web extra")
+
+import aiohttp
+from support.page_client import PATIENCE_S, Client, Drawn, get, talk
+
+from lasso_motion_ros.web import idle_connections
+from lasso_motion_ros.web import server as web_server
+from lasso_motion_ros.web.protocol import MAX_MESSAGE_BYTES
+from lasso_motion_ros.web.server import FULL, MADE_ROOM, WebServer
+
+
+def tuned(monkeypatch: pytest.MonkeyPatch, module: Any, **changes: Any) -> None:
+    monkeypatch.setattr(module, "TUNING", dataclasses.replace(module.TUNING, **changes))
+
+
+async def farewell(socket: Any) -> aiohttp.WSMessage:
+    """How the server ends a connection."""
+    async with asyncio.timeout(PATIENCE_S):
+        while (message := await socket.receive()).type is not aiohttp.WSMsgType.CLOSE:
+            pass
+    return message
+
+
+def test_one_page_too_many_is_told_so(server: WebServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    tuned(monkeypatch, web_server, most_pages=3)
+
+    async def run() -> None:
+        async with aiohttp.ClientSession() as session:
+            origin = server.url.rstrip("/")
+            sockets = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(4)]
+            end = await farewell(sockets[-1])
+            assert (end.data, end.extra) == (FULL, "3 pages are open already, and all are in use: close one.")
+            for socket in sockets:
+                await socket.close()
+
+    asyncio.run(run())
+
+
+def test_an_idle_page_makes_room_for_another(server: WebServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert web_server.TUNING.most_pages >= 32
+    tuned(monkeypatch, web_server, most_pages=2, idle_page_s=0.0)
+
+    async def run() -> None:
+        async with aiohttp.ClientSession() as session:
+            origin = server.url.rstrip("/")
+            idle, used, newcomer = [await session.ws_connect(f"{server.url}live", origin=origin) for _ in range(3)]
+            assert (await farewell(idle)).data == MADE_ROOM
+            client = Client(newcomer)
+            await client.hear(lambda: client.of("status"))
+            await used.close()
+            await newcomer.close()
+
+    asyncio.run(run())
+
+
+def test_connections_that_ask_for_nothing_are_ended_and_a_page_is_served(
+    server: WebServer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Silent ones, ones that never end their request, and ones that are kept alive: 150 of them."""
+    tuned(monkeypatch, idle_connections, request_s=1.0)
+    host, port = server.url.split("/")[2].split(":")
+    beginnings = (b"", b"GET / HTTP/1.1\r\nHost: loc", f"GET / HTTP/1.1\r\nHost: {host}\r\n\r\n".encode())
+    with contextlib.ExitStack() as open_ones:
+        silent = []
+        for number in range(150):
+            one = open_ones.enter_context(socket.create_connection((host, int(port)), timeout=PATIENCE_S))
+            one.sendall(beginnings[number % 3])
+            silent.append(one)
+        assert get(server)[0] == 200
+        for one in silent:
+            with contextlib.suppress(ConnectionResetError):
+                while one.recv(1 << 20):
+                    pass
+
+
+def test_a_page_that_is_served_is_no_idle_connection(
+    server: WebServer, source: Drawn, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    tuned(monkeypatch, idle_connections, request_s=0.2)
+
+    async def conversation(client: Client) -> None:
+        source.show(1)
+        await client.hear(lambda: client.of("status"))
+        await asyncio.sleep(0.8)
+        source.show(2)
+        await client.hear(lambda: client.of("status")[-1]["state"] == "number 2")
+
+    talk(server, conversation)
+
+
+def test_a_message_that_is_too_long_ends_the_connection(server: WebServer, source: Drawn) -> None:
+    async def conversation(client: Client) -> None:
+        await client.socket.send_str(" " * (MAX_MESSAGE_BYTES + 1))
+        with pytest.raises(ConnectionError):
+            await client.hear(lambda: client.socket.closed)
+        assert client.socket.close_code == aiohttp.WSCloseCode.MESSAGE_TOO_BIG
+
+    talk(server, conversation)
+    assert source.commands == []
+
+
+def test_the_server_speaks_at_least_once_a_second(server: WebServer) -> None:
+    async def conversation(client: Client) -> None:
+        await client.hear(lambda: len(client.of("status")) >= 3)
+
+    talk(server, conversation)
+
+
+def test_it_stops_while_a_page_is_open(source: Drawn) -> None:
+    server = WebServer(source, port=0)
+    server.start()
+
+    async def conversation(client: Client) -> None:
+        await client.hear(lambda: client.of("status"))
+        stopped = asyncio.create_task(asyncio.to_thread(server.stop))
+        with pytest.raises(ConnectionError):
+            await client.hear(lambda: False)
+        async with asyncio.timeout(PATIENCE_S):
+            await stopped
+
+    talk(server, conversation)
