@@ -17,7 +17,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.config.web import WebConfig
-from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.page_services import DRAWINGS, TRIGGERS, PageServices
@@ -89,6 +89,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._overlays = OverlayInputs(self, self._on_overlay)
         self._graph: dict[str, Any] = {"overlay": False, "drawing": None}
         self._wanted: frozenset[PageView] = frozenset()
+        self._open: frozenset[int] = frozenset()
         self._holder: int | None = None  # the page whose user clicks; there is one, since the tracker holds one pair
         self._holder_active_at = 0.0
         self._holding = threading.Lock()
@@ -167,7 +168,7 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     def audience(self, views: Mapping[int, PageView]) -> None:
         """See `Source.audience`; a viewer who leaves must not leave the picture frozen."""
-        self._wanted = frozenset(views.values())
+        self._wanted, self._open = frozenset(views.values()), frozenset(views)
         if self._holder is not None and self._holder not in views:
             self._let_go()
 
@@ -195,8 +196,15 @@ class WebNode(ConfiguredNode[WebConfig]):
                     "Somebody is setting clicks in another window. Finish or cancel there; if nothing is clicked "
                     f"there, this window can in {_WAITS.holder_idle_s - idle_s:.0f} s."
                 )
-            self._hold()
+            try:
+                self._hold()
+            except LassoMotionError:
+                if self._holder is None:  # the tracker may hold a pair all the same, and has only not said so in time
+                    self._let_go()
+                raise
             self._holder, self._holder_active_at = page, time.monotonic()
+            if page not in self._open:  # closed meanwhile: nobody else would let the pair go
+                self._let_go()
         return ""
 
     def _hold(self) -> None:
