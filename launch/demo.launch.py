@@ -29,8 +29,14 @@ PACKAGE = "lasso_motion_ros"
 
 
 def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
-    """Player, tracker and overlay, the surface made to fit the recording."""
+    """Player, tracker and overlay, the surface made to fit the recording.
+
+    Raises:
+        RuntimeError: there is no such recording.
+    """
     recording = Path(LaunchConfiguration("bag").perform(context))
+    if not recording.exists():  # before any process runs
+        raise RuntimeError(f"bag:={recording}: there is no such recording")
     surface = Path(tempfile.mkdtemp(prefix="lasso_motion_")) / "left_atrium.stl"
     write_demo_surface(recording, surface)
     system = PathJoinSubstitution([FindPackageShare(PACKAGE), "launch", "lasso_motion.launch.py"])

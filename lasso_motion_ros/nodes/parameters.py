@@ -156,7 +156,7 @@ class LiveParameters(Generic[Config]):
             return SetParametersResult(successful=False, reason=str(error))
         self.config = config
         for name, spec in applicable_parameters(type(config), values).items():
-            if name in changed and spec.holds_from:
+            if name in changed and changed[name] != values[name] and spec.holds_from:
                 # In the log, since rclpy forgets the reason of a result that is a success.
                 self._node.get_logger().info(f"{name}: {changed[name]} holds {spec.holds_from}")
         return SetParametersResult(successful=True)

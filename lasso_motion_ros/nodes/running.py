@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import signal
@@ -9,7 +10,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -150,6 +151,43 @@ def bound_threads() -> None:
     sys.setswitchinterval(_TUNING.switch_interval_s)
 
 
+class _StopSignal:
+    """SIGINT and SIGTERM, from now on: whoever waits is woken, and work that has not been started for good is given up.
+
+    A launch file asks once, and kills what has not ended 15 s later; on a busy machine a start takes longer.
+
+    Attributes:
+        stopped: set by the first signal.
+    """
+
+    def __init__(self) -> None:
+        self.stopped = threading.Event()
+        self._interrupts = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, self._on_signal)
+
+    def _on_signal(self, *_: object) -> None:
+        self.stopped.set()
+        if self._interrupts:
+            self._interrupts = False
+            raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def at_once(self) -> Iterator[None]:
+        """A block that a signal ends, also one that has come before.
+
+        Raises:
+            KeyboardInterrupt: there was a signal.
+        """
+        self._interrupts = True
+        try:
+            if self.stopped.is_set():
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._interrupts = False
+
+
 def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None = None) -> int:
     """Run a node until SIGINT or SIGTERM.
 
@@ -163,13 +201,14 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
     Returns:
         Exit status: 0 stopped by a signal, 1 failed, 2 bad parameters.
     """
-    stopped = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):  # before the imports, which take seconds
-        signal.signal(number, lambda *_: stopped.set())
+    stop = _StopSignal()  # before the imports, which take seconds
     try:
-        require_ros()
-        bound_threads()
+        with stop.at_once():
+            require_ros()
+            bound_threads()
         warning = start_ros(arguments)
+    except KeyboardInterrupt:
+        return EXIT_DONE
     except LassoMotionError as error:
         print(error, file=sys.stderr)  # noqa: T201 - there is no logger without ROS
         return EXIT_BAD_INPUT
@@ -178,8 +217,6 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
     from rclpy.logging import get_logger
 
     try:
-        if stopped.is_set():
-            return EXIT_DONE
         try:
             node = make_node()
         except Exception as error:
@@ -192,17 +229,20 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
             node.get_logger().warning(warning)
         executor = SingleThreadedExecutor()
         executor.add_node(node)
-        spinning = threading.Thread(target=_spin, args=(executor, node, stopped), name="executor", daemon=True)
+        spinning = threading.Thread(target=_spin, args=(executor, node, stop.stopped), name="executor", daemon=True)
         try:
-            node.start()
+            with stop.at_once():
+                node.start()
             spinning.start()
-            stopped.wait()
+            stop.stopped.wait()
+            return EXIT_DONE
+        except KeyboardInterrupt:
             return EXIT_DONE
         except LassoMotionError as error:
             node.get_logger().fatal(str(error))
             return EXIT_BAD_INPUT
         finally:
-            stopped.set()
+            stop.stopped.set()
             executor.wake()
             if spinning.ident is not None:
                 spinning.join()

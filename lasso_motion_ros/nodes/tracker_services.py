@@ -14,12 +14,13 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from msg_adapters.messages import NANOSECONDS
 
 RESET_MEANWHILE = "reset meanwhile"
 
 
 class TrackerServices:
-    """Answers each call with success, or with the reason why not.
+    """Answers each call with success and what was done, or with the reason why not.
 
     Args:
         node: the node.
@@ -86,22 +87,31 @@ class TrackerServices:
             return  # no longer active: there is nothing to release
 
     def _on_reset(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        def reset() -> None:
+        def reset() -> str:
             self._reset()
             self._disappoint(RESET_MEANWHILE)
+            return "the model is forgotten: new clicks are needed"
 
         return self._answer(response, reset)
 
     def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._answer(response, self._set_reference)
+        def set_reference() -> str:
+            self._set_reference()
+            return "the present phase is the reference"
+
+        return self._answer(response, set_reference)
 
     def _on_freeze(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        def freeze() -> None:
+        def freeze() -> str:
             pipeline = self._active()
             if not request.data:
                 pipeline.intake.release()
-            self.board.freeze(pipeline.intake.freeze() if request.data else None)
+            pair = pipeline.intake.freeze() if request.data else None
+            self.board.freeze(pair)
             self._show()
+            if pair is None:
+                return "no pair is held"
+            return f"the pair of {pair.stamp_ns / NANOSECONDS:.3f} s is held: click in both planes"
 
         return self._answer(response, freeze)
 
@@ -118,14 +128,14 @@ class TrackerServices:
             refusal = await future
         except LassoMotionError as error:
             refusal = str(error)
-        response.success, response.message = not refusal, refusal
+        response.success, response.message = not refusal, refusal or "the model stands"
         return response
 
     def _answer(
-        self, response: Trigger.Response | SetBool.Response, action: Callable[[], None]
+        self, response: Trigger.Response | SetBool.Response, action: Callable[[], str]
     ) -> Trigger.Response | SetBool.Response:
         try:
-            action()
+            response.message = action()
             response.success = True
         except LassoMotionError as error:
             response.success, response.message = False, str(error)

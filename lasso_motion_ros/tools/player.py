@@ -197,6 +197,8 @@ class Player:
                 self._clock.publish(_clock_message(start_ns))
             if self._interrupted.wait(TUNING.look_period_s):
                 return
+        if told:
+            self._say("they are there: playing")
 
     def play(self) -> PlaySummary:
         """Play to the end, or until interrupted, and wait until every subscriber has acknowledged everything."""

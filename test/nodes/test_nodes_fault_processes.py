@@ -186,7 +186,7 @@ def test_a_frozen_pair_is_clicked(tmp_path: Path) -> None:
         stream.pairs(3)
         stream.await_count("tracker", "pairs answered", stream.number)  # the newest is the last sent
         graph.heard.wait_for(lambda: len(graph.heard.messages["plane_b/tracking"]) > 0)
-        assert freeze(graph, True).success
+        assert freeze(graph, True).message == f"the pair of {stamp(2) / 1e9:.3f} s is held: click in both planes"
         for _ in range(2):  # further than the buffer reaches: the frozen pair is held nonetheless
             stream.pairs(5)
             stream.await_count("tracker", "pairs answered", stream.number)
@@ -241,8 +241,11 @@ def test_parameters_live_and_the_whole_managed_life(tmp_path: Path) -> None:
         both = set_parameters(graph, atomically=True, **{"search.near_mm": 10.0, "judgement.degraded_gap_mm": 0.0})
         assert not both[0].successful
         assert set_parameters(graph, **{"search.near_mm": 10})[0].successful  # a whole number serves as a float
-        assert all(result.successful for result in set_parameters(graph, posture="prone", polarity="dark"))
+        assert all(
+            result.successful for result in set_parameters(graph, catheter="auto", posture="prone", polarity="dark")
+        )
         stream.said("posture: prone holds from the next clicks on")
+        assert "catheter: auto" not in graph.processes.log("tracker", 100)  # it was so before
         stream.expect(stream.pairs(2))
         graph.heard.wait_for(lambda: diagnosed(graph, "tracker").get(topics.POSTURE_KEY) == "prone")
 

@@ -93,3 +93,19 @@ def test_ctrl_c_during_a_nodes_imports_ends_it_cleanly() -> None:
     done = run(NODE, "lasso_tracker", {}, INTERRUPT)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+LONG_START = """
+import os, signal, time
+from lasso_motion_ros.stream import warm_up
+def start_for_long(*_):
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(1000.0)
+warm_up.warm_up = start_for_long
+"""
+
+
+@pytest.mark.ros
+def test_a_signal_does_not_wait_for_a_start_that_takes_long() -> None:
+    done = run(NODE, "lasso_tracker", {}, LONG_START)
+    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
