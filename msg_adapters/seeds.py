@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import ConfigurationError, MessageError
 from lasso_motion_ros.core.plain_yaml import read_plain_yaml
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.images import MAX_SIDE_PX
-from msg_adapters.messages import NANOSECONDS, header_fields
+from msg_adapters.messages import NANOSECONDS, header_fields, ns_to_stamp
 
 Array = npt.NDArray[np.float64]
 
@@ -91,6 +92,21 @@ def read_seeds_file(path: str | Path) -> dict[str, dict[str, Any]]:
             raise ConfigurationError(f"{where}.points: expected pixels of the image, found {np.abs(points).max():g}")
         seeds[plane] = encode_polygon(points, header_fields(_stamp_ns(body.get("stamp", 0), where)))
     return seeds
+
+
+def encode_seeds_file(clicks: Mapping[Plane, tuple[int, Array]]) -> str:
+    """The text of a seeds file (see `SEEDS_HELP`), which `read_seeds_file` reads.
+
+    Args:
+        clicks: of each plane, the clicked image's stamp in ns and the clicks (N, 2) in pixels.
+    """
+    lines = ["# Clicks in one image pair: lasso-motion track IN.mcap -o OUT.mcap --seeds THIS_FILE"]
+    for plane in PLANES:
+        stamp_ns, points = clicks[plane]
+        stamp = ns_to_stamp(stamp_ns)
+        lines += [f"plane_{plane}:", f"  stamp: {{sec: {stamp['sec']}, nanosec: {stamp['nanosec']}}}", "  points:"]
+        lines += [f"    - [{x:.2f}, {y:.2f}]" for x, y in points]
+    return "\n".join(lines) + "\n"
 
 
 def read_calibration_file(path: str | Path) -> dict[str, dict[str, Any]]:

@@ -11,6 +11,17 @@ AUTO_AXES, UNKNOWN_AXES = "auto", "unknown"
 
 
 @dataclass(frozen=True)
+class RoundsConfig:
+    """A recording that is played over and over with later stamps, as one long stream."""
+
+    first_ns: int = parameter(0, "a time between two of its rounds, just before the first one's images", unit="ns")
+    period_ns: int = parameter(
+        0, "how much later each round's stamps are; clicks are saved under the recorded ones; 0: no rounds", unit="ns",
+        minimum=0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
 class WebConfig:
     """All parameters of the node behind the page."""
 
@@ -38,3 +49,4 @@ class WebConfig:
         " unknown: x, y, z, and no angles",
     )
     sync: SyncConfig = group(SyncConfig)
+    rounds: RoundsConfig = group(RoundsConfig)

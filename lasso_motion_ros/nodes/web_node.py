@@ -29,10 +29,11 @@ from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live_stream import LiveStream
 from lasso_motion_ros.web.plain_words import in_plain_words
+from lasso_motion_ros.web.recorded_rounds import recorded_stamp
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from msg_adapters.messages import header_fields, stamp_to_ns
-from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon
+from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon, encode_seeds_file
 from msg_adapters.topics import (
     CATHETER,
     DIAGNOSTICS,
@@ -143,6 +144,7 @@ class WebNode(ConfiguredNode[WebConfig]):
             "held_elsewhere": holder not in (None, page),
             "sent": self._waits_for_answer,
             "taken": self._taken,
+            "has_clicks": bool(self._sent),
             "clicks": MINIMUM_CLICKS,
         }
 
@@ -161,6 +163,23 @@ class WebNode(ConfiguredNode[WebConfig]):
             return {}
         self._holder_active_at = time.monotonic()
         return {plane: frame.projection.millimetres_per_pixel(np.zeros(3)) for plane, frame in pair.frames.items()}
+
+    def clicks_file(self, body: Mapping[str, Any], page: int) -> str:
+        """See `Source.clicks_file`."""
+        pair = self._stream.held
+        if pair is not None and self._holder == page:
+            self._holder_active_at = time.monotonic()
+            points = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
+            clicks = {plane: (frame.stamp_ns, points[plane]) for plane, frame in pair.frames.items()}
+        else:
+            clicks = dict(self._sent)
+        if len(clicks) < len(PLANES):
+            raise TrackingError("There are no clicks yet: press S, and click along the loop in both planes.")
+        rounds = self._config.rounds
+        recorded = {
+            p: recorded_stamp(stamp_ns, rounds.first_ns, rounds.period_ns) for p, (stamp_ns, _) in clicks.items()
+        }
+        return encode_seeds_file({plane: (recorded[plane], clicks[plane][1]) for plane in PLANES})
 
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`."""

@@ -212,5 +212,6 @@ def _check_seeds(reader: RecordingReader) -> None:
     ]
     if missing:
         raise RecordingError(
-            f"{reader.path} has no clicks ({', '.join(missing)}); give them with lasso-motion track --seeds FILE"
+            f"{reader.path} has no clicks ({', '.join(missing)}): give them with lasso-motion track --seeds FILE; the"
+            " page makes such a file (lasso-motion web, or web --annotate: click in both planes, then F)"
         )

@@ -14,9 +14,14 @@ import yaml
 from lasso_motion_ros.config.overlay import OverlayConfig
 from lasso_motion_ros.config.parameters import configuration_values
 from lasso_motion_ros.core.output_files import make_directory
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.ros_start import chosen_domain
 from lasso_motion_ros.tools.child_graph import LOGS, START_WAIT_S, child_graph
+from lasso_motion_ros.tools.player import TUNING, round_period_ns
 from lasso_motion_ros.tools.processes import free_domain, stay_on_this_machine
+from msg_adapters.messages import NANOSECONDS, stamp_to_ns
+from msg_adapters.recordings.reader import RecordingReader
+from msg_adapters.recordings.tracking_topics import recorded_image_topic
 
 READY = "the page is at "
 OVERLAY_PARAMETERS = "overlay.yaml"
@@ -69,7 +74,8 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
             parameters.write_text(_parameter_file(given.overlay), encoding="utf-8")
             words = ["--ros-args", "--params-file", str(parameters), *given.ros]
             graph.start_node("overlay", "lasso_overlay", words)
-        graph.start_command("page", "web", *given.page, *(["--ros-args", *given.ros] if given.ros else []))
+        told = [*_rounds(given.recording), *given.ros]
+        graph.start_command("page", "web", *given.page, *(["--ros-args", *told] if told else []))
         graph.wait_until(
             lambda: READY in graph.log("page", 50),
             START_WAIT_S,
@@ -84,6 +90,18 @@ def run_page(given: PageInput, say: Callable[[str], None]) -> None:
             graph.start_command("player", "play", str(given.recording), *words)
         say(f"open {url} in a browser (ROS_DOMAIN_ID={domain}, this machine only); Ctrl-C ends it")
         graph.wait_until(lambda: False)
+
+
+def _rounds(recording: Path | None) -> list[str]:
+    """ROS arguments that tell the page which stamp of an endless stream is which one of the recording."""
+    if recording is None:
+        return []
+    reader = RecordingReader(recording)
+    names = [recorded_image_topic(plane, reader.topics).recorded_name for plane in PLANES]
+    firsts = (next(reader.messages([name])).message for name in names)
+    first_ns = min(stamp_to_ns(one.header.stamp) for one in firsts) - round(TUNING.round_pause_s * NANOSECONDS / 2)
+    values = {"first_ns": first_ns, "period_ns": round_period_ns(reader)}
+    return [word for name, value in values.items() for word in ("-p", f"rounds.{name}:={value}")]
 
 
 def _parameter_file(overlay: OverlayConfig) -> str:

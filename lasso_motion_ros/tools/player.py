@@ -124,6 +124,12 @@ class PlaySummary:
     damage: str | None = None
 
 
+def round_period_ns(reader: RecordingReader) -> int:
+    """How much later a recording's stamps are in each round of an endless stream, nanoseconds."""
+    first_ns, last_ns = reader.time_span_ns
+    return last_ns - first_ns + round(TUNING.round_pause_s * NANOSECONDS)
+
+
 class Player:
     """Publishes the messages as they were recorded, byte by byte (but for later stamps): nothing is decoded on the way.
 
@@ -208,9 +214,7 @@ class Player:
             if not (self._options.loop or self._options.endless) or self._interrupted.is_set():
                 break
             if self._options.endless:
-                first_ns, last_ns = self._reader.time_span_ns
-                skipped_s = TUNING.round_pause_s - self._options.start_s
-                self._later_ns += last_ns - first_ns + round(skipped_s * NANOSECONDS)
+                self._later_ns += round_period_ns(self._reader) - round(self._options.start_s * NANOSECONDS)
                 self._interrupted.wait(TUNING.round_pause_s / self._options.rate)
         self._summary.seconds = time.monotonic() - began
         self._summary.damage = self._reader.damage

@@ -6,7 +6,6 @@ import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,18 +18,11 @@ from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
 from msg_adapters.recordings.annotated_recording import FEWEST_POINTS, AnnotatedRecording
+from msg_adapters.seeds import MINIMUM_CLICKS, encode_seeds_file
 
 Array = npt.NDArray[np.float64]
 
 _EMPTY = np.zeros((0, 2))
-
-
-@dataclass(eq=False)
-class _ClickedPair:
-    """What was clicked in one pair, (N, 2) pixels a plane, and whether the curves through it are closed."""
-
-    points: dict[Plane, Array] = field(default_factory=dict)
-    closed: bool = False
 
 
 class Annotation:
@@ -48,7 +40,6 @@ class Annotation:
     def __init__(self, recording: AnnotatedRecording) -> None:
         self._recording = recording
         self._lock = threading.RLock()
-        self._clicks = [_ClickedPair() for _ in recording.pairs]
         self._index, self._number, self._version = 0, 1, 0
         self._drawn_by: Counter[int] = Counter()
         self.unsaved = False
@@ -63,21 +54,22 @@ class Annotation:
         """See `Source.status`."""
         with self._lock:
             pairs = self._recording.pairs
-            curves, clicks = pairs[self._index].curves, self._clicks[self._index]
+            pair = pairs[self._index]
             return {
                 "mode": "annotate",
                 "name": f"{self._recording.name} → {self._recording.output.name}",
                 "index": self._index,
                 "frames": len(pairs),
-                "done": sum(pair.is_done for pair in pairs),
+                "done": sum(one.is_done for one in pairs),
                 "unsaved": self.unsaved,
                 # A page keeps its own clicks, and takes those that another page has set.
                 "version": self._version + self._drawn_by.total() - self._drawn_by[page],
-                "closed": clicks.closed,
+                "closed": pair.closed,
                 "clicks": FEWEST_POINTS,
-                "points": {plane: clicks.points.get(plane, _EMPTY).tolist() for plane in PLANES},
+                "has_clicks": pair.has_seed,
+                "points": {plane: pair.clicks.get(plane, _EMPTY).tolist() for plane in PLANES},
                 "curves": {
-                    plane: np.round(curve, 2).tolist() if len(curve := curves.get(plane, _EMPTY)) else None
+                    plane: np.round(curve, 2).tolist() if len(curve := pair.curves.get(plane, _EMPTY)) else None
                     for plane in PLANES
                 },
             }
@@ -92,6 +84,14 @@ class Annotation:
     def trace(self, after: int) -> list[TracePoint]:
         """See `Source.trace`; nothing moves here."""
         return []
+
+    def clicks_file(self, body: Mapping[str, Any], page: int) -> str:
+        """See `Source.clicks_file`; of the pair that is shown."""
+        with self._lock:
+            pair = self._recording.pairs[self._index]
+            if not pair.has_seed:
+                raise RecordingError(f"Click {MINIMUM_CLICKS} points or more along the loop, in both planes, first.")
+            return encode_seeds_file({plane: (pair.image_stamps[plane], pair.clicks[plane]) for plane in PLANES})
 
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`; nothing changes here but by the page's own commands."""
@@ -128,18 +128,20 @@ class Annotation:
             self._recording.save()
             self.unsaved = False
             done = sum(bool(curve.size) for pair in self._recording.pairs for curve in pair.curves.values())
-            return f"Saved {done} centrelines in {self._recording.output}."
+            seeds = self._recording.seed_pair
+            clicks = "" if seeds is None else f", and the clicks of pair {seeds + 1} for track"
+            return f"Saved {done} centrelines in {self._recording.output}{clicks}."
 
     def _go(self, index: int, *, copy: bool) -> str:
         pair = self._recording.pairs[index]
         if copy and index > 0:
             # The last pair's clicks are a good start: they only need to be moved.
-            before = self._clicks[index - 1]
+            before = self._recording.pairs[index - 1]
             for plane in pair.image_stamps:
-                if plane in before.points:
-                    self._clicks[index].points[plane] = before.points[plane]
-                    pair.draw(plane, self._recording.pairs[index - 1].curves[plane])
-            self._clicks[index].closed = before.closed
+                if plane in before.clicks:
+                    pair.clicks[plane] = before.clicks[plane]
+                    pair.draw(plane, before.curves[plane])
+            pair.closed = before.closed
             self.unsaved = True
         if index != self._index:
             self._images = self._recording.images(pair)
@@ -149,22 +151,22 @@ class Annotation:
         return ""
 
     def _draw(self, index: int, body: Mapping[str, Any]) -> str:
-        pair, clicks = self._recording.pairs[index], self._clicks[index]
+        pair = self._recording.pairs[index]
         for plane in pair.image_stamps:
             points = protocol.points(body, plane)
             curve = protocol.points(body, plane, key=f"curve_{plane}")
-            if not len(points) and not len(clicks.points.get(plane, _EMPTY)):
+            if not len(points) and not len(pair.clicks.get(plane, _EMPTY)):
                 continue  # nothing was clicked here: the recorded centreline stays
-            clicks.points[plane] = points
+            pair.clicks[plane] = points
             pair.draw(plane, curve)
             self.unsaved = True
-        clicks.closed = body.get("closed") is True
+        pair.closed = body.get("closed") is True
         return ""
 
     def _checked_index(self, body: Mapping[str, Any]) -> int:
         index = body.get("index")
-        if type(index) is not int or not 0 <= index < len(self._clicks):
-            raise MessageError(f"index: expected 0 to {len(self._clicks) - 1}, found {index!r}")
+        if type(index) is not int or not 0 <= index < len(self._recording.pairs):
+            raise MessageError(f"index: expected 0 to {len(self._recording.pairs) - 1}, found {index!r}")
         return index
 
 

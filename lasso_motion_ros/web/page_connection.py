@@ -15,6 +15,7 @@ from lasso_motion_ros.core.errors import LassoMotionError, MessageError
 from lasso_motion_ros.web.click_fit import fit_clicks
 from lasso_motion_ros.web.picture_encoder import PictureEncoder
 from lasso_motion_ros.web.protocol import (
+    CLICKS_FILE,
     MAX_MESSAGE_BYTES,
     ClickedOutline,
     DisplaySettings,
@@ -28,6 +29,8 @@ from lasso_motion_ros.web.source import Source
 LOG = logging.getLogger(__name__)
 SHORTEST_PAUSE_S = 0.02
 HEARTBEAT_S = 10.0
+SEEDS_NAME = "seeds.yaml"
+SAVED = f"The clicks are in your downloads, as {SEEDS_NAME}, for lasso-motion track --seeds."
 ALIVE_S = 1.0
 """A status is sent this often even if nothing has changed, so that a page knows that its server lives."""
 
@@ -122,19 +125,24 @@ class PageConnection:
         self.wake()
 
     async def _answer(self, request: Request) -> None:
-        done, text = True, ""
+        done, text, more = True, "", {}
         try:
-            text = await asyncio.get_running_loop().run_in_executor(
-                self._command_pool, self._source.command, request.name, request.body, self._number
-            )
+            text = await asyncio.get_running_loop().run_in_executor(self._command_pool, self._carry_out, request)
+            if request.name == CLICKS_FILE:
+                text, more = SAVED, {"file": text, "name": SEEDS_NAME}
         except LassoMotionError as error:
             done, text = False, str(error)
         except Exception as error:
             LOG.exception("command %s", request.name)
             done, text = False, f"This went wrong in the page's server; its log says more. ({type(error).__name__})"
         with contextlib.suppress(ConnectionError):
-            await self.socket.send_str(encode("answer", id=request.id, done=done, text=text))
+            await self.socket.send_str(encode("answer", id=request.id, done=done, text=text, **more))
         self._on_answer()
+
+    def _carry_out(self, request: Request) -> str:
+        if request.name == CLICKS_FILE:
+            return self._source.clicks_file(request.body, self._number)
+        return self._source.command(request.name, request.body, self._number)
 
     async def _write(self) -> None:
         """Send what is new: status and trace always, a picture only once the page has drawn the last one."""

@@ -84,6 +84,13 @@ class Source(Protocol):
             LassoMotionError: it cannot be done; the text is for the user.
         """
 
+    def clicks_file(self, body: Mapping[str, Any], page: int) -> str:
+        """The text of a seeds file with the clicks that a page's user has set, or else those that were sent last.
+
+        Raises:
+            LassoMotionError: there are none; the text is for the user.
+        """
+
     def millimetres_per_pixel(self, page: int) -> Mapping[Plane, float]:
         """The scale of the pictures in which a page's user clicks, at the iso-centre; empty where it is not known."""
 

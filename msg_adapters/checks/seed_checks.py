@@ -40,6 +40,12 @@ class _Limits:
 
 LIMITS = _Limits()
 
+_LIVE_CURE = "click along the loop in both planes of one pair: on the page (lasso-motion web), or in rqt_image_view"
+_RECORDED_CURE = (
+    "click along the loop in both planes on the page (lasso-motion web IN.mcap, or --annotate IN.mcap -o COPY.mcap),"
+    " save the clicks there (F), and give the file to track --seeds"
+)
+
 _MIRRORS = {
     "plane a mirrored left to right": ((-1, 1), (1, 1)),
     "plane b mirrored left to right": ((1, 1), (-1, 1)),
@@ -72,7 +78,8 @@ def check_seeds(
         if has_model:
             return
         severity: Severity = "note" if live else "warning"
-        yield Issue(severity, "seeds", "no clicks yet" if live else "it has no clicks", _no_seed_cure(live=live))
+        words = "no clicks yet" if live else "it has no clicks, and track begins with those in one image pair"
+        yield Issue(severity, "seeds", words, _LIVE_CURE if live else _RECORDED_CURE)
         return
     pair_of = {plane: {pair.frame(plane): number for number, pair in enumerate(pairs)} for plane in PLANES}
     clicks: dict[Plane, tuple[Array, int | None]] = {}
@@ -107,10 +114,6 @@ def check_seeds(
         a, b = projections.get("a"), projections.get("b")
         if a is not None and b is not None:
             yield from _check_geometry(clicks["a"][0], clicks["b"][0], a, b)
-
-
-def _no_seed_cure(*, live: bool) -> str:
-    return "click along the loop in both planes of one pair" if live else "give track a --seeds file"
 
 
 def _outside(points: Array, projection: Projection) -> bool:

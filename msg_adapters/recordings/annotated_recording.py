@@ -21,10 +21,10 @@ from msg_adapters.recordings.copy import RecordingCopier
 from msg_adapters.recordings.reader import RawMessage, RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics, recorded_image_topic
 from msg_adapters.recordings.writer import RecordingWriter
-from msg_adapters.seeds import decode_polygon, encode_polygon
+from msg_adapters.seeds import MINIMUM_CLICKS, decode_polygon, encode_polygon
 from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.sync.partner import PartnerRule
-from msg_adapters.topics import true_centreline_topic
+from msg_adapters.topics import Topic, seed_topic, true_centreline_topic
 
 Array = npt.NDArray[np.float64]
 
@@ -42,17 +42,26 @@ class AnnotatedPair:
         image_stamps: for each plane that is there, its image's stamp.
         curves: the centrelines, (N, 2) pixels; empty where one was erased.
         drawn: the planes whose centreline was drawn anew.
+        clicks: what was clicked, (N, 2) pixels.
+        closed: whether the curves through the clicks are closed.
     """
 
     stamp_ns: int
     image_stamps: dict[Plane, int]
     curves: dict[Plane, Array] = field(default_factory=dict)
     drawn: set[Plane] = field(default_factory=set)
+    clicks: dict[Plane, Array] = field(default_factory=dict)
+    closed: bool = False
 
     def draw(self, plane: Plane, curve: Array) -> None:
         """Replace a plane's centreline by (N, 2) pixels."""
         self.curves[plane] = curve
         self.drawn.add(plane)
+
+    @property
+    def has_seed(self) -> bool:
+        """Whether there are enough clicks in both planes to begin to track with."""
+        return all(plane in self.image_stamps and len(self.clicks.get(plane, ())) >= MINIMUM_CLICKS for plane in PLANES)
 
     @property
     def is_done(self) -> bool:
@@ -62,6 +71,8 @@ class AnnotatedPair:
 
 class AnnotatedRecording:
     """A recording to draw centrelines in, and the copy that gets them.
+
+    Where the recording has no clicks for the tracker, the copy gets those of the first pair that has enough of them.
 
     Args:
         recording: the recording; it is not changed.
@@ -108,6 +119,13 @@ class AnnotatedRecording:
                     break
         return found
 
+    @property
+    def seed_pair(self) -> int | None:
+        """Index of the pair whose clicks the copy gets for the tracker; None where it gets none."""
+        if any(seed_topic(plane).recorded_name in self._reader.topics for plane in PLANES):
+            return None
+        return next((index for index, pair in enumerate(self.pairs) if pair.has_seed), None)
+
     def save(self) -> None:
         """Write the copy: everything that the recording has, and the centrelines; whole or not at all.
 
@@ -116,16 +134,16 @@ class AnnotatedRecording:
         """
         with RecordingWriter(self.output, overwrite=True, whole=True) as writer:
             copier = RecordingCopier(self._reader, writer)
-            drawn = iter(self._drawn_curves())
+            drawn = iter(self._additions())
             waiting = next(drawn, None)
             for message in self._kept_messages():
                 # In order of time, as a recorder would have written them.
                 while waiting is not None and waiting[0] < message.log_time_ns:
-                    _write_centreline(writer, *waiting)
+                    _write(writer, *waiting)
                     waiting = next(drawn, None)
                 copier.copy(message)
             while waiting is not None:
-                _write_centreline(writer, *waiting)
+                _write(writer, *waiting)
                 waiting = next(drawn, None)
 
     def _read_pairs(self) -> list[AnnotatedPair]:
@@ -146,10 +164,20 @@ class AnnotatedRecording:
             if pair is not None:
                 pair.curves[_CENTRELINE_TOPICS[recorded.topic]] = decode_polygon(recorded.message)
 
-    def _drawn_curves(self) -> list[tuple[int, Plane, Array]]:
-        """Stamp, plane and curve of what was drawn anew, in order of time."""
-        curves = [(pair.stamp_ns, plane, pair.curves[plane]) for pair in self.pairs for plane in sorted(pair.drawn)]
-        return sorted((one for one in curves if len(one[2]) >= FEWEST_POINTS), key=lambda one: one[0])
+    def _additions(self) -> list[tuple[int, Topic, Array, int]]:
+        """What the copy has besides: log time, topic, points and stamp, in order of time."""
+        added = [
+            (pair.stamp_ns, true_centreline_topic(plane), pair.curves[plane], pair.stamp_ns)
+            for pair in self.pairs
+            for plane in sorted(pair.drawn)
+            if len(pair.curves[plane]) >= FEWEST_POINTS
+        ]
+        if self.seed_pair is not None:
+            pair = self.pairs[self.seed_pair]
+            added += [
+                (pair.stamp_ns, seed_topic(plane), pair.clicks[plane], pair.image_stamps[plane]) for plane in PLANES
+            ]
+        return sorted(added, key=lambda one: one[0])
 
     def _kept_messages(self) -> Iterator[RawMessage]:
         """All messages but the centrelines that were drawn anew."""
@@ -162,6 +190,6 @@ class AnnotatedRecording:
         return (one for one in self._reader.raw_messages() if (one.log_time_ns, one.topic) not in replaced)
 
 
-def _write_centreline(writer: RecordingWriter, stamp_ns: int, plane: Plane, curve: Array) -> None:
-    topic = true_centreline_topic(plane)
-    writer.write(topic.recorded_name, topic.type_name, encode_polygon(curve, header_fields(stamp_ns)), stamp_ns)
+def _write(writer: RecordingWriter, log_time_ns: int, topic: Topic, points: Array, stamp_ns: int) -> None:
+    fields = encode_polygon(points, header_fields(stamp_ns))
+    writer.write(topic.recorded_name, topic.type_name, fields, log_time_ns)

@@ -130,7 +130,7 @@ def test_compressed_images_are_input_too(tmp_path: Path) -> None:
     [
         ("plane_b/image_raw", "lacks /plane_b/image_raw (sensor_msgs/msg/Image); it has"),
         ("camera_info", "lacks /plane_a/camera_info (sensor_msgs/msg/CameraInfo), /plane_b/camera_info"),
-        ("plane_b/seed", "no clicks (/plane_b/seed); give them with lasso-motion track --seeds FILE"),
+        ("plane_b/seed", "no clicks (/plane_b/seed): give them with lasso-motion track --seeds FILE; the page"),
     ],
 )
 def test_what_is_missing_is_named_and_nothing_is_written(

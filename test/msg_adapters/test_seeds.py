@@ -14,6 +14,7 @@ from msg_adapters.seeds import (
     decode_polygon,
     decode_seed,
     encode_polygon,
+    encode_seeds_file,
     read_calibration_file,
     read_seeds_file,
 )
@@ -53,6 +54,17 @@ def test_seeds_file(tmp_path: Path, stamp: str, expected: int) -> None:
     assert seeds["a"]["header"]["stamp"] == ns_to_stamp(expected)
     message = MESSAGES.make("geometry_msgs/msg/PolygonStamped", seeds["b"])
     assert decode_seed(message)[2].tolist() == [5.0, 6.5]
+
+
+def test_a_seeds_file_that_is_written_is_read_as_it_was(tmp_path: Path) -> None:
+    path = tmp_path / "seeds.yaml"
+    points = {plane: np.arange(12.0).reshape(6, 2) + shift for plane, shift in (("a", 0.25), ("b", 100.126))}
+    stamps = {"a": 1_760_000_000_133_333_333, "b": 1_760_000_000_000_000_001}
+    path.write_text(encode_seeds_file({plane: (stamps[plane], points[plane]) for plane in ("a", "b")}))
+    for plane, fields in read_seeds_file(path).items():
+        assert fields["header"]["stamp"] == ns_to_stamp(stamps[plane])
+        found = decode_seed(MESSAGES.make("geometry_msgs/msg/PolygonStamped", fields))
+        np.testing.assert_allclose(found, points[plane], atol=0.005)
 
 
 @pytest.mark.parametrize(

@@ -134,7 +134,7 @@ class Page:
 
 @contextmanager
 def open_page(url: str, profile: Path) -> Iterator[Page]:
-    """A browser of its own, with a fresh profile, that shows a page."""
+    """A browser of its own, with a fresh profile, that shows a page; what it downloads goes beside the profile."""
     chromium, chromedriver = require_browser()
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
@@ -147,6 +147,7 @@ def open_page(url: str, profile: Path) -> Iterator[Page]:
     environment = {name: value for name, value in os.environ.items() if name not in ROS_ONLY}
     driver = webdriver.Chrome(options=options, service=Service(chromedriver, env=environment))
     try:
+        driver.execute_cdp_cmd("Page.setDownloadBehavior", {"behavior": "allow", "downloadPath": str(profile.parent)})
         driver.get(url)
         yield Page(driver)
     finally:

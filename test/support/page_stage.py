@@ -99,8 +99,9 @@ def z_of(phase: int) -> float:
 class Stage:
     """Tracker, page and stream."""
 
-    def __init__(self, graph: Graph, page: Page, stream: Stream) -> None:
+    def __init__(self, graph: Graph, page: Page, stream: Stream, directory: Path) -> None:
         self.graph, self.page, self.stream = graph, page, stream
+        self.directory = directory  # where the browser's downloads go, too
 
     def click_along_the_loop(self) -> None:
         """Hold a pair and click the ring as it lies in the pictures.
@@ -190,6 +191,6 @@ def open_stage(directory: Path, tracker_module: str = "lasso_motion_ros.nodes.ex
         with open_page(url, directory / "profile") as page:
             stream.start()
             try:
-                yield Stage(graph, page, stream)
+                yield Stage(graph, page, stream, directory)
             finally:
                 stream.stop()

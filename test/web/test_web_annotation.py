@@ -14,12 +14,14 @@ pytest.importorskip("aiohttp", reason="needs the web extra")
 
 from support.drawn_recording import SIDE, loop, projections, shift, stamp, write_input
 
+from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.errors import MessageError, RecordingError
 from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.web.annotation import Annotation
 from msg_adapters import topics
 from msg_adapters.messages import stamp_to_ns
+from msg_adapters.poses import decode_pose
 from msg_adapters.recordings.annotated_recording import AnnotatedRecording
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
@@ -93,6 +95,43 @@ def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: P
     source.command("go", {"index": 1, "copy": True}, PAGE)
     status = source.status(PAGE)
     assert (status["points"]["b"], status["closed"], status["index"], status["done"]) == (CURVE, True, 1, 2)
+
+
+def test_clicks_made_here_begin_the_tracking_from_the_copy_and_from_their_file(bare: Path, tmp_path: Path) -> None:
+    copy, seeds = tmp_path / "copy.mcap", tmp_path / "seeds.yaml"
+    without = {f"/plane_{plane}/seed": f"/old/{plane}" for plane in "ab"}
+    source = Annotation(AnnotatedRecording(bare, copy, without))
+    clicks = {p: projections()[p].project(apply(shift(2.0), loop()))[:-1:18].tolist() for p in "ab"}
+    source.command("draw", drawing(0, clicks["a"][:5], clicks["b"]), PAGE)
+    source.command("go", {"index": 1}, PAGE)
+    source.command("draw", drawing(1, clicks["a"], clicks["b"][:5]), PAGE)
+    assert not source.status(PAGE)["has_clicks"]
+    with pytest.raises(RecordingError, match="Click 6 points or more along the loop, in both planes, first"):
+        source.clicks_file({}, PAGE)
+    source.command("draw", drawing(1, clicks["a"], clicks["b"]), PAGE)
+    assert source.status(PAGE)["has_clicks"]
+    seeds.write_text(source.clicks_file({}, PAGE))
+    assert "and the clicks of pair 2 for track" in source.command("save", {}, PAGE)
+    found = []
+    for name, words in (("from_copy", [str(copy)]), ("from_file", [str(bare), "--seeds", str(seeds)])):
+        result = tmp_path / f"{name}.mcap"
+        assert main(["track", *words, "-o", str(result), "--quiet"]) == 0
+        found.append(
+            [decode_pose(one.message) for one in RecordingReader(result).messages([topics.MOTION.recorded_name])]
+        )
+    np.testing.assert_allclose(found[0], found[1], atol=2e-5)  # a file's hundredths of a pixel
+    assert len(found[0]) == 2  # from the clicked pair on
+    np.testing.assert_allclose([1e3 * motion[2, 3] for motion in found[0]], [0.0, 2.0], atol=0.2)
+
+
+def test_a_recording_that_has_clicks_keeps_its_own(bare: Path, tmp_path: Path) -> None:
+    copy = tmp_path / "copy.mcap"
+    source = Annotation(AnnotatedRecording(bare, copy))
+    source.command("draw", drawing(1, CURVE * 2, CURVE * 2), PAGE)
+    assert "for track" not in source.command("save", {}, PAGE)
+    seeds = [topics.seed_topic(plane).recorded_name for plane in "ab"]
+    kept = [[stamp_to_ns(one.message.header.stamp) for one in RecordingReader(p).messages(seeds)] for p in (bare, copy)]
+    assert kept[0] == kept[1] == [stamp(0)] * 2
 
 
 def test_nothing_is_overwritten_unasked(bare: Path, tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from scipy.spatial import cKDTree
 from selenium.webdriver.common.keys import Keys
 from support.browser import Page, require_browser
 from support.drawn_recording import SIDE, loop, projections, shift
+from support.message_inputs import MESSAGES
 from support.page_checks import LISTEN_LIKE_A_SCREEN_READER, cut_texts
 from support.page_stage import BREATH_MM, CORNERS, DOWN, UP, Stage, open_stage, z_of
 
@@ -25,6 +27,7 @@ from lasso_motion_ros.geometry.transforms import apply
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.markers import ADD
 from msg_adapters.poses import decode_pose
+from msg_adapters.seeds import decode_seed, read_seeds_file
 
 ELLIPSE_COLOUR = (255, 157, 245)
 
@@ -62,9 +65,21 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
         ellipse = page.loop_pixels(plane, SIDE, ELLIPSE_COLOUR)
         assert len(ellipse) > 50
         assert distances(ellipse, np.vstack([stage.ring(plane), stage.ring(plane)[:1]])).max() < 3.0
+    ring = {plane: stage.ring(plane) for plane in "ab"}
     assert page.text("hint") == "Picture held. Enter starts the tracking."
+    seeds = stage.directory / "seeds.yaml"
+    clicked = saved_clicks(page, seeds)
     page.press(Keys.ENTER)
     page.wait_for_state("TRACKING")
+    assert saved_clicks(page, seeds) == clicked  # once more, of what the tracker has taken
+    for plane in "ab":
+        assert (
+            distances(
+                decode_seed(MESSAGES.make("geometry_msgs/msg/PolygonStamped", clicked[plane])),
+                np.vstack([ring[plane], ring[plane][:1]]),
+            ).max()
+            < 2.0
+        )
     places = []
     for phase in (UP, DOWN):
         with stage.held_breath(phase) as resting_ns:
@@ -89,6 +104,15 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     assert 0.0 < float(page.text("sigma").strip("σ< ")) < 2.0
     assert float(page.text("shift-z").replace("−", "-").replace("+", "")) == pytest.approx(0.0, abs=2 * BREATH_MM + 1)
     assert page.complaints() == []
+
+
+def saved_clicks(page: Page, seeds: Path) -> dict[str, dict[str, Any]]:
+    """Save the clicks as a user does, and read the file that comes of it."""
+    seeds.unlink(missing_ok=True)
+    page.press("f")
+    page.wait_for(seeds.exists, "the seeds file")
+    assert "The clicks are in your downloads, as seeds.yaml" in page.text("message-text")
+    return read_seeds_file(seeds)
 
 
 def loop_in_place(stage: Stage, plane: str, since_ns: int) -> list[np.ndarray]:

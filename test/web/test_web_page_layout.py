@@ -26,6 +26,7 @@ from support.page_checks import (
 from lasso_motion_ros.web.plain_words import in_plain_words
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
+from msg_adapters.seeds import encode_seeds_file
 
 pytestmark = pytest.mark.timeout(600)
 
@@ -73,6 +74,9 @@ class Scene:
     def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         self.held = name == "hold"
         return ""
+
+    def clicks_file(self, body: Mapping[str, Any], page: int) -> str:
+        return encode_seeds_file({plane: (1, np.array(body[plane])) for plane in "ab"})
 
     def millimetres_per_pixel(self, page: int) -> Mapping[str, float]:
         return {"a": 0.25, "b": 0.25}

@@ -154,6 +154,8 @@ function refresh() {
   get("live-buttons").hidden = get("axes").hidden = clicking;
   for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && status?.state === "NO_TRACKER");
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
+  get("keep").disabled = !connected || !status?.has_clicks;
+  get("click-keep").disabled = !enough();
   get("reference").disabled ||= status?.state !== "TRACKING";
   get("view").disabled = !status?.overlay || clicking;
   get("view").querySelector("span").textContent =
@@ -314,7 +316,8 @@ function choose(name, focus = true) {
 /** Send a command; its answer is shown, whatever it is. */
 async function ask(type, body, quiet = false) {
   try {
-    const text = await link.ask(type, body);
+    const { text, file, name } = await link.ask(type, body);
+    if (file) download(file, name);
     if (text) say(text);
     else if (!quiet) hush();
     return true;
@@ -322,6 +325,15 @@ async function ask(type, body, quiet = false) {
     say(error.message, true);
     return false;
   }
+}
+
+/** Hand a file that the server has made to the user, as any download. */
+function download(text, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(new Blob([text], { type: "application/yaml" }));
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
 let silencer = null;
@@ -357,6 +369,7 @@ function refreshDrawing() {
   get("next").disabled = status.index === status.frames - 1;
   get("copy").disabled = status.index === 0;
   get("save").disabled = !status.unsaved;
+  get("draw-keep").disabled = !status.has_clicks;
 }
 
 /** Send the clicks and their curve to the server at every change: nothing is lost when the page is closed. */
@@ -428,6 +441,9 @@ const deeds = {
     sending = false;
     refresh();
   },
+  keep: () => ask("clicks_file"),
+  "click-keep": () => ask("clicks_file", { a: clicks.points.a, b: clicks.points.b }),
+  "draw-keep": () => ask("clicks_file"),
   undo: () => change(() => clicks.undo()),
   "draw-undo": () => change(() => clicks.undo()),
   clear: () => change(() => clicks.clear(chosen)),
@@ -469,6 +485,9 @@ function press(...ids) {
 function whyNot(id) {
   if (!connected) return "there is no connection to the server.";
   if (id === "send") return sending ? "the clicks are on their way already." : todo();
+  if (id === "keep") return "no clicks have been sent from this page yet. Press S to set some.";
+  if (id === "click-keep") return todo();
+  if (id === "draw-keep") return "tracking needs 6 clicks or more in both planes of this pair.";
   if (id === "hold") return "there are no images of both planes yet.";
   if (id === "reference") return "the reference can be set only while the loop is followed.";
   if (id === "reset") return "the tracker is not running.";
@@ -484,6 +503,7 @@ const keys = {
   z: () => press("undo", "draw-undo"),
   Backspace: () => press("undo", "draw-undo"),
   x: () => press("clear", "draw-clear"),
+  f: () => press("click-keep", "draw-keep", "keep"),
   r: () => press("reset"),
   t: () => press("reference"),
   v: () => press("view"),

@@ -76,7 +76,7 @@ export class Link {
     else if (message.type === "answer") {
       const { resolve, reject } = this.waiting.get(message.id) ?? {};
       this.waiting.delete(message.id);
-      if (message.done) resolve?.(message.text);
+      if (message.done) resolve?.(message);
       else reject?.(new Error(message.text));
     } else if (message.type === "refused") console.error(message.text);
   }
@@ -92,7 +92,7 @@ export class Link {
     if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify({ type: "fit", plane, points }));
   }
 
-  /** Send a command; the promise resolves to the server's answer, or rejects with its reason. */
+  /** Send a command; the promise resolves to the server's answer {text, file?, name?}, or rejects with its reason. */
   ask(type, body = {}) {
     return new Promise((resolve, reject) => {
       if (this.socket.readyState !== WebSocket.OPEN) {

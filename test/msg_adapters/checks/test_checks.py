@@ -187,7 +187,7 @@ WRONG: dict[str, tuple[Change, str, str, str]] = {
         "/plane_a/seed",
         "a lasso has 10 to 30",
     ),
-    "no clicks": (seeds(lambda one: True), "warning", "seeds", "it has no clicks"),
+    "no clicks": (seeds(lambda one: True), "warning", "seeds", "it has no clicks, and track begins with those"),
     "one plane's clicks": (seeds(lambda one: True, "b"), "error", "/plane_b/seed", "clicks in the other plane only"),
     "few clicks": (seeds(fields(polygon={"points": []}), "a"), "error", "/plane_a/seed", "expected 6 clicks or more"),
     "clicks on no image": (
