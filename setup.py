@@ -38,7 +38,7 @@ setup(
         "numpy>=1.26",
         "scipy>=1.11",
         "opencv-python-headless>=4.6",
-        "scikit-fmm>=2023.4",
+        "scikit-fmm>=2022.8",
         "PyYAML>=6",
         "lz4>=4",
         "mcap>=1.6",

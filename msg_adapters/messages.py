@@ -1,4 +1,4 @@
-"""Messages made from plain fields: as real ROS classes (live) or as recorded dataclasses (no ROS needed)."""
+"""Messages made from plain fields, as real ROS classes; without ROS: `recorded_messages`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,6 @@ from functools import lru_cache, partial
 from typing import Any, Protocol
 
 import numpy as np
-from rosbags.interfaces import Nodetype
-from rosbags.typesys import Stores, get_typestore
-from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.core.errors import MessageError
 
@@ -156,81 +153,3 @@ def _ros_items(type_name: str, values: Any) -> list[Any]:
         else:
             items.append(value)
     return items
-
-
-@lru_cache(maxsize=1)
-def jazzy_types() -> Typestore:
-    """The message definitions of ROS 2 Jazzy, without ROS."""
-    return get_typestore(Stores.ROS2_JAZZY)
-
-
-class RecordedMessages:
-    """Dataclasses of the rosbags library: what recordings are written from and read into."""
-
-    def __init__(self, types: Typestore | None = None) -> None:
-        self._types = types if types is not None else jazzy_types()
-        self._known: dict[str, dict[str, _Convert]] = {}
-
-    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
-        """See `MessageFactory.make`."""
-        return self._made(type_name, fields)
-
-    def _made(self, type_name: str, fields: Mapping[str, Any]) -> Any:
-        converters = self._known.get(type_name)
-        if converters is None:
-            converters = self._known[type_name] = self._converters(type_name)
-        for name in fields:
-            if name not in converters:
-                raise MessageError(f"{type_name} has no field {name!r}")
-        arguments = {name: convert(fields.get(name)) for name, convert in converters.items()}
-        return self._types.types[type_name](**arguments)
-
-    def _converters(self, type_name: str) -> dict[str, _Convert]:
-        """For each field, what converts a value (or None, for the default) to what the message holds."""
-        if type_name not in self._types.fielddefs:
-            raise MessageError(f"message type {type_name} is not known")
-        return {name: self._converter(definition) for name, definition in self._types.fielddefs[type_name][1]}
-
-    def _converter(self, definition: Any) -> _Convert:
-        kind, detail = definition
-        if kind == Nodetype.NAME:
-            return partial(self._nested, detail)
-        if kind == Nodetype.BASE:
-            return _base_converter(detail[0])
-        item, length = detail
-        count = length if kind == Nodetype.ARRAY else 0
-        if item[0] == Nodetype.NAME or item[1][0] == "string":
-            return partial(_recorded_items, self._converter(item), count)
-        dtype = np.dtype("uint8" if item[1][0] in ("octet", "byte", "char") else item[1][0])
-        return partial(_recorded_array, dtype, count, kind == Nodetype.ARRAY)
-
-    def _nested(self, type_name: str, value: Any) -> Any:
-        if value is None or isinstance(value, Mapping):
-            return self._made(type_name, value or {})
-        return value
-
-
-def _recorded_items(convert: _Convert, count: int, values: Any) -> list[Any]:
-    return [convert(value) for value in (values if values is not None else [None] * count)]
-
-
-def _recorded_array(dtype: np.dtype[Any], length: int, is_fixed: bool, value: Any) -> Any:
-    if value is None:
-        return np.zeros(length, dtype=dtype)
-    if isinstance(value, (bytes, bytearray, memoryview, array.array)):
-        filled = np.frombuffer(value, dtype=dtype)
-    else:
-        filled = np.ascontiguousarray(value, dtype=dtype).reshape(-1)
-    if is_fixed and filled.size != length:
-        raise MessageError(f"an array of {length} was expected, found {filled.size} values")
-    return filled
-
-
-def _base_converter(kind: str) -> _Convert:
-    if kind == "string":
-        return lambda value: "" if value is None else str(value)
-    if kind == "bool":
-        return bool
-    if kind.startswith("float"):
-        return lambda value: 0.0 if value is None else float(value)
-    return lambda value: value[0] if isinstance(value, bytes) else int(value or 0)

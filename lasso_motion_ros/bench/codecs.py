@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib
 from typing import Any, Protocol
 
-from msg_adapters.messages import MessageFactory, RecordedMessages, RosMessages, jazzy_types
+from msg_adapters.messages import MessageFactory, RosMessages
+from msg_adapters.recorded_messages import RecordedMessages, jazzy_types
 
 
 class Codec(Protocol):

@@ -13,7 +13,7 @@ from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, RawTopic, offer_of
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.topics import INPUTS, STATE
 
 NODE = "lasso_check"

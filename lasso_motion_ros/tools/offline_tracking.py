@@ -20,7 +20,7 @@ from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from lasso_motion_ros.tracking.tracker import Tracker
-from msg_adapters.messages import RecordedMessages
+from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics
 from msg_adapters.recordings.writer import RecordingWriter

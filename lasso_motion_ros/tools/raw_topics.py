@@ -15,7 +15,7 @@ from rclpy.qos import QoSDurabilityPolicy, QoSReliabilityPolicy
 from rclpy.subscription import Subscription
 
 from lasso_motion_ros.nodes.qos import qos
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 
 DISCOVERY_PERIOD_S = 0.1
 DEPTH = 64

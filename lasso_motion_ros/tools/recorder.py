@@ -15,7 +15,7 @@ from rclpy.executors import SingleThreadedExecutor
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, HeardMessage, RawTopic
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.writer import RecordingWriter
 
 CHUNK_PERIOD_S = 0.5

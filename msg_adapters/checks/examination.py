@@ -15,7 +15,8 @@ from msg_adapters.checks.image_checks import ImageSamples, check_images
 from msg_adapters.checks.issue import SEVERITIES, Issue
 from msg_adapters.checks.seed_checks import check_seeds
 from msg_adapters.checks.stamp_checks import PlaneStamps, check_stamps, pairs_of
-from msg_adapters.messages import NANOSECONDS, jazzy_types
+from msg_adapters.messages import NANOSECONDS
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.topics import (
     STATE,
     camera_info_topic,

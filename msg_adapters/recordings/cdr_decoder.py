@@ -9,7 +9,7 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.core.errors import RecordingError
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 
 
 class CdrDecoder:

@@ -14,7 +14,7 @@ from mcap.writer import CompressionType, Writer
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_checks import check_free
 from lasso_motion_ros.core.output_files import UnfinishedFile, cannot_write, is_device
-from msg_adapters.messages import RecordedMessages, jazzy_types
+from msg_adapters.recorded_messages import RecordedMessages, jazzy_types
 
 LIBRARY = "lasso_motion_ros"
 _COMPRESSIONS = {"zstd": CompressionType.ZSTD, "none": CompressionType.NONE}

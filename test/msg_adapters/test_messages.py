@@ -22,15 +22,9 @@ from msg_adapters.markers import (
     encode_points,
     encode_triangles,
 )
-from msg_adapters.messages import (
-    RecordedMessages,
-    RosMessages,
-    header_fields,
-    jazzy_types,
-    ns_to_stamp,
-    stamp_to_ns,
-)
+from msg_adapters.messages import RosMessages, header_fields, ns_to_stamp, stamp_to_ns
 from msg_adapters.poses import decode_pose, encode_pose, encode_pose_stamped, encode_pose_with_covariance_stamped
+from msg_adapters.recorded_messages import RecordedMessages, jazzy_types
 from msg_adapters.topics import GROUND_TRUTH, INPUTS, OUTPUTS
 
 STAMP_NS = 1_760_000_000_133_333_333

@@ -5,9 +5,11 @@ from __future__ import annotations
 import ast
 import functools
 import re
+import subprocess
 import sys
 from xml.etree import ElementTree
 
+import pytest
 from support.paths import ROOT
 
 OURS = {"lasso_motion_ros", "msg_adapters"}
@@ -23,18 +25,22 @@ FROM_APT = {
     "tqdm": ("python3-tqdm", "tqdm"),
     "yaml": ("python3-yaml", "PyYAML"),
 }
-FROM_PYPI = {
-    "av": "av",
-    "mcap": "mcap",
-    "rosbags": "rosbags",
-    "skfmm": "scikit-fmm",
-    "threadpoolctl": "threadpoolctl",
-    "trimesh": "trimesh",
+# Likewise, where rosdep has the package from PyPI. It has no key for mcap alone.
+BY_PIP_KEY = {
+    "mcap": ("mcap-ros2-support", "mcap"),
+    "rosbags": ("python3-rosbags-pip", "rosbags"),
+    "trimesh": ("python3-trimesh-pip", "trimesh"),
+}
+# Module → what the README tells to install, and its name on PyPI.
+WITHOUT_KEY = {
+    "av": ("av", "av"),
+    "skfmm": ("python3-scikit-fmm", "scikit-fmm"),
+    "threadpoolctl": ("python3-threadpoolctl", "threadpoolctl"),
 }
 BROUGHT_BY_MCAP = {"lz4": "lz4", "zstandard": "zstandard"}
 # Of the extras `volume`, `igtl` and `dicom`: said when one is missing.
 OPTIONAL = {"SimpleITK": "SimpleITK", "vtkmodules": "vtk", "pyigtl": "pyigtl", "pydicom": "pydicom"}
-PIP_NAMES = {name: pip for name, (_, pip) in FROM_APT.items()} | FROM_PYPI | BROUGHT_BY_MCAP | OPTIONAL
+PIP_NAMES = {name: pip for name, (_, pip) in (FROM_APT | BY_PIP_KEY | WITHOUT_KEY).items()} | BROUGHT_BY_MCAP | OPTIONAL
 # ROS packages that a Python module, or an executable in a launch file, comes from.
 ROS_PACKAGES = {"tf2_ros": {"tf2_ros", "tf2_ros_py"}}
 
@@ -98,7 +104,8 @@ def test_every_ros_package_that_is_used_is_an_exec_depend() -> None:
 
 def test_no_ros_package_is_declared_that_nobody_uses() -> None:
     by_others = {"lifecycle_msgs", "ros2launch"}  # the services of a lifecycle node; the command `ros2 launch`
-    ros = {name for name in declared("exec_depend") if not name.startswith("python3-")}
+    pip_keys = {key for key, _ in BY_PIP_KEY.values()}
+    ros = {name for name in declared("exec_depend") if not name.startswith("python3-")} - pip_keys
     assert ros - ros_packages() == by_others
 
 
@@ -110,11 +117,16 @@ def test_what_the_tests_import_of_ros_is_declared() -> None:
 
 def test_every_library_has_its_rosdep_key_or_stands_in_the_readme() -> None:
     used = imported(*SHIPPED)
-    keys = {FROM_APT[name][0] for name in used & FROM_APT.keys()}
-    assert keys == {name for name in declared("exec_depend") if name.startswith("python3-")}
-    command = re.search(r"^pip install --break-system-packages ([^#]*)", (ROOT / "README.md").read_text(), re.MULTILINE)
-    assert command
-    assert set(command[1].split()) == {FROM_PYPI[name] for name in used & FROM_PYPI.keys()}
+    by_key = FROM_APT | BY_PIP_KEY
+    keys = {by_key[name][0] for name in used & by_key.keys()}
+    libraries = {name for name in declared("exec_depend") if name.startswith("python3-")} | {"mcap-ros2-support"}
+    assert keys == libraries <= declared("exec_depend")
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    commands = re.findall(
+        r"^(?:sudo apt|pip) install (?:--break-system-packages )?([a-z0-9 -]+?) +#", readme, re.MULTILINE
+    )
+    told = {name for command in commands for name in command.split()}
+    assert told == {WITHOUT_KEY[name][0] for name in used & WITHOUT_KEY.keys()}
 
 
 def test_setup_py_asks_for_every_library_that_is_used_and_no_other() -> None:
@@ -125,8 +137,49 @@ def test_setup_py_asks_for_every_library_that_is_used_and_no_other() -> None:
 
 
 def test_nothing_unknown_is_imported() -> None:
-    ros = declared("exec_depend")
+    ros = declared("exec_depend") - {key for key, _ in BY_PIP_KEY.values()}
     assert imported(*SHIPPED) - PIP_NAMES.keys() - {package for package in ros if "-" not in package} == set()
+
+
+ONLY_FOR_FILES = (
+    "rosbags",
+    "mcap",
+    "lz4",
+    "zstandard",
+    "trimesh",
+    "av",
+    "threadpoolctl",
+    "matplotlib",
+    "jinja2",
+    "tqdm",
+)
+ALIVE = """
+import importlib, sys
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {absent}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+sys.meta_path.insert(0, Absent())
+for node in ("tracker_node", "overlay_node", "web_node", "igtl_node"):
+    importlib.import_module(f"lasso_motion_ros.nodes.{{node}}")
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.stream.warm_up import warm_up
+from msg_adapters.messages import RosMessages
+
+print([output.topic.name for output in warm_up(StreamConfig(), RosMessages())].count("motion"))
+"""
+
+
+@pytest.mark.ros
+def test_the_live_nodes_need_nothing_that_is_for_files() -> None:
+    """Each is imported, and the tracker goes from ROS messages to ROS messages, as it does before its first pair."""
+    pytest.importorskip("rclpy", reason="needs ROS 2")
+    pytest.importorskip("aiohttp", reason="needs the web extra")
+    words = [sys.executable, "-c", ALIVE.format(absent=ONLY_FOR_FILES)]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, encoding="utf-8", check=False, timeout=120)
+    assert (done.returncode, done.stdout) == (0, "4\n"), done.stderr
 
 
 def test_the_package_names_a_page_to_read_on() -> None:

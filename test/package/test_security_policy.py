@@ -24,7 +24,7 @@ from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.surface_files import write_stl
 from lasso_motion_ros.overlay.triangle_mesh import TriangleMesh
 from lasso_motion_ros.tools.listened_topics import RECORDED
-from msg_adapters.messages import RecordedMessages
+from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.topics import (
     DIAGNOSTICS,

@@ -8,7 +8,7 @@ import pytest
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.warm_up import DRY_RUN, warm_up
-from msg_adapters.messages import RecordedMessages
+from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.topics import MOTION, STATE
 
 

@@ -20,8 +20,9 @@ from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, M
 from msg_adapters.calibrations import decode_camera_info
 from msg_adapters.images import decode_compressed_image, decode_image
 from msg_adapters.markers import decode_points, encode_line_strip
-from msg_adapters.messages import header_fields, jazzy_types
+from msg_adapters.messages import header_fields
 from msg_adapters.poses import decode_pose, encode_pose_stamped
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter

@@ -16,7 +16,8 @@ from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
-from msg_adapters.messages import RecordedMessages, header_fields
+from msg_adapters.messages import header_fields
+from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.seeds import encode_polygon
 from msg_adapters.topics import camera_info_topic, image_topic, seed_topic
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from support.message_inputs import image, stamp, stream
 
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter
 

@@ -9,7 +9,7 @@ from support.message_inputs import FakeTracker
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.tools.offline_tracking import TrackSummary, counts, describe
-from msg_adapters.messages import RecordedMessages
+from msg_adapters.recorded_messages import RecordedMessages
 
 
 @dataclasses.dataclass(frozen=True)

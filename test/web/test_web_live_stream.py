@@ -18,8 +18,9 @@ from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
 from msg_adapters.markers import encode_delete, encode_line_strip
-from msg_adapters.messages import RecordedMessages, header_fields
+from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
+from msg_adapters.recorded_messages import RecordedMessages
 
 WORLD = "patient_table"
 MAKE = RecordedMessages().make

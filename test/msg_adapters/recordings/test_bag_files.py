@@ -11,7 +11,7 @@ from rosbags.rosbag2 import Writer as BagWriter
 from support.message_inputs import MESSAGES
 
 from lasso_motion_ros.core.errors import RecordingError
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.writer import RecordingWriter
 

@@ -12,7 +12,7 @@ from support.recording_inputs import content, expected, write, write_noise
 
 from lasso_motion_ros.core.errors import RecordingError
 from msg_adapters.images import decode_image
-from msg_adapters.messages import jazzy_types
+from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.reader import RecordingReader
 
 
