@@ -29,8 +29,8 @@ demo: $(RUN) ## the whole system, live, on the bundled recording; writes demo_ou
 test: $(DEV) ## all tests, with real ROS processes
 	$(VENV)/bin/python -m pytest $(BESIDE) $(ARGS)
 
-test-ubuntu: $(UBUNTU) ## the tests that need no ROS, with the library versions of Ubuntu 24.04
-	$(UBUNTU_VENV)/bin/python -m pytest $(BESIDE) -m "not ros and not packaging" $(ARGS)
+test-ubuntu: $(UBUNTU) ## the quicker tests that need no ROS, with the library versions of Ubuntu 24.04
+	$(UBUNTU_VENV)/bin/python -m pytest $(BESIDE) -m "not ros and not packaging and not slow" $(ARGS)
 
 soak: $(RUN) ## 20,000 pairs through a live tracker: memory, threads and files must not grow (ten minutes)
 	$(VENV)/bin/python -m lasso_motion_ros.bench.soak $(ARGS)

@@ -11,6 +11,7 @@ from lasso_motion_ros.core.errors import ReconstructionError
 from lasso_motion_ros.seeding.cones import Ellipse3D
 
 
+@pytest.mark.slow
 def test_papers_experiment(record_property):
     # 5 mm on the detector, 100 points: the paper has 3.2 mm.
     result = run_model_experiment(trials=200, noise_mm=5.0, points=100, random_seed=0)

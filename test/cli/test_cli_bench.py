@@ -12,6 +12,7 @@ from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
 
 
+@pytest.mark.slow
 def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0, 2.0, 1.0])
     figures = tmp_path / "bench.json"
@@ -40,6 +41,7 @@ def test_a_recording_without_clicks_is_refused(tmp_path: Path, capsys: pytest.Ca
     assert "--pairs must be at least 1" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("config", "varied"),
     [

@@ -20,6 +20,7 @@ def test_the_command_writes_tables_json_and_a_plot(tmp_path: Path, monkeypatch: 
     assert {path.name for path in (tmp_path / "d").iterdir()} == {"suite_tracker.txt", "suite.png"}
 
 
+@pytest.mark.slow
 def test_the_command_sweeps(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -48,6 +49,7 @@ def test_the_command_runs_traps(
     assert {path.name for path in tmp_path.iterdir()} == {"t.json", "traps.txt"}
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_table_of_the_ablation(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -12,6 +12,7 @@ from support.paths import SCRIPT_PATH, SUPPORT
 COUNT = 1500
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_spoilt_inputs_give_clear_errors_only() -> None:
     script = SUPPORT / "fuzz.py"

@@ -55,6 +55,7 @@ def recording(tmp_path: Path) -> Path:
     return write_input(tmp_path / "ring.mcap", [0.0, 4.0, 8.0, 4.0])
 
 
+@pytest.mark.slow
 def test_two_results_of_one_recording_stand_side_by_side(recording: Path, tmp_path: Path) -> None:
     ours = write_result(tmp_path / "ours.mcap", [0.0, 4.5, 10.5, None], STATES)
     theirs = write_result(tmp_path / "theirs & <i>.mcap", [0.0, 4.0, 8.0, 4.0], ["TRACKING"] * 4)
@@ -95,6 +96,7 @@ def test_drawn_centrelines_alone_give_the_papers_table(tmp_path: Path) -> None:
     assert not list((tmp_path / "r").glob("*axes*"))
 
 
+@pytest.mark.slow
 def test_tracking_for_the_report_tells_timing_parameters_and_versions(recording: Path, tmp_path: Path) -> None:
     config = tmp_path / "mine.yaml"
     config.write_text("/**:\n  ros__parameters:\n    method: brost2009\n", encoding="utf-8")
@@ -107,6 +109,7 @@ def test_tracking_for_the_report_tells_timing_parameters_and_versions(recording:
     assert len(list((tmp_path / "r").glob("*worst*"))) == 1
 
 
+@pytest.mark.slow
 def test_several_recordings_are_compared_and_have_a_mean(recording: Path, tmp_path: Path) -> None:
     other = write_input(tmp_path / "other.mcap", [0.0, 2.0, 4.0])
     results = [

@@ -68,6 +68,7 @@ def test_in_noise_that_hides_most_of_it_a_moved_lasso_is_displaced_and_its_retur
     assert tracker.track(clear).state is DISPLACED
 
 
+@pytest.mark.slow
 def test_of_two_that_look_alike_none_is_published_unless_it_is_the_one_that_breathes():
     for start in range(4):
         tracker, _ = tracked(5.0)

@@ -22,6 +22,7 @@ def results(tracker: Tracker) -> list[TrackResult]:
     return [first, *(tracker.track(pair) for pair in sequence.pairs[1:])]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("method", "expected"),
     [

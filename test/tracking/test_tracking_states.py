@@ -2,6 +2,8 @@
 
 import dataclasses
 
+import pytest
+
 from lasso_motion_ros.bench.suite.sequence import render_sequence, run_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.evaluation.measures import PairScore
@@ -32,6 +34,7 @@ def assert_followed(scores: tuple[PairScore, ...]) -> None:
         assert score.centre_error_mm < 0.3
 
 
+@pytest.mark.slow
 def test_hidden_for_five_pairs_and_back() -> None:
     scores = scores_with(Event("hide", FIRST, FIRST + 4))
     assert states(scores[FIRST : FIRST + 5]) == [LOST] * 5
@@ -43,6 +46,7 @@ def test_hidden_for_five_pairs_and_back() -> None:
     assert_followed(scores[:FIRST])
 
 
+@pytest.mark.slow
 def test_taken_out_for_good() -> None:
     scores = scores_with(Event("remove", FIRST))
     assert states(scores[FIRST:]) == [LOST] * (PAIRS - FIRST)
@@ -50,6 +54,7 @@ def test_taken_out_for_good() -> None:
     assert_followed(scores[:FIRST])
 
 
+@pytest.mark.slow
 def test_moved_at_once_to_another_vein() -> None:
     scores = scores_with(Event("move", FIRST, shift_mm=MOVED_MM, turn_deg=(4.0, 0.0, 4.0)))
     assert all(score.displaced for score in scores[FIRST:])
@@ -60,6 +65,7 @@ def test_moved_at_once_to_another_vein() -> None:
     assert_followed(scores[:FIRST])
 
 
+@pytest.mark.slow
 def test_moved_over_three_pairs_to_another_vein() -> None:
     scores = scores_with(Event("move", FIRST, FIRST + 2, shift_mm=MOVED_MM))
     # The first thirds are 8 mm each, no more than a breath in a quarter of a second; then it is said.

@@ -163,6 +163,7 @@ def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_curve_is_drawn_in_the_browser_and_saved_at_the_end(bare: Path, tmp_path: Path) -> None:
     pytest.importorskip("selenium", reason="needs the dev extra")
     from support.browser import open_page, require_browser

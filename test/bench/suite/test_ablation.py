@@ -51,6 +51,7 @@ def test_a_ring_that_turns_turns_the_motion_with_it() -> None:
     np.testing.assert_allclose(apply(motion, CENTRE[None])[0], CENTRE, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_every_idea_switched_off_still_tracks() -> None:
     outcomes = run_ablation(StreamConfig(), [small()], IDEAS.values())
     assert outcomes[0].idea is None
@@ -66,6 +67,7 @@ def test_every_idea_switched_off_still_tracks() -> None:
     assert by_name["slide"] == by_name["ghost"] == whole
 
 
+@pytest.mark.slow
 def test_traps_are_counted_by_themselves() -> None:
     ideas = [IDEAS["ghost"], IDEAS["translation"]]
     outcomes = run_ablation(StreamConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])

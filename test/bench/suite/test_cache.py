@@ -15,6 +15,7 @@ from lasso_motion_ros.phantom.settings import Scenario
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 
+@pytest.mark.slow
 def test_what_was_rendered_is_read_back_to_the_last_bit(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     rendered = []
 

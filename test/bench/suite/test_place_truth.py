@@ -24,6 +24,7 @@ def judged(scenario: Scenario) -> list[PairTruth]:
     return list(render_sequence(scenario).truth.pairs)
 
 
+@pytest.mark.slow
 def test_no_pose_is_due_from_2_mm_of_a_slide_and_none_is_right_from_3_mm() -> None:
     # 1.25 mm/s from 0 s on, a pair a second: 0, 1.25, 2.5, 3.75, 5 mm.
     sliding = dataclasses.replace(STILL, incidents=(Incident("slide", 0.0, 0.0, amount=1.25),))
@@ -44,6 +45,7 @@ def test_no_pose_is_due_after_a_patients_shift_but_one_that_follows_is_right() -
     assert pairs[4].motion[:3, 3] == pytest.approx([0.01, 0.0, 0.0])
 
 
+@pytest.mark.slow
 def test_what_else_asks_for_no_pose() -> None:
     withdrawn = judged(dataclasses.replace(STILL, incidents=(Incident("withdraw", 0.5, 3.0),)))
     assert [pair.due for pair in withdrawn] == [True, False, False, False, False]
