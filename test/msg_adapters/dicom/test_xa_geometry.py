@@ -108,6 +108,27 @@ def test_one_point_in_eight_angulations_of_an_enhanced_object(
         np.testing.assert_allclose(projection.project(POINT), pixel, atol=2e-4)  # the object's numbers are 32-bit
 
 
+def test_a_turned_detector_is_as_the_standards_matrices_have_it(tmp_path: Path) -> None:
+    """PS3.17 Z.2: P_p = R3 (R2 R1) P; X_p to the right and Z_p to the top, as seen towards the source; Y_p to it."""
+    turned, sid, sod = 23.0, 1200.0, 785.0
+    middle = (280.5, 310.25)  # x, y, of the iso-centre's projection
+    path = write_enhanced(
+        tmp_path / "a.dcm", shot(spacing_mm=(0.2, 0.2)), detector_rotation_deg=turned, isocentre=middle[::-1],
+        origin=(0.0, 0.0),
+    )  # fmt: skip
+    one = read_xa(path, NOTHING)
+    c3, s3 = np.cos(np.radians(turned)), np.sin(np.radians(turned))
+    r3 = np.array([[c3, 0.0, -s3], [0.0, 1.0, 0.0], [s3, 0.0, c3]])
+    for projection, (primary, secondary) in zip(one.projections(one.geometry[0].table_mm), ANGLES, strict=True):
+        (c1, s1), (c2, s2) = ((np.cos(angle), np.sin(angle)) for angle in np.radians([primary, secondary]))
+        r1 = np.array([[c1, s1, 0.0], [-s1, c1, 0.0], [0.0, 0.0, 1.0]])
+        r2 = np.array([[1.0, 0.0, 0.0], [0.0, c2, -s2], [0.0, s2, c2]])
+        x, y, z = r3 @ (r2 @ r1) @ (1e3 * POINT)
+        larger = sid / (sod - y)
+        expected = np.array(middle) + larger * np.array([x, -z]) / 0.2
+        np.testing.assert_allclose(projection.project(POINT), expected, atol=2e-4)
+
+
 @pytest.mark.parametrize("write", [write_classic, write_enhanced])
 def test_the_world_is_fixed_to_the_table(tmp_path: Path, write: Any) -> None:
     """Table 5 mm to the left, 2 mm down, 8 mm towards the head: a point on it is seen where it has gone."""
