@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -11,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import MessageError
+from msg_adapters.crop import Crop
 
 Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
@@ -18,25 +20,73 @@ MAX_SIDE_PX = 8192
 MAX_UNPACKED_BYTES = 2 * MAX_SIDE_PX**2
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _PNG_GREY = 0
-_BYTES_PER_PIXEL = {"mono8": 1, "8UC1": 1, "mono16": 2, "16UC1": 2}
+_GREY_BYTES = {"mono8": 1, "8UC1": 1, "mono16": 2, "16UC1": 2}
+# Channels, and how OpenCV makes luminance of them, by the weights of ITU-R BT.601.
+_COLOUR = {
+    "rgb8": (3, cv2.COLOR_RGB2GRAY),
+    "bgr8": (3, cv2.COLOR_BGR2GRAY),
+    "rgba8": (4, cv2.COLOR_RGBA2GRAY),
+    "bgra8": (4, cv2.COLOR_BGRA2GRAY),
+}
+# Of the two bytes of a pixel, the one that is its luminance.
+_LUMA_BYTE = {"yuv422": 1, "uyvy": 1, "yuv422_yuy2": 0, "yuyv": 0}
+_BYTES_PER_PIXEL = {
+    **_GREY_BYTES,
+    **{encoding: channels for encoding, (channels, _) in _COLOUR.items()},
+    **dict.fromkeys(_LUMA_BYTE, 2),
+}
+TAKEN_AS_LUMINANCE = "pictures are taken as luminance (ITU-R BT.601)"
 
 
-def decode_image(message: Any) -> Pixels:
-    """The pixels of a `sensor_msgs/Image` or `CompressedImage`.
+@dataclass(frozen=True, eq=False)
+class GreyImage:
+    """An image's grey values.
+
+    Attributes:
+        pixels: (H, W) uint8 or uint16 in native byte order, read-only.
+        colour: where they are the luminance of a colour picture, what it came as; else empty.
+    """
+
+    pixels: Pixels
+    colour: str = ""
+
+
+def decode_image(message: Any, crop: Crop | None = None) -> Pixels:
+    """The grey values of an image, (H, W); see `decode_grey`."""
+    return decode_grey(message, crop).pixels
+
+
+def decode_grey(message: Any, crop: Crop | None = None) -> GreyImage:
+    """The grey values of a `sensor_msgs/Image` or `CompressedImage`; of a colour picture, its luminance.
 
     Args:
-        message: an Image of encoding mono8, 8UC1, mono16 or 16UC1, either endianness, rows padded or not; or what
-            `decode_compressed_image` takes.
+        message: an Image of encoding mono8, 8UC1, mono16, 16UC1 (either endianness), rgb8, bgr8, rgba8, bgra8, yuv422
+            (also called uyvy) or yuv422_yuy2 (yuyv), rows padded or not; or a CompressedImage, PNG or JPEG.
+        crop: the part that is wanted.
 
     Returns:
-        (H, W) uint8 or uint16 in native byte order, read-only; a view of the message's data where its bytes
-        already lie that way.
+        The image; its pixels are a view of the message's data where its bytes already lie that way.
 
     Raises:
-        MessageError: another encoding, a size out of bounds, or data that do not fit height and step.
+        MessageError: another encoding or format, a size out of bounds, data that do not fit height and step, or a crop
+            that reaches beyond the picture.
     """
-    if not hasattr(message, "encoding"):
-        return decode_compressed_image(message)
+    if hasattr(message, "encoding"):
+        rows, colour = _rows(message), "" if message.encoding in _GREY_BYTES else str(message.encoding)
+    else:
+        rows, colour = _unpacked(message)
+    if crop is not None:
+        rows = crop.part(rows)
+    if rows.ndim == 3:
+        rows = _luminance(rows, colour)
+    if not rows.dtype.isnative or not rows.flags.aligned:
+        rows = rows.astype(rows.dtype.newbyteorder("="))
+    rows.flags.writeable = False
+    return GreyImage(rows, colour)
+
+
+def _rows(message: Any) -> Any:
+    """The data of an Image as (H, W) or (H, W, C), without a copy."""
     height, width, step = int(message.height), int(message.width), int(message.step)
     size = _BYTES_PER_PIXEL.get(message.encoding)
     if size is None:
@@ -48,51 +98,48 @@ def decode_image(message: Any) -> Pixels:
     # Only the padding behind the last row may be missing.
     if not step * (height - 1) + width * size <= data.size <= step * height:
         raise MessageError(f"data: expected {step * height} bytes (step × height), found {data.size}")
-    order = ">" if message.is_bigendian else "<"
-    dtype = np.dtype(np.uint8) if size == 1 else np.dtype(f"{order}u2")
-    view: Any = np.ndarray((height, width), dtype=dtype, buffer=data.data, strides=(step, size))
-    if not view.dtype.isnative or not view.flags.aligned:
-        view = view.astype(view.dtype.newbyteorder("="))
-    view.flags.writeable = False
-    return view  # type: ignore[no-any-return]
+    if message.encoding not in _GREY_BYTES:
+        return np.ndarray((height, width, size), np.uint8, buffer=data.data, strides=(step, size, 1))
+    dtype = np.dtype(np.uint8) if size == 1 else np.dtype(">u2" if message.is_bigendian else "<u2")
+    return np.ndarray((height, width), dtype=dtype, buffer=data.data, strides=(step, size))
 
 
-def decode_compressed_image(message: Any) -> Pixels:
-    """The pixels of a `sensor_msgs/CompressedImage` (PNG or JPEG).
+def _luminance(picture: Any, encoding: str) -> Any:
+    """The luminance of a picture (H, W, C)."""
+    if encoding in _LUMA_BYTE:
+        return picture[..., _LUMA_BYTE[encoding]].copy()
+    return cv2.cvtColor(picture, _COLOUR[encoding][1])
 
-    Returns:
-        (H, W) uint8 or uint16, read-only.
 
-    Raises:
-        MessageError: not PNG or JPEG, not decodable, or a colour picture whose channels differ.
-    """
+def _unpacked(message: Any) -> tuple[Any, str]:
+    """The picture (H, W) or (H, W, C) of a CompressedImage, and in which order of colours."""
     data = np.frombuffer(message.data, dtype=np.uint8)
     whole = data.tobytes()
     # The size is checked before anything is unpacked.
-    if whole.startswith(_PNG_SIGNATURE):
-        width, height, pixel_bytes = _png_size(whole)
-    elif whole.startswith(b"\xff\xd8\xff"):
+    is_jpeg = whole.startswith(b"\xff\xd8\xff")
+    if is_jpeg:
         width, height, pixel_bytes = _jpeg_size(whole)
+    elif whole.startswith(_PNG_SIGNATURE):
+        width, height, pixel_bytes = _png_size(whole)
     else:
         raise MessageError(f"format: expected png or jpeg, found {message.format!r}")
     _check_size(width, height)
     if width * height * pixel_bytes > MAX_UNPACKED_BYTES:
-        raise MessageError(f"data: expected a grey image, found {width}×{height} pixels of {pixel_bytes} bytes")
+        raise MessageError(f"data: {width}×{height} pixels of {pixel_bytes} bytes are too large a picture")
     try:
-        pixels = cv2.imdecode(data, cv2.IMREAD_UNCHANGED)
+        # A colour JPEG holds its luminance by itself.
+        how = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_IGNORE_ORIENTATION if is_jpeg else cv2.IMREAD_UNCHANGED
+        pixels = cv2.imdecode(data, how)
     except cv2.error:
         pixels = None
     if pixels is None:
         raise MessageError(f"data: {data.size} bytes that cannot be decoded as {message.format!r}")
-    if pixels.ndim == 3:
-        if pixels.shape[2] < 3 or np.any(pixels[..., :3] != pixels[..., :1]):
-            raise MessageError(f"data: expected a grey image, found {pixels.shape[2]} different channels")
-        pixels = np.ascontiguousarray(pixels[..., 0])
     if pixels.dtype not in (np.uint8, np.uint16):
         raise MessageError(f"data: expected 8 or 16 bits a pixel, found {pixels.dtype}")
     _check_size(pixels.shape[1], pixels.shape[0])
-    pixels.flags.writeable = False
-    return pixels
+    if pixels.ndim == 2:
+        return pixels, "colour" if is_jpeg and pixel_bytes > 1 else ""
+    return pixels, "bgra8" if pixels.shape[2] == 4 else "bgr8"
 
 
 def _png_size(data: bytes) -> tuple[int, int, int]:

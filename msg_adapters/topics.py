@@ -38,7 +38,7 @@ def image_topic(plane: Plane) -> Topic:
 
 
 def compressed_image_topic(plane: Plane) -> Topic:
-    """The same images as image_transport's `compressed` plugin publishes them (offline input only)."""
+    """The same images as image_transport's `compressed` plugin publishes them; taken where there are no raw ones."""
     return Topic(f"plane_{plane}/image_raw/compressed", COMPRESSED_IMAGE_TYPE)
 
 

@@ -15,7 +15,7 @@ from lasso_motion_ros.core.output_checks import check_free
 from lasso_motion_ros.core.output_files import EarlierFile, write_json
 from lasso_motion_ros.core.progress import busy, counting
 from lasso_motion_ros.nodes.ros_start import require_ros
-from lasso_motion_ros.tools.listened_topics import NEEDED, live_topics
+from lasso_motion_ros.tools.listened_topics import lacking_topics, live_topics, stand_ins
 from lasso_motion_ros.tools.processes import held_signals
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
@@ -61,8 +61,7 @@ def run(args: argparse.Namespace) -> int:
         _print_counts(args.output, summary.counts, summary.seconds)
     for topic, type_name in summary.left_out.items():
         print(f"lasso-motion record: left out {topic}: {type_name} is not installed", file=sys.stderr)
-    missing = [topic.recorded_name for topic in NEEDED if not summary.counts.get(topic.recorded_name)]
-    if missing:
+    if missing := lacking_topics([name for name, count in summary.counts.items() if count]):
         print(f"lasso-motion record: nothing came on {', '.join(missing)}", file=sys.stderr)
     for topic, count in summary.lost.items():
         print(
@@ -90,7 +89,8 @@ def _record(args: argparse.Namespace) -> RecordSummary:
                 try:
                     with counting("recorded", args.quiet) as show:
                         topics = live_topics(args.namespace, args.topics)
-                        summary = record(writer, topics, interrupted, args.duration, show)
+                        instead = stand_ins(topics, args.topics)
+                        summary = record(writer, topics, instead, interrupted, args.duration, show)
                 finally:
                     written = sum(writer.counts.values())
             if not written:

@@ -45,6 +45,8 @@ def run(args: argparse.Namespace) -> int:
     if summary.damage is not None:
         print(f"lasso-motion track: {summary.damage}", file=sys.stderr)
     if not args.quiet:
+        for line in summary.remark_lines:
+            print(line)
         print(f"{args.output}: {describe(summary.statistics)}")
     if args.json is not None:
         write_json(args.json, counts(summary))

@@ -96,14 +96,16 @@ def plane_status(
     """
     counts = asdict(statistics.frames[plane]) | asdict(statistics.pairing[plane])
     values: dict[str, Any] = {name.replace("_", " "): value for name, value in counts.items()}
+    if remark := statistics.remarks.get(plane):
+        values["remark"] = remark
     missing, expected = watch.missing(plane)
     values[f"missing of the last {expected}"] = missing
     offset_s = watch.clock_offset_s()
     if plane == "b" and offset_s is not None:
         values["stamps ahead of plane A's on arrival (s)"] = f"{offset_s:.3f}"
     name = f"{node_name}: plane_{plane}"
-    if silence_s := watch.silence_s(plane, time.monotonic()):
-        return _status(name, WARN, f"no images for {silence_s:.0f} s", values)
+    if silent := watch.silence_words(plane, time.monotonic()):
+        return _status(name, WARN, silent, values)
     if reliable is None:
         return _status(name, WARN, "nobody publishes images", values)
     return _status(name, OK, "images", {**values, "subscribed": "reliable" if reliable else "best effort"})

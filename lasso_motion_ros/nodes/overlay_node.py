@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
@@ -184,7 +184,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._take(plane, self._frames[plane].add_camera_info(message, latched=latched))
 
     @guarded
-    def _on_image(self, plane: Plane, message: Image) -> None:
+    def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
         self._frame_ids[plane] = message.header.frame_id
         self._take(plane, self._frames[plane].add_image(message))
 

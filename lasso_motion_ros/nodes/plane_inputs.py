@@ -12,8 +12,8 @@ from sensor_msgs.msg import CameraInfo, Image
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
-from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, OfferedSubscription
-from msg_adapters.topics import camera_info_topic, image_topic, overlay_topic
+from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, image_subscription
+from msg_adapters.topics import camera_info_topic, overlay_topic
 
 CALIBRATION_DEPTH = 32
 
@@ -37,9 +37,7 @@ class PlaneInputs:
             for plane in PLANES
         ]
         self._images = [
-            OfferedSubscription(
-                node, Image, image_topic(plane).name, partial(on_image, plane), reliability="auto", depth=IMAGE_DEPTH
-            )
+            image_subscription(node, plane, partial(on_image, plane), reliability="auto", depth=IMAGE_DEPTH)
             for plane in PLANES
         ]
 

@@ -44,6 +44,7 @@ class StreamTimeout:
         self._timeout_s = timeout_s
         self._began_s = now_s
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=_TUNING.arrivals) for plane in PLANES}
+        self._held_s: float | None = None
         self._unused_s: float | None = None  # since when images have come without making a pair
         self._problem = ""
         self._last_task = 0
@@ -61,6 +62,11 @@ class StreamTimeout:
             if self._unused_s is None or (last_s is not None and now_s - last_s > self._limit_s()):
                 self._unused_s = now_s
             self._arrivals[plane].append(now_s)
+
+    def add_held(self, now_s: float) -> None:
+        """A picture has come that is no new exposure, but the last one shown again."""
+        with self._lock:
+            self._held_s = now_s
 
     def add_problem(self, text: str) -> None:
         """Something was wrong with an image or a calibration; the last one is named where none can be used."""
@@ -101,7 +107,8 @@ class StreamTimeout:
             if last_s is None:
                 return "no images yet" if now_s - self._began_s > limit_s else ""
             if now_s - last_s > limit_s:
-                return f"no images for {now_s - last_s:.1f} s"
+                held = self._held_s is not None and now_s - self._held_s <= limit_s
+                return f"{'the picture is held: no new exposure' if held else 'no images'} for {now_s - last_s:.1f} s"
             unused_s = 0.0 if self._unused_s is None else now_s - self._unused_s
             if unused_s > limit_s:
                 return f"no image could be used for {unused_s:.1f} s: {self._problem or 'they make no pair'}"

@@ -10,9 +10,12 @@ from typing import Any
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from sensor_msgs.msg import CompressedImage, Image
 
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.qos import offered_reliably, qos
 from lasso_motion_ros.nodes.steady_timer import steady_timer
+from msg_adapters.topics import compressed_image_topic, image_topic
 
 DISCOVERY_PERIOD_S = 0.1
 REMEMBERED = 32  # messages of which a second hearing is known as such; latched ones are few
@@ -31,6 +34,7 @@ class OfferedSubscription:
         callback: called with each message.
         reliability: `auto`, or `reliable` or `best_effort` to have it fixed and at once.
         depth: of the queue.
+        instead: class and name of another topic with the same content, heard while nobody publishes on the first.
     """
 
     def __init__(
@@ -42,20 +46,22 @@ class OfferedSubscription:
         *,
         reliability: str,
         depth: int,
+        instead: tuple[type, str] | None = None,
     ) -> None:
         self._node = node
-        self._message_type = message_type
-        self._topic = topic
+        self._types = {topic: message_type} | ({} if instead is None else {instead[1]: instead[0]})
         self._callback = callback
         self._depth = depth
         self._subscription: Subscription | None = None
-        self._reliable: bool | None = None
+        self._topic, self._reliable = topic, None if reliability == "auto" else reliability == "reliable"
+        self._by_offer = reliability == "auto"
+        self._said = ""
         self._timer = None
-        if reliability == "auto":
+        if self._reliable is not None:
+            self._subscribe(topic, self._reliable)
+        if self._by_offer or instead is not None:
             self._timer = steady_timer(node, DISCOVERY_PERIOD_S, self._discover)
             self._discover()
-        else:
-            self._subscribe(reliability == "reliable")
 
     @property
     def reliable(self) -> bool | None:
@@ -63,11 +69,10 @@ class OfferedSubscription:
         return self._reliable
 
     def publishers(self) -> dict[str, bool]:
-        """The nodes that publish on the topic, and whether reliably."""
-        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
+        """The nodes that publish on the topic that is heard, and whether reliably."""
         return {
             f"{offer.node_namespace.rstrip('/')}/{offer.node_name}": bool(offered_reliably([offer.qos_profile]))
-            for offer in offers
+            for offer in self._offers(self._topic)
         }
 
     def destroy(self) -> None:
@@ -77,19 +82,62 @@ class OfferedSubscription:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
 
-    def _discover(self) -> None:
-        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(self._topic))
-        reliable = offered_reliably(offer.qos_profile for offer in offers)
-        if reliable is not None and reliable != self._reliable:
-            self._subscribe(reliable)
+    def _offers(self, topic: str) -> list[Any]:
+        kind = self._types[topic]
+        type_name = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+        offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topic))
+        return [offer for offer in offers if offer.topic_type == type_name]
 
-    def _subscribe(self, reliable: bool) -> None:
+    def _discover(self) -> None:
+        offered = {
+            topic: reliable
+            for topic in self._types
+            if (reliable := offered_reliably(offer.qos_profile for offer in self._offers(topic))) is not None
+        }
+        if not offered:
+            return
+        topic, *others = offered
+        reliable = offered[topic] if self._by_offer else bool(self._reliable)
+        if (topic, reliable) != (self._topic, self._reliable) or self._subscription is None:
+            self._subscribe(topic, reliable)
+        self._say_which(topic, others)
+
+    def _say_which(self, topic: str, others: list[str]) -> None:
+        """Say once which of the topics is heard, where that goes without saying no more."""
+        first = next(iter(self._types))
+        said = f"heard, and not {others[0]}" if others else f"heard, since nobody publishes {first}"
+        if (others or topic != first) and said != self._said:
+            self._said = said
+            self._node.get_logger().info(f"{topic} is {said}")
+
+    def _subscribe(self, topic: str, reliable: bool) -> None:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
-        self._reliable = reliable
+        self._topic, self._reliable = topic, reliable
         self._subscription = self._node.create_subscription(
-            self._message_type, self._topic, self._callback, qos(depth=self._depth, reliable=reliable)
+            self._types[topic], topic, self._callback, qos(depth=self._depth, reliable=reliable)
         )
+
+
+def image_subscription(
+    node: Node, plane: Plane, callback: Callable[[Any], None], *, reliability: str, depth: int
+) -> OfferedSubscription:
+    """Hears a plane's images, raw where they are published raw, else compressed as image_transport does it.
+
+    Args:
+        node: the node.
+        plane: `a` or `b`.
+        callback: called with each Image or CompressedImage.
+        reliability: as for `OfferedSubscription`.
+        depth: of the queue.
+    """
+    raw, compressed = image_topic(plane).name, compressed_image_topic(plane).name
+    if node.resolve_topic_name(compressed) == node.resolve_topic_name(compressed, only_expand=True):
+        # Not remapped itself: as in image_transport it then follows the raw topic, wherever that is remapped to.
+        compressed = node.resolve_topic_name(raw) + compressed.removeprefix(raw)
+    return OfferedSubscription(
+        node, Image, raw, callback, reliability=reliability, depth=depth, instead=(CompressedImage, compressed)
+    )
 
 
 class CalibrationSubscription:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
@@ -199,14 +199,19 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._pipeline = None
 
     @guarded
-    def _on_image(self, plane: Plane, message: Image) -> None:
+    def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
         self._frame_ids[plane] = message.header.frame_id
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()
-        self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
-        self._state_watch.timeout.add_image(plane, time.monotonic())
         pipeline = self._active()
-        self._enqueue(pipeline.intake.add_image(plane, message))
+        tasks = pipeline.intake.add_image(plane, message)
+        if plane in pipeline.intake.held:
+            self._watch.add_held(plane, time.monotonic_ns())
+            self._state_watch.timeout.add_held(time.monotonic())
+        else:
+            self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
+            self._state_watch.timeout.add_image(plane, time.monotonic())
+        self._enqueue(tasks)
         if plane in pipeline.intake.calibrated:
             self._uncalibrated.pop(plane, None)
         elif self._tracker_publishers.watched:
@@ -337,7 +342,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held, remark)
         )
 
-    def _show_uncalibrated(self, plane: Plane, message: Image) -> None:
+    def _show_uncalibrated(self, plane: Plane, message: Image | CompressedImage) -> None:
         """Have the newest images drawn as they are, so that whoever sets the system up sees that they arrive."""
         with contextlib.suppress(MessageError):  # the intake has complained about it
             stamp = stamp_to_ns(message.header.stamp)
@@ -352,6 +357,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
                 self.complaints.complain(problem.topic or "stream", problem.text, kind=kind_of(problem.text))
                 if problem.topic in _IMAGE_INPUTS:
                     self._state_watch.timeout.add_problem(f"{problem.topic}: {problem.text}")
+            for remark in self._pipeline.problems.take_remarks():
+                self.complaints.inform(remark.topic, remark.text)
 
     @guarded
     def _on_look(self) -> None:

@@ -51,6 +51,7 @@ class _Arrivals:
     count: int = 0
     count_before: int = 0
     last_s: float | None = None
+    held_s: float | None = None
     uncalibrated_since_s: float | None = None
 
 
@@ -100,6 +101,18 @@ class StreamWatch:
         arrivals.lags.append(stamp_ns - now_ns)
         arrivals.count += 1
         arrivals.last_s = now_ns / NANOSECONDS
+
+    def add_held(self, plane: Plane, now_ns: int) -> None:
+        """Note a picture of a plane that is no new exposure, but the last one shown again."""
+        self._arrivals[plane].held_s = now_ns / NANOSECONDS
+
+    def silence_words(self, plane: Plane, now_s: float) -> str:
+        """That no new images of a plane come, and since when; empty while they come, or if none has ever come."""
+        silence_s = self.silence_s(plane, now_s)
+        held_s = self._arrivals[plane].held_s
+        held = held_s is not None and now_s - held_s < _LIMITS.silence_s
+        what = "the picture is held: no new exposure" if held else "no images"
+        return f"{what} for {silence_s:.0f} s" if silence_s else ""
 
     def silence_s(self, plane: Plane, now_s: float) -> float:
         """How long ago images stopped coming, seconds; 0 while they come, or if none has ever come."""
@@ -158,8 +171,8 @@ class StreamWatch:
                     ),
                 )
             # A publisher that was killed stays known for 20 s; its silence shows earlier.
-            if silence_s := self.silence_s(plane, now_s):
-                yield images, f"no image for {silence_s:.0f} s"
+            if silent := self.silence_words(plane, now_s):
+                yield images, silent
             yield from self._uncalibrated(plane, arrivals, plane in calibrated, now_s)
             missing, expected = self.missing(plane)
             if missing > _LIMITS.missing_share * expected and offer.best_effort:

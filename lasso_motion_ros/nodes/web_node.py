@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
@@ -312,7 +312,7 @@ class WebNode(ConfiguredNode[WebConfig]):
     # What comes in.
 
     @guarded
-    def _on_image(self, plane: Plane, message: Image) -> None:
+    def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
         self._complain(plane, self._stream.add_image(plane, message))
         if self._stream.new_runs != self._runs:
             self._runs = self._stream.new_runs

@@ -70,9 +70,8 @@ class MessageIntake:
             except LassoMotionError as error:
                 self._problems.report(seed_topic(plane).name, str(error))
                 return []
-            task = self._clicked.add_clicks(
-                plane, stamp_to_ns(message.header.stamp), points, hold=self._pairs.pairing.restarting
-            )
+            stamp = self._pairs.frames[plane].exposure_of(stamp_to_ns(message.header.stamp))
+            task = self._clicked.add_clicks(plane, stamp, points, hold=self._pairs.pairing.restarting)
             self._report_clicks()
             return [] if task is None else self._issued([task])
 
@@ -142,6 +141,16 @@ class MessageIntake:
         return self._pairs.pairing.offset_ns
 
     @property
+    def held(self) -> tuple[Plane, ...]:
+        """The planes whose newest picture is no new exposure, but the last one shown again."""
+        return tuple(plane for plane in PLANES if self._pairs.frames[plane].held)
+
+    @property
+    def remarks(self) -> dict[Plane, str]:
+        """Per plane, what is to be known of its images; empty where there is nothing."""
+        return {plane: self._pairs.frames[plane].remark for plane in PLANES}
+
+    @property
     def frame_counts(self) -> dict[Plane, CalibrationCounts]:
         """Per plane, what became of images and calibrations before pairing."""
         return {plane: dataclasses.replace(self._pairs.frames[plane].counts) for plane in PLANES}
@@ -167,6 +176,7 @@ class MessageIntake:
     def _report_frames(self, plane: Plane, topic: str) -> None:
         for complaint in self._pairs.frames[plane].take_complaints():
             self._problems.report(topic, complaint)
+        self._problems.remark(image_topic(plane).name, self._pairs.frames[plane].remark)
 
     def _report_clicks(self) -> None:
         for plane, reason in self._clicked.take_complaints():

@@ -58,6 +58,7 @@ class PipelineStatistics:
         frames: per plane, what became of images and calibrations before pairing.
         pairing: per plane, what became of images in pairing.
         seeds: what became of clicks.
+        remarks: per plane, what is to be known of its images; empty where there is nothing.
         residual_px: per plane, the last result's residual.
         ring: what the ring did by itself in the last pair.
         seed_gap_mm: by which the planes disagreed at the seed, mm; None without a seed, or where that is not judged.
@@ -79,6 +80,7 @@ class PipelineStatistics:
     frames: dict[Plane, CalibrationCounts]
     pairing: dict[Plane, PlaneCounts]
     seeds: SeedCounts
+    remarks: dict[Plane, str] = field(default_factory=dict)
     residual_px: dict[Plane, float] = field(default_factory=dict)
     ring: RingMotion | None = None
     seed_gap_mm: float | None = None

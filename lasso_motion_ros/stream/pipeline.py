@@ -78,6 +78,7 @@ class TrackingPipeline:
             states=session.counts.states,
             problems=self.problems.counts,
             frames=intake.frame_counts,
+            remarks=intake.remarks,
             pairing=intake.pairing_counts,
             seeds=SeedCounts(session.seeds_taken, refused, refusal),
             residual_px={} if result is None else dict(result.residual_px),

@@ -31,6 +31,8 @@ class ProblemLog:
         self._problems: deque[Problem] = deque(maxlen=_MAX_PROBLEMS)
         self._counts: Counter[str] = Counter()
         self._last: dict[str, str] = {}
+        self._remarks: dict[str, str] = {}
+        self._new_remarks: list[Problem] = []
 
     def report(self, topic: str, text: str) -> None:
         """Note a problem; see `Problem`."""
@@ -39,6 +41,19 @@ class ProblemLog:
             self._counts[topic] += 1
             self._last.pop(topic, None)  # so that the newest stands last
             self._last[topic] = text
+
+    def remark(self, topic: str, text: str) -> None:
+        """Note what is to be known of a topic, though nothing is wrong: given out where it is news, and once."""
+        with self._lock:
+            if text and self._remarks.get(topic) != text:
+                self._remarks[topic] = text
+                self._new_remarks.append(Problem(topic, text))
+
+    def take_remarks(self) -> list[Problem]:
+        """Remarks that are new since the last call."""
+        with self._lock:
+            remarks, self._new_remarks = self._new_remarks, []
+            return remarks
 
     def of_topics(self, topics: Iterable[str]) -> tuple[int, str]:
         """How many problems there were on some topics, and the text of the last; empty where there was none."""

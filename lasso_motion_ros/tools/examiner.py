@@ -10,7 +10,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from lasso_motion_ros.nodes.ros_start import ros_session
-from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, RawTopic, offer_of
+from lasso_motion_ros.tools.listened_topics import INSTEAD
+from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, heard_topics, offer_of
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
 from msg_adapters.recorded_messages import jazzy_types
@@ -36,16 +37,14 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
     with ros_session():
         node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
         examination = Examination(live=True)
-        raw_topics = [
-            RawTopic(
-                node,
-                namespace + topic.recorded_name,
-                lambda heard: examination.add(
-                    heard.topic.removeprefix(namespace), heard.type_name, heard.data, heard.received_ns
-                ),
-            )
-            for topic in (*INPUTS, STATE)
-        ]
+        raw_topics = heard_topics(
+            node,
+            [namespace + topic.recorded_name for topic in (*INPUTS, STATE)],
+            lambda heard: examination.add(
+                heard.topic.removeprefix(namespace), heard.type_name, heard.data, heard.received_ns
+            ),
+            {namespace + name: namespace + other for name, other in INSTEAD.items()},
+        )
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         try:

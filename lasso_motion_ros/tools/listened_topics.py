@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES
@@ -13,11 +13,42 @@ from msg_adapters.topics import (
     OUTPUTS,
     camera_info_topic,
     click_topic,
+    compressed_image_topic,
     image_topic,
 )
 
-RECORDED = (*INPUTS, *(click_topic(plane) for plane in PLANES), *OUTPUTS, DIAGNOSTICS, *GROUND_TRUTH)
-NEEDED = tuple(make(plane) for plane in PLANES for make in (image_topic, camera_info_topic))
+INSTEAD = {compressed_image_topic(plane).recorded_name: image_topic(plane).recorded_name for plane in PLANES}
+"""What stands in for another topic, where nobody publishes on that."""
+RECORDED = (
+    *INPUTS,
+    *(make(plane) for plane in PLANES for make in (click_topic, compressed_image_topic)),
+    *OUTPUTS,
+    DIAGNOSTICS,
+    *GROUND_TRUTH,
+)
+
+
+def lacking_topics(heard: Collection[str]) -> list[str]:
+    """Names in a recording of what tracking needs and has not been heard."""
+    compressed = {name for stand_in, name in INSTEAD.items() if stand_in in heard}
+    names = [make(plane).recorded_name for plane in PLANES for make in (image_topic, camera_info_topic)]
+    return [name for name in names if name not in heard and name not in compressed]
+
+
+def stand_ins(topics: Mapping[str, str], more: Sequence[str]) -> dict[str, str]:
+    """Of `live_topics`, full name of what is recorded only where nobody publishes on another → that other.
+
+    Args:
+        topics: as `live_topics` gives them.
+        more: topics that the user names, and which are recorded in any case.
+    """
+    live = {recorded: name for name, recorded in topics.items()}
+    asked = {name.strip("/") for name in more}
+    return {
+        live[stand_in]: live[name]
+        for stand_in, name in INSTEAD.items()
+        if not {stand_in.strip("/"), live[stand_in].strip("/")} & asked
+    }
 
 
 def live_topics(namespace: str, more: Sequence[str]) -> dict[str, str]:

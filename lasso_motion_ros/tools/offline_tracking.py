@@ -22,7 +22,7 @@ from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from lasso_motion_ros.tracking.tracker import Tracker
 from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.recordings.reader import RecordingReader
-from msg_adapters.recordings.tracking_topics import check_tracking_topics
+from msg_adapters.recordings.tracking_topics import check_tracking_topics, unused_compressed_topics
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import read_calibration_file, read_seeds_file
 from msg_adapters.topics import camera_info_topic, seed_topic
@@ -40,16 +40,23 @@ class TrackSummary:
         statistics: the pipeline's counts.
         problems: what was wrong with messages, and how often.
         damage: what is wrong with the recording as a file, or None.
+        remarks: what is to be known of the images, though nothing is wrong with them.
     """
 
     statistics: PipelineStatistics
     problems: Mapping[Problem, int]
     damage: str | None
+    remarks: tuple[Problem, ...] = ()
 
     @property
     def problem_lines(self) -> list[str]:
         """The problems, one line each; a problem of both planes is one."""
         return problem_lines(self.problems)
+
+    @property
+    def remark_lines(self) -> list[str]:
+        """The remarks, one line each; a remark on both planes is one."""
+        return problem_lines(dict.fromkeys(self.remarks, 1))
 
 
 def counts(summary: TrackSummary) -> dict[str, Any]:
@@ -64,6 +71,7 @@ def counts(summary: TrackSummary) -> dict[str, Any]:
         "pairing": {plane: asdict(pairing) for plane, pairing in statistics.pairing.items()},
         "heartbeat": None if statistics.heartbeat is None else statistics.heartbeat.text,
         "catheter": None if statistics.catheter is None else statistics.catheter.text,
+        "remarks": [{"topic": remark.topic, "text": remark.text} for remark in summary.remarks],
         "problems": [
             {"topic": problem.topic, "text": problem.text, "count": count}
             for problem, count in summary.problems.items()
@@ -84,9 +92,15 @@ def describe(statistics: PipelineStatistics) -> str:
     """One line: pairs, poses, states, what became of the heartbeat, what the images show of the catheter."""
     states = ", ".join(f"{count} {state.value}" for state, count in statistics.states.items())
     half = f" ({statistics.half_pairs} with one plane missing)" if statistics.half_pairs else ""
+    of_planes = [
+        f"{frames.held} of {frames.images} of plane {plane.upper()}"
+        for plane, frames in statistics.frames.items()
+        if frames.held
+    ]
+    held = f"; held pictures left out: {', '.join(of_planes)}" if of_planes else ""
     heartbeat = "" if statistics.heartbeat is None else f"; heartbeat: {statistics.heartbeat.text}"
     catheter = "" if statistics.catheter is None else f"; catheter: {statistics.catheter.text}"
-    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{heartbeat}{catheter}"
+    return f"{statistics.pairs} pairs{half}, {statistics.poses} poses; {states}{held}{heartbeat}{catheter}"
 
 
 def track_recording(
@@ -130,6 +144,8 @@ def track_recording(
         _check_seeds(reader)
     messages = RecordedMessages()
     pipeline = TrackingPipeline(config, messages, tracker)
+    for raw, compressed in unused_compressed_topics(reader.topics):
+        pipeline.problems.remark(compressed, f"not used: {raw} is there, which has lost nothing")
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
         run = _Run(pipeline, writer)
         run.write(pipeline.session.initial_outputs())
@@ -138,7 +154,8 @@ def track_recording(
         for recorded in progress(reader.messages(handlers), None, "tracking (messages)", quiet):
             run.take(handlers[recorded.topic](recorded.message))
         run.take(pipeline.intake.flush())
-        summary = TrackSummary(pipeline.statistics(), run.problems, reader.damage)
+        remarks = tuple(pipeline.problems.take_remarks())
+        summary = TrackSummary(pipeline.statistics(), run.problems, reader.damage, remarks)
         lacking = "image pair could be made" if summary.statistics.pairs == 0 else "pair got a pose"
         if summary.statistics.pairs == 0 or (summary.statistics.poses == 0 and not without_poses):
             raise RecordingError(f"{recording}: no {lacking}: {why_nothing(summary)}")

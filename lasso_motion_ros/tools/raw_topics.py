@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import zlib
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -72,6 +72,7 @@ class RawTopic:
         node: the node.
         name: the topic's full name.
         hear: called with each message, in the executor's thread.
+        unless: a topic with the same content: this one is heard only while nobody publishes on that.
 
     Attributes:
         offers: what its publishers offer now.
@@ -80,8 +81,11 @@ class RawTopic:
         lost: messages known to have been published and not heard.
     """
 
-    def __init__(self, node: Node, name: str, hear: Callable[[HeardMessage], None]) -> None:
+    def __init__(
+        self, node: Node, name: str, hear: Callable[[HeardMessage], None], unless: RawTopic | None = None
+    ) -> None:
         self.name = name
+        self._unless = unless
         self.offers: tuple[Offer, ...] = ()
         self.type_name: str | None = None
         self.unknown_type = False
@@ -94,6 +98,12 @@ class RawTopic:
 
     def discover(self) -> None:
         """Look at who publishes, and subscribe to what is offered anew."""
+        if self._unless is not None and self._unless.offers:
+            for subscription in self._subscriptions.values():
+                self._node.destroy_subscription(subscription)
+            self._subscriptions.clear()
+            self.offers = ()
+            return
         self.offers = tuple(offer_of(information) for information in self._node.get_publishers_info_by_topic(self.name))
         for offer in self.offers:
             kind = (offer.reliable, offer.latched)
@@ -134,6 +144,21 @@ class RawTopic:
         if self._last_number is not None and number > self._last_number:
             self.lost += number - self._last_number - 1
         self._last_number = number
+
+
+def heard_topics(
+    node: Node, names: Iterable[str], hear: Callable[[HeardMessage], None], instead: Mapping[str, str]
+) -> list[RawTopic]:
+    """Topics to be discovered and heard.
+
+    Args:
+        node: the node.
+        names: their full names.
+        hear: called with each message, in the executor's thread.
+        instead: further topics, each heard only while nobody publishes on the one of `names` that it stands in for.
+    """
+    topics = {name: RawTopic(node, name, hear) for name in names}
+    return [*topics.values(), *(RawTopic(node, name, hear, topics[other]) for name, other in instead.items())]
 
 
 def message_class_of(type_name: str) -> Any:

@@ -14,7 +14,7 @@ from rclpy.executors import SingleThreadedExecutor
 
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.nodes.ros_start import ros_session
-from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, HeardMessage, RawTopic
+from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, HeardMessage, heard_topics
 from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.recordings.writer import RecordingWriter
 
@@ -119,6 +119,7 @@ class _Disk:
 def record(
     writer: RecordingWriter,
     topics: Mapping[str, str],
+    instead: Mapping[str, str],
     interrupted: threading.Event,
     duration_s: float | None = None,
     show: Callable[[int], None] = lambda count: None,
@@ -128,6 +129,7 @@ def record(
     Args:
         writer: the recording; it is left open, for the caller to finish.
         topics: full name of a live topic → the name it is recorded under.
+        instead: of these, those that are recorded only while nobody publishes on another of them → that one.
         interrupted: set it to end.
         duration_s: end after so many seconds; None: only when interrupted.
         show: told now and then how many messages are recorded.
@@ -140,7 +142,12 @@ def record(
         node = rclpy.create_node("lasso_recorder", enable_rosout=False, start_parameter_services=False)
         disk = _Disk(writer)
         summary = RecordSummary(dropped=disk.dropped)
-        raw_topics = [RawTopic(node, name, lambda heard: disk.put(topics[heard.topic], heard)) for name in topics]
+        raw_topics = heard_topics(
+            node,
+            [name for name in topics if name not in instead],
+            lambda heard: disk.put(topics[heard.topic], heard),
+            instead,
+        )
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         began = time.monotonic()

@@ -158,6 +158,11 @@ class TrackerWord:
         age_s = self.pose_age_s
         if image_age_s is None or (age_s is not None and image_age_s >= age_s - TUNING.stale_s / 2.0):
             since = "" if image_age_s is None else f" for {image_age_s:.0f} s"
+            if any(map(self._health.is_held, PLANES)):
+                return Headline(
+                    NO_IMAGES, _ALARMING, f"The picture is held: no new exposure{since}.",
+                    "The picture is held. What is on the screen is old.", has_pose=False,
+                )  # fmt: skip
             return Headline(
                 NO_IMAGES, _ALARMING, f"No images{since}: nothing can be tracked.",
                 "No images. What is on the screen is old.", has_pose=False,
@@ -176,6 +181,8 @@ class TrackerWord:
         which = "" if len(silent) == len(PLANES) else f" of plane {next(iter(silent)).upper()}"
         if state == TrackerState.TRACKING.value:  # both planes are tracked: they get lost on the way to this page alone
             return f"The tracker has images{which}, this page has not. The picture is old."
+        if any(map(self._health.is_held, silent)):
+            return f"The picture{which} is held: no new exposure."
         return f"No images{which}. The picture is old."
 
 

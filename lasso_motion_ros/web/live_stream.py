@@ -81,8 +81,12 @@ class LiveStream:
     def add_image(self, plane: Plane, message: Any) -> list[str]:
         """Take an image; returns complaints."""
         with self._lock:
-            self._health.add_image(plane, stamp_to_ns(message.header.stamp), answer_expected=self.has_pose)
-            self._take_pairs(self._intake.add_image(plane, message))
+            pairs = self._intake.add_image(plane, message)
+            if self._intake.frames[plane].held:
+                self._health.add_held(plane)
+            else:
+                self._health.add_image(plane, stamp_to_ns(message.header.stamp), answer_expected=self.has_pose)
+            self._take_pairs(pairs)
             return self._intake.frames[plane].take_complaints()
 
     def add_camera_info(self, plane: Plane, message: Any, *, latched: bool = False) -> list[str]:
@@ -251,6 +255,7 @@ class LiveStream:
                 "sigma_mm": None if sigma_mm is None else round(sigma_mm, 2),
                 "pose_age_s": None if age is None else round(age, 1 if age < 1.0 else None),
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},
+                "held_pictures": {plane: self._health.is_held(plane) for plane in PLANES},
                 "seen": {plane: self._health.has_seen(plane) for plane in PLANES},
                 "calibrated": {plane: self._intake.frames[plane].calibrated for plane in PLANES},
                 "tracker_latency_ms": self._tracker_latency_ms,

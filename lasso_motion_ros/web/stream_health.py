@@ -51,6 +51,7 @@ class StreamHealth:
         self._clock = clock
         self._began_at_s: float | None = None
         self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=TUNING.arrivals) for plane in PLANES}
+        self._held_at_s: dict[Plane, float] = {}
         self._received: Recent[int, tuple[float, bool]] = Recent(TUNING.unanswered)
         self._latencies_ms: deque[float] = deque(maxlen=TUNING.latencies)
 
@@ -73,6 +74,15 @@ class StreamHealth:
             if newest is not None and stamp_ns < newest:
                 self._received.clear()  # another run: its stamps may be those of the last
             self._received[stamp_ns] = now, answer_expected
+
+    def add_held(self, plane: Plane) -> None:
+        """Take note of a picture that is no new exposure, but the last one shown again."""
+        self._held_at_s[plane] = self._clock()
+
+    def is_held(self, plane: Plane) -> bool:
+        """Whether pictures of a plane come that are no new exposure."""
+        held_at_s = self._held_at_s.get(plane)
+        return held_at_s is not None and self._clock() - held_at_s <= TUNING.silent_s
 
     def add_answer(self, stamp_ns: int) -> float:
         """Take note of the answer to plane A's image of this stamp.

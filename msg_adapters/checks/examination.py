@@ -48,6 +48,7 @@ class Examination:
         self._seeds: dict[Plane, list[Any]] = {plane: [] for plane in PLANES}
         self._state: str | None = None
         self._undecodable: Counter[str] = Counter()
+        self._raw: set[Plane] = set()
         self._sampled_ns: dict[str, int] = {}
         self._roles: dict[tuple[str, str], tuple[str, Plane]] = {
             (topic.recorded_name, topic.type_name): (role, plane)
@@ -75,6 +76,12 @@ class Examination:
             return
         role, plane = self._roles[topic, type_name]
         if role == "image":
+            if topic == image_topic(plane).recorded_name and plane not in self._raw:
+                # Compressed ones, which came first, are not what the tracker takes.
+                self._raw.add(plane)
+                self._stamps[plane], self._images[plane] = PlaneStamps(), ImageSamples()
+            elif topic != image_topic(plane).recorded_name and plane in self._raw:
+                return
             stamps = self._stamps[plane]
             stamps.stamps.append(_stamp_ns(data))
             stamps.arrivals.append(arrival_ns)

@@ -86,9 +86,7 @@ def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Iss
         live: a running graph, not a recording.
     """
     for plane in PLANES:
-        compressed = topics.get(compressed_image_topic(plane).recorded_name)
-        if live or compressed is None or compressed.type_name != COMPRESSED_IMAGE_TYPE:
-            yield from _check_needed(image_topic(plane), topics, plane, live=live)
+        yield from _check_images(plane, topics, live=live)
         yield from _check_needed(camera_info_topic(plane), topics, plane, live=live)
         yield from _check_type(seed_topic(plane), topics)
     if live:
@@ -103,11 +101,27 @@ def check_graph(topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Iss
                 yield from _check_subscriptions(topic, facts)
 
 
+def _check_images(plane: Plane, topics: Mapping[str, TopicFacts], *, live: bool) -> Iterator[Issue]:
+    """The plane's images, raw or compressed; where there are both, the raw ones are taken."""
+    raw, compressed = image_topic(plane), compressed_image_topic(plane)
+    stand_in = topics.get(compressed.recorded_name)
+    if stand_in is None or stand_in.type_name != compressed.type_name or (live and not stand_in.publishers):
+        yield from _check_needed(raw, topics, plane, live=live)
+        return
+    facts = topics.get(raw.recorded_name)
+    if facts is None or facts.type_name != raw.type_name or (live and not facts.publishers):
+        yield from _check_needed(compressed, topics, plane, live=live)
+        return
+    yield from _check_needed(raw, topics, plane, live=live)
+    taken = f"{compressed.recorded_name} is there too; these are taken"
+    yield Issue("note", raw.recorded_name, taken, "as it should be: nothing has been lost in them")
+
+
 def _check_needed(topic: Topic, topics: Mapping[str, TopicFacts], plane: Plane, *, live: bool) -> Iterator[Issue]:
     name = topic.recorded_name
     facts = topics.get(name)
     if facts is not None and (not live or facts.publishers):
-        if facts.type_name == COMPRESSED_IMAGE_TYPE:
+        if topic.type_name == IMAGE_TYPE and facts.type_name == COMPRESSED_IMAGE_TYPE:
             yield Issue("error", name, "it carries compressed images", _compressed_cure(name, plane, live=live))
             return
         yield from _check_type(topic, topics)
@@ -156,13 +170,10 @@ def _compressed_match(topics: Mapping[str, TopicFacts], plane: Plane) -> str | N
 
 
 def _compressed_cure(found: str, plane: Plane, *, live: bool) -> str:
+    topic = compressed_image_topic(plane)
     if not live:
-        return f"--remap {found}:={compressed_image_topic(plane).recorded_name}"
-    return (
-        "ros2 run image_transport republish --ros-args -p in_transport:=compressed -p out_transport:=raw"
-        f" -r in/compressed:={found} -r out:={image_topic(plane).recorded_name}"
-        + (", and let the camera publish under another name" if found == image_topic(plane).recorded_name else "")
-    )
+        return f"--remap {found}:={topic.recorded_name}"
+    return f"start the nodes with --ros-args -r {topic.name}:={found}"
 
 
 def _check_trackers(topics: Mapping[str, TopicFacts]) -> Iterator[Issue]:

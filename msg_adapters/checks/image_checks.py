@@ -11,7 +11,7 @@ import numpy as np
 
 from lasso_motion_ros.core.errors import MessageError
 from msg_adapters.checks.issue import Issue, Severity, cure_of
-from msg_adapters.images import Pixels, decode_image
+from msg_adapters.images import TAKEN_AS_LUMINANCE, Pixels, decode_grey
 
 
 @dataclass(frozen=True)
@@ -47,6 +47,7 @@ class ImageSamples:
         sizes: (height, width) → how often.
         encodings: encoding → how often.
         refusals: why an image was refused → how often.
+        colours: what colour pictures came as → how often.
         samples: images looked at.
         flat: of those, all of one value.
         saturated: of those, more than half at the highest value that occurs in the picture's range.
@@ -56,6 +57,7 @@ class ImageSamples:
     sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
     encodings: Counter[str] = field(default_factory=Counter)
     refusals: Counter[str] = field(default_factory=Counter)
+    colours: Counter[str] = field(default_factory=Counter)
     samples: int = 0
     flat: int = 0
     saturated: int = 0
@@ -66,10 +68,13 @@ class ImageSamples:
         self.samples += 1
         self.encodings[message.encoding if hasattr(message, "encoding") else message.format] += 1
         try:
-            pixels = decode_image(message)
+            grey = decode_grey(message)
         except MessageError as error:
             self.refusals[str(error)] += 1
             return
+        pixels = grey.pixels
+        if grey.colour:
+            self.colours[grey.colour] += 1
         self.sizes[pixels.shape[0], pixels.shape[1]] += 1
         lowest, highest = int(pixels.min()), int(pixels.max())
         if lowest == highest:
@@ -98,6 +103,8 @@ def check_images(name: str, seen: ImageSamples) -> Iterator[Issue]:
     for refusal, count in seen.refusals.items():
         found = f"{refusal} ({count} of {seen.samples} images looked at)"
         yield Issue("error", name, found, cure_of(refusal, _CURES))
+    for colour in seen.colours:
+        yield Issue("note", name, f"{colour} {TAKEN_AS_LUMINANCE}", "mono8 or mono16 from the detector shows more")
     if len(seen.sizes) > 1:
         sizes = ", ".join(f"{width}×{height}" for height, width in seen.sizes)
         yield Issue("note", name, f"the size changes: {sizes}", "let the calibration come with each image")

@@ -46,6 +46,16 @@ def recorded_image_topic(plane: Plane, topics: Mapping[str, str]) -> Topic:
     return raw if topics.get(raw.recorded_name) == raw.type_name else compressed_image_topic(plane)
 
 
+def unused_compressed_topics(topics: Mapping[str, str]) -> list[tuple[str, str]]:
+    """Name of the raw and of the compressed images of each plane that has both: the raw ones are taken."""
+    both = [(image_topic(plane), compressed_image_topic(plane)) for plane in PLANES]
+    return [
+        (raw.name, compressed.name)
+        for raw, compressed in both
+        if all(topics.get(topic.recorded_name) == topic.type_name for topic in (raw, compressed))
+    ]
+
+
 def _missing(topics: Mapping[str, str], name: str, type_name: str) -> list[str]:
     found = topics.get(name)
     if found == type_name:

@@ -17,8 +17,9 @@ from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
-from msg_adapters.images import Pixels, decode_image
+from msg_adapters.images import TAKEN_AS_LUMINANCE, Pixels, decode_grey
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
+from msg_adapters.sync.held_picture import HeldPicture
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ class CalibrationCounts:
     Attributes:
         images: images received.
         refused_images: of those, refused by their content.
+        held: of those, the last exposure shown again.
         uncalibrated: images for which there was no valid calibration.
         calibrations: calibrations received.
         refused_calibrations: of those, refused by their content.
@@ -91,6 +93,7 @@ class CalibrationCounts:
 
     images: int = 0
     refused_images: int = 0
+    held: int = 0
     uncalibrated: int = 0
     calibrations: int = 0
     refused_calibrations: int = 0
@@ -101,11 +104,17 @@ class CalibratedFrames:
 
     Args:
         extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
+
+    Attributes:
+        counts: what became of the messages.
+        remark: what is to be known of the images, though nothing is wrong with them; empty where there is nothing.
     """
 
     def __init__(self, extrinsics: Extrinsics | None = None) -> None:
         self._extrinsics = extrinsics
         self.counts = CalibrationCounts()
+        self.remark = ""
+        self._picture = HeldPicture()
         self._waiting: deque[PendingFrame] = deque()
         self._own: dict[int, _Calibration | None] = {}  # None: refused
         self._latest: _Calibration | None = None
@@ -123,6 +132,15 @@ class CalibratedFrames:
     def calibrated(self) -> bool:
         """Whether the last calibration heard is valid."""
         return self._latest is not None
+
+    @property
+    def held(self) -> bool:
+        """Whether the newest picture is the last exposure shown again."""
+        return self._picture.held
+
+    def exposure_of(self, stamp_ns: int) -> int:
+        """The stamp of the exposure that the picture with this stamp shows: its own, unless that was held."""
+        return self._picture.exposure_of(stamp_ns)
 
     def take_complaints(self) -> list[str]:
         """What was wrong with messages since the last call."""
@@ -155,16 +173,20 @@ class CalibratedFrames:
         return self.settle(final=True)
 
     def take_image(self, message: Any) -> PendingFrame | None:
-        """Take an image, which `settle` completes; None where it is refused."""
+        """Take an image, which `settle` completes; None where it is refused, or a held picture: no new exposure."""
         self.counts.images += 1
         stamp = stamp_to_ns(message.header.stamp)
         try:
             if stamp == 0:
                 raise MessageError("header.stamp: expected the time of exposure, found zero")
-            pixels = decode_image(message)
+            grey = decode_grey(message)
         except MessageError as error:
             self.counts.refused_images += 1
             self._complaints.append(str(error))
+            return None
+        self.remark = f"{grey.colour} {TAKEN_AS_LUMINANCE}" if grey.colour else ""
+        if self._picture.shows_again(stamp, grey.pixels):
+            self.counts.held += 1
             return None
         if self._recent_images and stamp < self._recent_images[-1] - NANOSECONDS:
             self._leave_behind()
@@ -173,7 +195,7 @@ class CalibratedFrames:
                 self._own.clear()
                 self._newest_ns = 0
         self._recent_images.append(stamp)
-        pending = PendingFrame(stamp, pixels)
+        pending = PendingFrame(stamp, grey.pixels)
         self._waiting.append(pending)
         return pending
 

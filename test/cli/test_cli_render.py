@@ -150,7 +150,7 @@ def with_images_refused(recording: str, path: Path, topic: str) -> Path:
     with RecordingWriter(path) as writer:
         for one in RecordingReader(recording).messages():
             if one.topic.endswith(topic):
-                one.message.encoding = "bgr8"
+                one.message.encoding = "32FC1"
             writer.write(one.topic, one.type_name, one.message, one.log_time_ns)
     return path
 

@@ -10,13 +10,13 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from support.message_inputs import FakeTracker, projection, seed, stamp, stream
+from support.message_inputs import MESSAGES, FakeTracker, projection, seed, stamp, stream
 
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import bundled_recording
 from lasso_motion_ros.stream import pipeline
 from lasso_motion_ros.stream.problem_log import Problem, problem_lines
-from msg_adapters.images import decode_image
+from msg_adapters.images import decode_image, encode_image
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
 from msg_adapters.recordings.reader import RecordingReader
@@ -125,6 +125,26 @@ def test_compressed_images_are_input_too(tmp_path: Path) -> None:
     assert motion(tmp_path / "out.mcap") == EXPECTED
 
 
+def test_colour_is_taken_as_luminance_and_raw_images_before_compressed_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def coloured() -> Any:
+        for topic, type_name, message, at in stream(6):
+            if topic.endswith("image_raw"):
+                picture = np.dstack([decode_image(message)] * 3)
+                fields = {"header": header_fields(at - 1000), "format": "png", "data": b"not looked at"}
+                yield topic + "/compressed", "sensor_msgs/msg/CompressedImage", fields, at
+                message = MESSAGES.make(type_name, encode_image(picture, header_fields(at - 1000)))
+            yield topic, type_name, message, at
+
+    assert track(record(tmp_path / "in.mcap", coloured()), "-o", tmp_path / "out.mcap") == 0
+    assert motion(tmp_path / "out.mcap") == EXPECTED
+    said = capsys.readouterr()
+    assert "plane_a/image_raw, plane_b/image_raw: rgb8 pictures are taken as luminance (ITU-R BT.601)\n" in said.out
+    assert "plane_b/image_raw/compressed: not used: plane_b/image_raw is there, which has lost nothing\n" in said.out
+    assert said.err == ""
+
+
 @pytest.mark.parametrize(
     ("drop", "text"),
     [
@@ -147,7 +167,7 @@ def test_images_that_are_all_refused_leave_no_output(tmp_path: Path, capsys: pyt
     def coloured() -> Any:
         for topic, type_name, message, at in stream(3):
             if topic.endswith("image_raw"):
-                message.encoding = "bgr8"
+                message.encoding = "32FC1"
             yield topic, type_name, message, at
 
     assert track(record(tmp_path / "in.mcap", coloured()), "-o", tmp_path / "out.mcap") == 2

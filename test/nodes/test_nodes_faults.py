@@ -81,7 +81,7 @@ BAD_CALIBRATIONS = {
     "distorted": (lambda f: f | {"d": np.array([0.1, 0, 0, 0, 0])}, "plane_a/camera_info: d: expected all zero"),
 }
 BAD_IMAGES = {
-    "encoding": (lambda f: f | {"encoding": "bgr8"}, "plane_a/image_raw: encoding: expected mono8"),
+    "encoding": (lambda f: f | {"encoding": "32FC1"}, "plane_a/image_raw: encoding: expected mono8"),
     "step": (
         lambda f: f | {"step": 100},
         "plane_a/image_raw: step: a row of 256 mono16 pixels has 512 bytes, found 100",
@@ -119,9 +119,13 @@ def test_big_endian_images_are_tracked(stream: RingStream) -> None:
 
 @pytest.mark.parametrize("value", [0, 4095, 65535])
 def test_an_image_without_content_is_a_loss(stream: RingStream, value: int) -> None:
-    flat = np.full((SIDE, SIDE), value, np.uint16).tobytes()
+    generator = np.random.default_rng(value)
+
+    def flat(fields: dict[str, Any]) -> dict[str, Any]:  # but for the last bit: else the picture would be held
+        return fields | {"data": (generator.integers(0, 2, (SIDE, SIDE), np.uint16) ^ value).astype("<u2").tobytes()}
+
     before = len(stream.graph.heard.messages["motion"])
-    stream.pairs(3, spoil_image=lambda fields: fields | {"data": flat})
+    stream.pairs(3, spoil_image=flat)
     stream.graph.heard.wait_for(lambda: stream.states()[-3:] == ["LOST"] * 3)
     assert len(stream.graph.heard.messages["motion"]) == before
 

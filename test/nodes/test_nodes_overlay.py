@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -39,6 +40,13 @@ pytestmark = pytest.mark.ros
 
 PICTURES = tuple(topics.overlay_topic(plane) for plane in "ab")
 IMAGE = np.random.default_rng(3).integers(90, 160, (SIDE, SIDE), dtype=np.uint8)
+
+
+def exposure(pair: int) -> np.ndarray:
+    """The image of a pair: no exposure is as the last."""
+    return np.roll(IMAGE, pair, axis=0)
+
+
 REGISTRATION = shift(4.0)
 
 
@@ -57,7 +65,9 @@ class Bench:
         node = graph.processes.start_node("overlay", "lasso_overlay", ["--ros-args", *words])
         self.process = node.pid
         inputs = [
-            *(make(plane) for plane in "ab" for make in (topics.image_topic, topics.camera_info_topic)),
+            *(topics.camera_info_topic(plane) for plane in "ab"),
+            topics.image_topic("a"),
+            topics.compressed_image_topic("b"),
             topics.MOTION,
             topics.CATHETER,
             topics.STATE,
@@ -91,7 +101,11 @@ class Bench:
     def image(self, plane: str, pair: int, later_ns: int = 0) -> None:
         header = header_fields(stamp(pair) + later_ns, f"detector_{plane}")
         self.send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
-        self.send(topics.image_topic(plane), encode_image(IMAGE, header))
+        if plane == "a":
+            self.send(topics.image_topic(plane), encode_image(exposure(pair), header))
+        else:  # as image_transport compresses them
+            data = cv2.imencode(".png", exposure(pair))[1].reshape(-1)
+            self.send(topics.compressed_image_topic(plane), {"header": header, "format": "png", "data": data})
 
     def fence(self) -> None:
         """Let the node go through what it has received."""
@@ -116,11 +130,13 @@ class Bench:
         header = header_fields(stamp(pair), "patient_table")
         self.send(topics.CATHETER, encode_line_strip(loop, header, "catheter"))
 
-    def expected(self, plane: str, z_mm: float | None, status: str = "", loop: np.ndarray | None = None) -> np.ndarray:
+    def expected(
+        self, plane: str, pair: int, z_mm: float | None, status: str = "", loop: np.ndarray | None = None
+    ) -> np.ndarray:
         """What must be drawn: the surface at its registration, moved, or static with words."""
         surface = read_surface(self._surface, "mm").moved(REGISTRATION)
         motion = None if z_mm is None else shift(z_mm)
-        return OverlayPainter(surface).draw(IMAGE, projections()[plane], motion, status, loop=loop)
+        return OverlayPainter(surface).draw(exposure(pair), projections()[plane], motion, status, loop=loop)
 
 
 @pytest.fixture
@@ -138,8 +154,8 @@ def test_an_image_is_drawn_with_its_own_motion(graph: Graph, tmp_path: Path) -> 
         bench.fence()  # the images are there before their motion
         bench.motion(pair, z_mm)
         bench.picture("a", pair)
-    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 6.0))
-    np.testing.assert_array_equal(bench.picture("b", 1, 20_000_000), bench.expected("b", 6.0))
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, 6.0))
+    np.testing.assert_array_equal(bench.picture("b", 1, 20_000_000), bench.expected("b", 1, 6.0))
     # The picture may be there before the surface, which is on a topic of its own.
     markers = graph.heard.messages["overlay/surface"]
     graph.heard.wait_for(lambda: stamp_to_ns(markers[-1].header.stamp) == stamp(1))
@@ -159,8 +175,8 @@ def test_the_lasso_of_the_same_pair_is_drawn(graph: Graph, tmp_path: Path) -> No
         bench.catheter(pair, apply(shift(z_mm), ring))
         bench.fence()
         bench.image("a", pair)
-    expected = bench.expected("a", 6.0, loop=apply(shift(6.0), ring))
-    assert (expected != bench.expected("a", 6.0)).any()
+    expected = bench.expected("a", 1, 6.0, loop=apply(shift(6.0), ring))
+    assert (expected != bench.expected("a", 1, 6.0)).any()
     np.testing.assert_array_equal(bench.picture("a", 1), expected)
 
 
@@ -170,9 +186,9 @@ def test_without_its_motion_it_is_drawn_with_the_last_and_its_age_then_static(gr
     bench.motion(0, 5.0)
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == ADD)
     bench.image("a", 1)
-    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 5.0, "motion 0.25 s old"))
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, 5.0, "motion 0.25 s old"))
     bench.image("a", 3)
-    np.testing.assert_array_equal(bench.picture("a", 3), bench.expected("a", None, "motion 0.8 s old"))
+    np.testing.assert_array_equal(bench.picture("a", 3), bench.expected("a", 3, None, "motion 0.8 s old"))
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
 
 
@@ -183,14 +199,14 @@ def test_in_a_state_without_a_pose_the_picture_says_so(graph: Graph, tmp_path: P
     bench.motion(0, 5.0)
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == ADD)
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 5.0))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 0, 5.0))
     bench.state(state)
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
     # No image has come since: what stands on the screen is drawn again.
     graph.heard.wait_for(lambda: len(graph.heard.messages["plane_a/overlay"]) == 2)
-    np.testing.assert_array_equal(bench.last_picture("a"), bench.expected("a", None, state))
+    np.testing.assert_array_equal(bench.last_picture("a"), bench.expected("a", 0, None, state))
     bench.image("a", 1)
-    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", None, state))
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, None, state))
 
 
 def test_a_tracker_that_says_nothing_any_more_is_not_compensated_with(graph: Graph, tmp_path: Path) -> None:
@@ -198,22 +214,22 @@ def test_a_tracker_that_says_nothing_any_more_is_not_compensated_with(graph: Gra
     bench.state("TRACKING")
     bench.motion(0, 5.0)
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 5.0))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 0, 5.0))
     bench.fall_silent()
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
     graph.heard.wait_for(lambda: len(graph.heard.messages["plane_a/overlay"]) == 2)
-    silent = [bench.expected("a", None, f"tracker silent for {seconds} s") for seconds in (2, 3, 4)]
+    silent = [bench.expected("a", 0, None, f"tracker silent for {seconds} s") for seconds in (2, 3, 4)]
     assert any((bench.last_picture("a") == one).all() for one in silent)
     bench.state("TRACKING")
     bench.motion(1, 6.0)
     bench.image("a", 1)
-    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 6.0))
+    np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, 6.0))
 
 
 def test_before_a_tracker_is_heard_it_is_static(graph: Graph, tmp_path: Path) -> None:
     bench = Bench(graph, tmp_path)
     bench.image("b", 0)
-    np.testing.assert_array_equal(bench.picture("b", 0), bench.expected("b", None))
+    np.testing.assert_array_equal(bench.picture("b", 0), bench.expected("b", 0, None))
 
 
 def test_slower_than_the_images_it_draws_both_planes_of_one_pair(
@@ -270,7 +286,7 @@ def test_a_motion_in_another_frame_is_refused_and_the_node_ends_cleanly(graph: G
     bench.motion(0, 5.0, frame="map")
     graph.wait_until(lambda: "motion is in frame 'map', expected 'patient_table'" in graph.processes.log("overlay"))
     bench.image("a", 0)
-    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", None, "no motion yet"))
+    np.testing.assert_array_equal(bench.picture("a", 0), bench.expected("a", 0, None, "no motion yet"))
     graph.processes.send("overlay", signal.SIGINT)
     assert graph.wait_for_end("overlay") == 0
 

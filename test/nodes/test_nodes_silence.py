@@ -23,6 +23,7 @@ from support.node_harness import Graph
 from support.paths import ROOT
 from support.ring_stream import HEARD, RingStream, start_tracker
 
+from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.nodes.qos import topic_subscription
 from msg_adapters import topics
 from msg_adapters.markers import DELETE
@@ -121,10 +122,10 @@ def test_both_planes_stop(stream: RingStream) -> None:
 @pytest.mark.parametrize(
     ("spoil", "why"),
     [
-        (lambda f: f | {"encoding": "rgb8"}, "encoding: expected"),
+        (lambda f: f | {"encoding": "32FC1"}, "encoding: expected"),
         (lambda f: f | {"height": 128, "data": bytes(f["data"])[: len(f["data"]) // 2]}, "the calibration is for"),
     ],
-    ids=["rgb8", "another size"],
+    ids=["32FC1", "another size"],
 )
 def test_only_images_come_that_cannot_be_used(stream: RingStream, spoil: Any, why: str) -> None:
     ended = threading.Event()
@@ -135,6 +136,30 @@ def test_only_images_come_that_cannot_be_used(stream: RingStream, spoil: Any, wh
     assert why in message(stream)
     assert read_latched(stream)[0] == "LOST"
     stream.said("state: LOST: no image could be used for ")
+
+
+def test_the_picture_is_held(stream: RingStream) -> None:
+    """As by a frame grabber while the pedal is up: no new exposure, which is as good as no image."""
+    (last,) = stream.pairs(1)
+    stream.expect([last])
+    posed, ended = len(stream.graph.heard.messages["motion"]), threading.Event()
+    held = {topics.image_topic(plane): stream.drawn(plane, stream.number)[1][1]["data"] for plane in PLANES}
+    shown = iter(())
+
+    def hold(fields: dict[str, Any]) -> dict[str, Any]:
+        return fields | {"data": next(shown)}
+
+    while not message(stream).startswith("LOST: the picture is held: no new exposure for "):
+        assert stream.number < 1000
+        shown = iter(held.values())
+        stream.pairs(1, spoil_image=hold)
+        ended.wait(0.1)
+    assert read_latched(stream)[0] == "LOST"
+    assert len(stream.graph.heard.messages["motion"]) == posed + 1  # one of the pictures was new
+    stream.said("state: LOST: the picture is held: no new exposure for ")
+    stream.await_count("plane_a", "held", 2)
+    stream.expect(stream.pairs(1))
+    stream.await_state("TRACKING")
 
 
 def test_the_tracker_hangs(stream: RingStream) -> None:

@@ -6,6 +6,7 @@ import signal
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 
@@ -21,9 +22,10 @@ from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.evaluation.recorded_input import read_estimates
 from lasso_motion_ros.tools.offline_tracking import track_recording
 from msg_adapters import topics
-from msg_adapters.images import encode_image
+from msg_adapters.images import decode_image, encode_image
 from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
 from msg_adapters.poses import decode_pose
+from msg_adapters.recordings.reader import RecordingReader
 
 pytestmark = pytest.mark.ros
 
@@ -155,6 +157,45 @@ def test_best_effort_images_and_a_latched_calibration_are_heard(tmp_path: Path, 
         graph.heard.wait_for(lambda: counts(graph, "plane_a").get("subscribed") == "best effort")
 
 
+def grabbed(recording: Path) -> list[tuple[topics.Topic, dict[str, Any]]]:
+    """A recording's images as frame grabbers publish them: plane A's in colour, plane B's compressed."""
+    found: list[tuple[topics.Topic, dict[str, Any]]] = []
+    for one in RecordingReader(recording).messages([topic.recorded_name for topic in IMAGES]):
+        pixels, header = decode_image(one.message), header_fields(stamp_to_ns(one.message.header.stamp))
+        if one.topic == IMAGES[0].recorded_name:
+            found.append((IMAGES[0], encode_image(np.dstack([pixels] * 3), header)))
+        else:
+            data = cv2.imencode(".png", np.array(pixels))[1].reshape(-1)
+            fields = {"header": header, "format": "mono8; png compressed", "data": data}
+            found.append((topics.compressed_image_topic("b"), fields))
+    return found
+
+
+def test_colour_and_compressed_images_give_the_same_poses(
+    tmp_path: Path, recording: Path, offline: list[np.ndarray]
+) -> None:
+    with Graph(HEARD, tmp_path) as graph:
+        start(graph)
+        images = grabbed(recording)
+        publishers = {topic.name: graph.publisher(topic) for topic in (*dict(images), *INFOS, *SEEDS)}
+        graph.wait_until(lambda: all(publisher.get_subscription_count() > 0 for publisher in publishers.values()))
+        for name, data in recorded(recording, *INFOS, *SEEDS):
+            publishers[name].publish(data)
+        for topic, fields in images:
+            publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))
+        graph.heard.wait_for(lambda: len(poses(graph)) == len(MOTIONS_MM))
+        for at, expected in zip(STAMPS, offline, strict=True):
+            np.testing.assert_allclose(poses(graph)[at], expected, atol=1e-6)
+        taken = "rgb8 pictures are taken as luminance (ITU-R BT.601)"
+        graph.heard.wait_for(lambda: counts(graph, "plane_a").get("remark") == taken)
+        graph.publisher(IMAGES[1])
+        heard = "plane_b/image_raw is heard, and not /plane_b/image_raw/compressed"
+        graph.wait_until(lambda: heard in graph.processes.log("tracker", 50))
+        said = graph.processes.log("tracker", 50)
+        assert said.count(taken) == 1
+        assert said.count("/plane_b/image_raw/compressed is heard, since nobody publishes plane_b/image_raw") == 1
+
+
 def test_bad_messages_are_named_and_the_node_goes_on(tmp_path: Path, recording: Path) -> None:
     with Graph(HEARD, tmp_path) as graph:
         start(graph)
@@ -162,7 +203,7 @@ def test_bad_messages_are_named_and_the_node_goes_on(tmp_path: Path, recording: 
         graph.wait_until(lambda: all(publisher.get_subscription_count() > 0 for publisher in publishers.values()))
         header = header_fields(START_NS - 10**8, "patient_table")
         good = encode_image(np.zeros((512, 512), np.uint8), header)
-        for bad in (good | {"encoding": "yuv422"}, good | {"step": 5}, good | {"data": b"\0" * 7}):
+        for bad in (good | {"encoding": "32FC1"}, good | {"step": 5}, good | {"data": b"\0" * 7}):
             publishers["plane_a/image_raw"].publish(RosMessages().make("sensor_msgs/msg/Image", bad))
         publishers["plane_a/camera_info"].publish(b"\0\1\0\0cut")  # cannot be deserialised at all
         publishers["plane_a/seed"].publish(RosMessages().make(SEEDS[0].type_name, {"header": header}))

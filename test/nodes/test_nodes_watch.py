@@ -52,7 +52,7 @@ def test_images_that_have_stopped() -> None:
     watch = StreamWatch(0.0)
     feed(watch, list(range(10)))
     assert watch.silence_s("a", 2.8) == 0.0
-    assert complaints(watch, 3.9, pairs=10)["plane_b/image_raw"] == "no image for 3 s"
+    assert complaints(watch, 3.9, pairs=10)["plane_b/image_raw"] == "no images for 3 s"
 
 
 def test_lost_images_are_a_best_effort_publishers_fault() -> None:

@@ -188,7 +188,7 @@ def test_a_displaced_lasso_can_be_made_the_reference_but_no_lost_one() -> None:
 
 def _spoilt_image() -> Any:
     message = image(stamp(0))
-    message.encoding = "bgr8"
+    message.encoding = "32FC1"
     return message
 
 

@@ -104,6 +104,11 @@ def byte_swapped(one: Entry) -> None:
     one["fields"]["data"] = np.frombuffer(one["fields"]["data"], np.uint16).byteswap().tobytes()
 
 
+def coloured(one: Entry) -> None:
+    grey = (np.frombuffer(one["fields"]["data"], np.uint16) >> 4).astype(np.uint8)
+    one["fields"] |= {"encoding": "rgb8", "step": 3 * SIDE, "data": np.repeat(grey, 3).tobytes()}
+
+
 def mirror_free(one: Entry) -> None:
     one["fields"]["r"] = np.eye(3).reshape(-1)
 

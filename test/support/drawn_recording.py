@@ -66,6 +66,7 @@ def write_input(
     path: Path, motions_mm: list[float], *, hidden: tuple[int, ...] = (), truth: bool = True, in_space: bool = True
 ) -> Path:
     """Images, calibration, clicks, and the truth, of a ring that moves along z."""
+    quanta = np.random.default_rng(0)  # no exposure is as the last
     with RecordingWriter(path) as writer:
 
         def write(topic: topics.Topic, fields: dict[str, Any], pair: int) -> None:
@@ -77,6 +78,7 @@ def write_input(
                 curve = projection.project(apply(shift(z_mm), loop()))
                 empty = np.full((SIDE, SIDE), 180, np.uint8)
                 pixels = empty if pair in hidden else draw_curve(curve, (SIDE, SIDE), background=180.0)
+                pixels = pixels + quanta.integers(0, 2, pixels.shape, dtype=np.uint8)
                 write(topics.camera_info_topic(plane), encode_camera_info(projection, header), pair)
                 write(topics.image_topic(plane), encode_image(pixels, header), pair)
                 if pair == 0:

@@ -18,7 +18,7 @@ from support.message_inputs import MESSAGES, SIDE, camera_info, image, seed, sta
 
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, RecordingError
 from msg_adapters.calibrations import decode_camera_info
-from msg_adapters.images import decode_compressed_image, decode_image
+from msg_adapters.images import decode_image
 from msg_adapters.markers import decode_points, encode_line_strip
 from msg_adapters.messages import header_fields
 from msg_adapters.poses import decode_pose, encode_pose_stamped
@@ -352,7 +352,7 @@ def targets(directory: Path) -> dict[str, Target]:
 
     return {
         "image": messages(16, _image, "sensor_msgs/msg/Image", decode_image),
-        "compressed image": messages(14, _compressed, "sensor_msgs/msg/CompressedImage", decode_compressed_image),
+        "compressed image": messages(14, _compressed, "sensor_msgs/msg/CompressedImage", decode_image),
         "camera info": messages(
             16, lambda _: camera_info("a", stamp(0)), "sensor_msgs/msg/CameraInfo", decode_camera_info
         ),

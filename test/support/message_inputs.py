@@ -43,8 +43,10 @@ def stamp(index: int, offset_ns: int = 0) -> int:
     return START_NS + index * PERIOD_NS + offset_ns
 
 
-def image(stamp_ns: int, value: int = 100, side: int = SIDE) -> Any:
-    pixels = np.full((side, side), value, np.uint8)
+def image(stamp_ns: int, value: int | None = None, side: int = SIDE) -> Any:
+    """A picture of one grey value; unless that is given, another one at each stamp, as no exposure is as the last."""
+    grey = 50 + (stamp_ns - START_NS) // 1_000 % 151 if value is None else value
+    pixels = np.full((side, side), grey, np.uint8)
     return MESSAGES.make("sensor_msgs/msg/Image", encode_image(pixels, header_fields(stamp_ns, "xray")))
 
 

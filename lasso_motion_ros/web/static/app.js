@@ -267,7 +267,7 @@ function remark(plane, name, live, silence) {
     if (!status.seen[name]) return "waiting for images …";
     return status.calibrated[name] ? "" : "images come, but no valid calibration";
   }
-  if (live && typeof silence === "number") return `no images for ${silence} s`;
+  if (live && typeof silence === "number") return `${status?.held_pictures?.[name] ? "picture held" : "no images"} for ${silence} s`;
   return plane.missing && live ? "no image of this plane" : "";
 }
 

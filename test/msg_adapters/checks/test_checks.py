@@ -12,6 +12,7 @@ from support.checked_stream import (
     SIDE,
     Change,
     byte_swapped,
+    coloured,
     cropped,
     fields,
     images,
@@ -141,7 +142,8 @@ WRONG: dict[str, tuple[Change, str, str, str]] = {
         B_INFO,
         "1 for 8 images, and not latched: a node that starts later has none",
     ),
-    "colour": (images("a", fields(encoding="rgb8")), "error", A_IMAGE, "encoding: expected mono8"),
+    "colour": (images("a", coloured), "note", A_IMAGE, "rgb8 pictures are taken as luminance (ITU-R BT.601)"),
+    "floats": (images("a", fields(encoding="32FC1")), "error", A_IMAGE, "encoding: expected mono8"),
     "step": (
         images("b", fields(step=512)),
         "error",

@@ -90,7 +90,7 @@ def test_compressed_images_are_named_where_they_are(name: str, live: bool) -> No
     topics = {topic.recorded_name: TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
     del topics["/plane_a/image_raw"]
     issues = list(check_graph({**topics, name: COMPRESSED}, live=live))
-    if not live and name == "/plane_a/image_raw/compressed":
+    if name == "/plane_a/image_raw/compressed":
         assert issues == []  # as it should be
         return
     (issue,) = issues
@@ -98,7 +98,15 @@ def test_compressed_images_are_named_where_they_are(name: str, live: bool) -> No
     assert "carries compressed images" in issue.problem
     assert name == "/plane_a/image_raw" or name in issue.problem
     assert (
-        f"in/compressed:={name} " in issue.cure
+        f"start the nodes with --ros-args -r plane_a/image_raw/compressed:={name}"
         if live
-        else issue.cure == (f"--remap {name}:=/plane_a/image_raw/compressed")
-    )
+        else f"--remap {name}:=/plane_a/image_raw/compressed"
+    ) == issue.cure
+
+
+@pytest.mark.parametrize("live", [True, False])
+def test_raw_images_go_before_compressed_ones(live: bool) -> None:
+    topics = {topic.recorded_name: TopicFacts(topic.type_name, (RELIABLE,), (), 10) for topic in INPUTS}
+    (issue,) = check_graph({**topics, "/plane_a/image_raw/compressed": COMPRESSED}, live=live)
+    assert (issue.severity, issue.subject) == ("note", "/plane_a/image_raw")
+    assert issue.problem == "/plane_a/image_raw/compressed is there too; these are taken"
