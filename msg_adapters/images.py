@@ -44,10 +44,12 @@ class GreyImage:
 
     Attributes:
         pixels: (H, W) uint8 or uint16 in native byte order, read-only.
+        picture: (height, width) of the picture that they are of, or of which they are a part.
         colour: where they are the luminance of a colour picture, what it came as; else empty.
     """
 
     pixels: Pixels
+    picture: tuple[int, int]
     colour: str = ""
 
 
@@ -75,6 +77,7 @@ def decode_grey(message: Any, crop: Crop | None = None) -> GreyImage:
         rows, colour = _rows(message), "" if message.encoding in _GREY_BYTES else str(message.encoding)
     else:
         rows, colour = _unpacked(message)
+    picture = rows.shape[0], rows.shape[1]
     if crop is not None:
         rows = crop.part(rows)
     if rows.ndim == 3:
@@ -82,7 +85,7 @@ def decode_grey(message: Any, crop: Crop | None = None) -> GreyImage:
     if not rows.dtype.isnative or not rows.flags.aligned:
         rows = rows.astype(rows.dtype.newbyteorder("="))
     rows.flags.writeable = False
-    return GreyImage(rows, colour)
+    return GreyImage(rows, picture, colour)
 
 
 def _rows(message: Any) -> Any:

@@ -8,13 +8,17 @@ from dataclasses import asdict
 
 from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap, positive
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.recorded_examination import describe_facts, examine_recording
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import TopicFacts
 from msg_adapters.checks.issue import Issue
+from msg_adapters.sync.plane_source import PlaneSource, plane_sources
 
 HELP = """Look at a live graph (for some seconds), or at a recording, as an integrator would: topics, types, quality of
 service, stamps, pairing, calibration, images, clicks. Prints one line for each thing found: `error` keeps the tracker
@@ -42,6 +46,7 @@ def add_arguments(parser: CommandParser) -> None:
         help="live: how long to look, once somebody is found (default 5)",
     )
     parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
+    parser.add_input("--config", metavar="FILE", help="the tracker's parameters: the crops of frame grabbers' pictures")
     add_remap(parser, "read the recorded topic FROM as TO")
     parser.add_output("--json", metavar="FILE", help="write facts and findings")
 
@@ -71,6 +76,10 @@ def run(args: argparse.Namespace) -> int:
     return EXIT_PART if cut else EXIT_DONE
 
 
+def _sources(args: argparse.Namespace) -> Mapping[Plane, PlaneSource] | None:
+    return None if args.config is None else plane_sources(load_configuration(args.config, StreamConfig))
+
+
 def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
     require_ros()
     from lasso_motion_ros.tools.examiner import examine
@@ -78,13 +87,15 @@ def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, Topi
 
     namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
     with held_signals() as interrupted:
-        examination, topics = examine(args.seconds, namespace, interrupted)
+        examination, topics = examine(args.seconds, namespace, interrupted, _sources(args))
         if interrupted.is_set():
             raise KeyboardInterrupt
     return examination, topics, []
 
 
 def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
-    examination, topics, damage = examine_recording(args.recording, parse_remap(args.remap), quiet=args.quiet)
+    examination, topics, damage = examine_recording(
+        args.recording, parse_remap(args.remap), sources=_sources(args), quiet=args.quiet
+    )
     cut = [] if damage is None else [Issue("warning", "recording", damage, "lasso-motion record --repair FILE")]
     return examination, topics, cut

@@ -110,8 +110,10 @@ def _show(args: argparse.Namespace) -> int:
     seeded = configuration is not None and check_page_input(args.recording, configuration)
     page = ["--host", args.host, "--port", str(args.port), "--world-axes", args.world_axes]
     page += [word for name in args.allow_host for word in ("--allow-host", name)]
+    # Crops and stamps are for the page, too, where the file's section is for all nodes.
+    ros = args.ros_args if args.config is None else [*args.ros_args, "--params-file", str(args.config)]
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as logs:
-        run_page(PageInput(args.recording, configuration, overlay, seeded, page, Path(logs), args.ros_args), print)
+        run_page(PageInput(args.recording, configuration, overlay, seeded, page, Path(logs), ros), print)
     return EXIT_DONE
 
 

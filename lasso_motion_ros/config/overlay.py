@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lasso_motion_ros.config.parameters import group, parameter
-from lasso_motion_ros.config.stream import SyncConfig
+from lasso_motion_ros.config.stream import PlaneConfig, SyncConfig
 
 
 @dataclass(frozen=True)
@@ -96,5 +96,7 @@ class OverlayConfig:
         minimum=0,
         maximum=19,
     )
+    plane_a: PlaneConfig = group(PlaneConfig)
+    plane_b: PlaneConfig = group(PlaneConfig)
     sync: SyncConfig = group(SyncConfig)
     style: OverlayStyleConfig = group(OverlayStyleConfig)

@@ -23,6 +23,27 @@ class SyncConfig:
 
 
 @dataclass(frozen=True)
+class PlaneConfig:
+    """What a plane's source publishes beside its exposures; the same for tracker, overlay and page."""
+
+    crop: str = parameter(
+        "",
+        "x y width height: the X-ray field in the published picture, which alone is tracked and shown; clicks stay in"
+        " the published picture's pixels, and the calibration may be of the picture or of the field, as its size says;"
+        " empty: all of it",
+        unit="px",
+    )
+    stamp_offset_s: float = parameter(
+        0.0,
+        "by how much the stamps of images, calibrations and clicks are later than the exposures: it is subtracted, and"
+        " results carry the exposures' time",
+        unit="s",
+        minimum=-10.0,
+        maximum=10.0,
+    )
+
+
+@dataclass(frozen=True)
 class HeartbeatConfig:
     """How the heartbeat is kept out of motion; motion_raw keeps it. A change begins anew with the next pair."""
 
@@ -96,5 +117,7 @@ class StreamConfig(TrackerConfig):
         minimum=0.0,
         maximum=3600.0,
     )
+    plane_a: PlaneConfig = group(PlaneConfig)
+    plane_b: PlaneConfig = group(PlaneConfig)
     sync: SyncConfig = group(SyncConfig)
     heartbeat: HeartbeatConfig = group(HeartbeatConfig)

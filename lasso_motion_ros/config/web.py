@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from lasso_motion_ros.config.parameters import group, parameter
-from lasso_motion_ros.config.stream import SyncConfig
+from lasso_motion_ros.config.stream import PlaneConfig, SyncConfig
 
 AUTO_AXES, UNKNOWN_AXES = "auto", "unknown"
 
@@ -48,5 +48,7 @@ class WebConfig:
         " the planes' angles are named; auto: LPS where posture is supine and both calibrations look like it;"
         " unknown: x, y, z, and no angles",
     )
+    plane_a: PlaneConfig = group(PlaneConfig)
+    plane_b: PlaneConfig = group(PlaneConfig)
     sync: SyncConfig = group(SyncConfig)
     rounds: RoundsConfig = group(RoundsConfig)

@@ -33,6 +33,7 @@ from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_tr
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_covariance, decode_pose, encode_pose
 from msg_adapters.sync.calibrated_frames import CalibratedFrames
+from msg_adapters.sync.plane_source import plane_sources
 from msg_adapters.topics import (
     CATHETER,
     IMAGE_TYPE,
@@ -80,7 +81,9 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._marker: Any = None
         self._surface_shown = False
         self._history = MotionHistory(self._config)
-        self._frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames() for plane in PLANES}
+        self._frames: dict[Plane, CalibratedFrames] = {
+            plane: CalibratedFrames(source=source) for plane, source in plane_sources(self._config).items()
+        }
         self._frame_ids: dict[Plane, str] = {}
         self._undrawn: dict[Plane, _UndrawnImage] = {}
         self._compensated: dict[Plane, Frame] = {}  # what the last picture shows, where it is compensated

@@ -209,7 +209,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self._watch.add_held(plane, time.monotonic_ns())
             self._state_watch.timeout.add_held(time.monotonic())
         else:
-            self._watch.add_image(plane, stamp_to_ns(message.header.stamp), time.monotonic_ns())
+            stamp = pipeline.intake.sources[plane].exposure_ns(stamp_to_ns(message.header.stamp))
+            self._watch.add_image(plane, stamp, time.monotonic_ns())
             self._state_watch.timeout.add_image(plane, time.monotonic())
         self._enqueue(tasks)
         if plane in pipeline.intake.calibrated:
@@ -345,8 +346,9 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _show_uncalibrated(self, plane: Plane, message: Image | CompressedImage) -> None:
         """Have the newest images drawn as they are, so that whoever sets the system up sees that they arrive."""
         with contextlib.suppress(MessageError):  # the intake has complained about it
-            stamp = stamp_to_ns(message.header.stamp)
-            self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message))
+            source = self._active().intake.sources[plane]
+            stamp = source.exposure_ns(stamp_to_ns(message.header.stamp))
+            self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message, source.crop))
             statistics = self._told()
             shown, ids = dict(self._uncalibrated), dict(self._frame_ids)
             self._tracker_publishers.show(TrackingPicture(shown, None, statistics.state, statistics.reason, {}, ids))

@@ -10,6 +10,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
@@ -34,6 +35,7 @@ from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.seeds import MINIMUM_CLICKS, encode_polygon, encode_seeds_file
+from msg_adapters.sync.plane_source import plane_sources
 from msg_adapters.topics import (
     CATHETER,
     DIAGNOSTICS,
@@ -44,6 +46,8 @@ from msg_adapters.topics import (
     seed_topic,
     tracking_topic,
 )
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -81,7 +85,10 @@ class WebNode(ConfiguredNode[WebConfig]):
     def __init__(self) -> None:
         super().__init__("lasso_web", WebConfig)
         config = self._config = self.declared
-        self._stream = LiveStream(config.sync, config.tracker, config.world_frame, config.answer_wait_s, config.axes)
+        self._sources = plane_sources(config)
+        self._stream = LiveStream(
+            config.sync, self._sources, config.tracker, config.world_frame, config.answer_wait_s, config.axes
+        )
         names = tuple(config.allowed_hosts.replace(",", " ").split())
         self._server = WebServer(self, config.host, config.port, names)
         self._changed: Callable[[], None] = lambda: None
@@ -176,10 +183,18 @@ class WebNode(ConfiguredNode[WebConfig]):
         if len(clicks) < len(PLANES):
             raise TrackingError("There are no clicks yet: press S, and click along the loop in both planes.")
         rounds = self._config.rounds
-        recorded = {
-            p: recorded_stamp(stamp_ns, rounds.first_ns, rounds.period_ns) for p, (stamp_ns, _) in clicks.items()
-        }
-        return encode_seeds_file({plane: (recorded[plane], clicks[plane][1]) for plane in PLANES})
+        published = {plane: self._published(plane, *clicks[plane]) for plane in PLANES}
+        return encode_seeds_file(
+            {
+                p: (recorded_stamp(at, rounds.first_ns, rounds.period_ns), points)
+                for p, (at, points) in published.items()
+            }
+        )
+
+    def _published(self, plane: Plane, stamp_ns: int, points: Array) -> tuple[int, Array]:
+        """Clicks on a frame as those on the published picture: under its stamp, in its pixels."""
+        source = self._sources[plane]
+        return source.published_ns(stamp_ns), source.in_picture(points)
 
     def watch(self, on_change: Callable[[], None]) -> None:
         """See `Source.watch`."""
@@ -293,7 +308,8 @@ class WebNode(ConfiguredNode[WebConfig]):
 
     def _publish_clicks(self) -> None:
         for plane, (stamp_ns, clicks) in self._sent.items():
-            fields = encode_polygon(clicks, header_fields(stamp_ns))
+            at_ns, points = self._published(plane, stamp_ns, clicks)
+            fields = encode_polygon(points, header_fields(at_ns))
             self._seeds[plane].publish(self.messages.make(seed_topic(plane).type_name, fields))
 
     def _trigger(self, name: str) -> str:

@@ -20,6 +20,7 @@ from msg_adapters.sync.calibrated_frames import CalibrationCounts
 from msg_adapters.sync.frame_pairs import FramePairs
 from msg_adapters.sync.pairing import PlaneCounts
 from msg_adapters.sync.partner import PartnerRule
+from msg_adapters.sync.plane_source import plane_sources
 from msg_adapters.topics import camera_info_topic, image_topic, seed_topic
 
 # A pair may wait for the tracker beside those that wait for clicks.
@@ -34,7 +35,11 @@ class MessageIntake:
         problems: takes what is wrong with messages.
         extrinsics: where the pose of a plain camera matrix comes from; without it such calibrations are refused.
 
+    Raises:
+        ConfigurationError: a crop that is none.
+
     Attributes:
+        sources: per plane, which part of the pictures is taken, and how late their stamps are.
         phases: the heart's phase at each pair; the intake alone adds to it.
         promised: the tasks that must not be lost; the intake alone adds to it.
     """
@@ -43,7 +48,8 @@ class MessageIntake:
         self._problems = problems
         self._lock = threading.Lock()
         rule = PartnerRule.from_seconds(config.sync.jitter_s, config.sync.plane_b_offset_s)
-        self._pairs = FramePairs(rule, extrinsics)
+        self.sources = plane_sources(config)
+        self._pairs = FramePairs(rule, extrinsics, self.sources)
         self._clicked = ClickedPairs(config.seed_buffer_pairs)
         self.phases = HeartPhases(remembered=2 * config.seed_buffer_pairs + _PHASES_BESIDE_CLICKS)
         self.promised = PromisedTasks()
@@ -66,7 +72,7 @@ class MessageIntake:
         """Take the clicks in one plane; give back the pairs to answer (again), see `ClickedPairs`."""
         with self._lock:
             try:
-                points = decode_seed(message)
+                points = self.sources[plane].in_crop(decode_seed(message))
             except LassoMotionError as error:
                 self._problems.report(seed_topic(plane).name, str(error))
                 return []

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Mapping
 
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.ros_start import ros_session
 from lasso_motion_ros.tools.listened_topics import INSTEAD
 from lasso_motion_ros.tools.raw_topics import DISCOVERY_PERIOD_S, heard_topics, offer_of
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
 from msg_adapters.recorded_messages import jazzy_types
+from msg_adapters.sync.plane_source import PlaneSource
 from msg_adapters.topics import INPUTS, STATE
 
 NODE = "lasso_check"
@@ -22,13 +25,16 @@ DISCOVERY_WAIT_S = 5.0
 """For the first publisher to be found; on a busy machine that takes seconds, and nothing is heard before."""
 
 
-def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tuple[Examination, dict[str, TopicFacts]]:
+def examine(
+    seconds: float, namespace: str, interrupted: threading.Event, sources: Mapping[Plane, PlaneSource] | None = None
+) -> tuple[Examination, dict[str, TopicFacts]]:
     """Listen to the tracker's inputs and its state.
 
     Args:
         seconds: how long, from the first publisher found on; an empty graph is one in which none is found at all.
         namespace: of the nodes, `/lab` or empty.
         interrupted: set it to end early.
+        sources: per plane, which part of the pictures the tracker takes; None: all of them.
 
     Returns:
         The messages examined, and the facts of all topics under their contract names (without the namespace).
@@ -36,7 +42,7 @@ def examine(seconds: float, namespace: str, interrupted: threading.Event) -> tup
     jazzy_types()  # takes a while the first time: not of the time to listen
     with ros_session():
         node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
-        examination = Examination(live=True)
+        examination = Examination(live=True, sources=sources)
         raw_topics = heard_topics(
             node,
             [namespace + topic.recorded_name for topic in (*INPUTS, STATE)],

@@ -7,20 +7,26 @@ from pathlib import Path
 from typing import Any
 
 from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import Endpoint, TopicFacts
 from msg_adapters.recordings.reader import RecordingReader
+from msg_adapters.sync.plane_source import PlaneSource
 
 
 def examine_recording(
-    recording: Path, remap: Mapping[str, str] | None = None, *, quiet: bool = True
+    recording: Path,
+    remap: Mapping[str, str] | None = None,
+    *,
+    sources: Mapping[Plane, PlaneSource] | None = None,
+    quiet: bool = True,
 ) -> tuple[Examination, dict[str, TopicFacts], str | None]:
     """Read all messages of a recording.
 
     Args:
         recording: MCAP file or bag directory.
         remap: recorded topic → the name it is read as.
+        sources: per plane, which part of the pictures the tracker takes; None: all of them.
         quiet: no progress bar.
 
     Returns:
@@ -30,7 +36,7 @@ def examine_recording(
         RecordingError: it cannot be read.
     """
     reader = RecordingReader(recording, remap=remap)
-    examination = Examination(live=False)
+    examination = Examination(live=False, sources=sources)
     for message in progress(reader.raw_messages(), None, "looking", quiet):
         examination.add(message.topic, message.type_name, message.data, message.log_time_ns)
     latched, best_effort = reader.latched_topics, reader.best_effort_topics

@@ -113,7 +113,8 @@ def render_recording(
     painter = OverlayPainter(shown.drawn, overlay_style(config.style))
     overlay = OfflineOverlay(painter, config, estimates, view)
     problems: Counter[Problem] = Counter()
-    pairs = recorded_pairs(reader, replace(StreamConfig(), sync=config.sync), problems)
+    stream = replace(StreamConfig(), sync=config.sync, plane_a=config.plane_a, plane_b=config.plane_b)
+    pairs = recorded_pairs(reader, stream, problems)
     rendered = []
     with ExitStack() as stack:
         place = output if is_video(output) else stack.enter_context(whole_directory(output, FRAMES))

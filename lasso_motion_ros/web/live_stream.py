@@ -28,6 +28,7 @@ from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_covariance, decode_pose
 from msg_adapters.sync.frame_pairs import FramePairs
 from msg_adapters.sync.partner import PartnerRule
+from msg_adapters.sync.plane_source import PlaneSource
 from msg_adapters.topics import LAST_LATENCY_KEY, LAST_POSE_WORDS, POSTURE_KEY
 
 Array = npt.NDArray[np.float64]
@@ -38,6 +39,7 @@ class LiveStream:
 
     Args:
         sync: how images are paired.
+        sources: per plane, which part of the pictures is taken, and how late their stamps are.
         tracker: the tracker node's name without its namespace, as in its diagnostics.
         world_frame: frame of motion and loop.
         answer_wait_s: how long a pair waits for the tracker's answer.
@@ -56,15 +58,17 @@ class LiveStream:
     def __init__(
         self,
         sync: SyncConfig,
+        sources: Mapping[Plane, PlaneSource],
         tracker: str,
         world_frame: str,
         answer_wait_s: float,
         axes: str = AUTO_AXES,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        self._sources = sources
         self._tracker, self._world_frame = tracker, world_frame
         self._lock = threading.RLock()
-        self._intake = FramePairs(PartnerRule.from_seconds(sync.jitter_s, sync.plane_b_offset_s))
+        self._intake = FramePairs(PartnerRule.from_seconds(sync.jitter_s, sync.plane_b_offset_s), sources=sources)
         self._health = StreamHealth(clock)
         self._trace = MotionTrace(clock)
         self._patient = PatientView(axes)
@@ -85,7 +89,8 @@ class LiveStream:
             if self._intake.frames[plane].held:
                 self._health.add_held(plane)
             else:
-                self._health.add_image(plane, stamp_to_ns(message.header.stamp), answer_expected=self.has_pose)
+                stamp = self._sources[plane].exposure_ns(stamp_to_ns(message.header.stamp))
+                self._health.add_image(plane, stamp, answer_expected=self.has_pose)
             self._take_pairs(pairs)
             return self._intake.frames[plane].take_complaints()
 

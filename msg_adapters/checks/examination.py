@@ -17,6 +17,7 @@ from msg_adapters.checks.seed_checks import check_seeds
 from msg_adapters.checks.stamp_checks import PlaneStamps, check_stamps, pairs_of
 from msg_adapters.messages import NANOSECONDS
 from msg_adapters.recorded_messages import jazzy_types
+from msg_adapters.sync.plane_source import PlaneSource
 from msg_adapters.topics import (
     STATE,
     camera_info_topic,
@@ -37,13 +38,15 @@ class Examination:
 
     Args:
         live: a running graph, not a recording.
+        sources: per plane, which part of the pictures the tracker takes; None: all of them.
     """
 
-    def __init__(self, *, live: bool) -> None:
+    def __init__(self, *, live: bool, sources: Mapping[Plane, PlaneSource] | None = None) -> None:
+        self._sources = sources or dict.fromkeys(PLANES, PlaneSource())
         self._live = live
         self.counts: Counter[str] = Counter()
         self._stamps: dict[Plane, PlaneStamps] = {plane: PlaneStamps() for plane in PLANES}
-        self._images: dict[Plane, ImageSamples] = {plane: ImageSamples() for plane in PLANES}
+        self._images: dict[Plane, ImageSamples] = {plane: ImageSamples(self._sources[plane].crop) for plane in PLANES}
         self._calibrations: dict[Plane, CalibrationSamples] = {plane: CalibrationSamples() for plane in PLANES}
         self._seeds: dict[Plane, list[Any]] = {plane: [] for plane in PLANES}
         self._state: str | None = None
@@ -79,7 +82,7 @@ class Examination:
             if topic == image_topic(plane).recorded_name and plane not in self._raw:
                 # Compressed ones, which came first, are not what the tracker takes.
                 self._raw.add(plane)
-                self._stamps[plane], self._images[plane] = PlaneStamps(), ImageSamples()
+                self._stamps[plane], self._images[plane] = PlaneStamps(), ImageSamples(self._sources[plane].crop)
             elif topic != image_topic(plane).recorded_name and plane in self._raw:
                 return
             stamps = self._stamps[plane]
@@ -118,7 +121,7 @@ class Examination:
             for topic, count in self._undecodable.items()
         ]
         found += check_stamps(self._stamps, live=self._live)
-        projections: dict[Plane, Projection | None] = {plane: self._calibrations[plane].projection for plane in PLANES}
+        projections = {plane: self._projection(plane) for plane in PLANES}
         for plane in PLANES:
             info = topics.get(camera_info_topic(plane).recorded_name)
             found += check_images(image_topic(plane).recorded_name, self._images[plane])
@@ -127,7 +130,7 @@ class Examination:
                     plane,
                     self._calibrations[plane],
                     self._stamps[plane].stamps,
-                    self._images[plane].sizes,
+                    {*self._images[plane].sizes, *self._images[plane].shapes},
                     latched=info is not None and any(publisher.latched for publisher in info.publishers),
                 )
         found += check_planes(projections)
@@ -136,6 +139,13 @@ class Examination:
             self._seeds, pairs, projections, live=self._live, has_model=self._state in STATES_WITH_MODEL
         )
         return sorted(found, key=lambda issue: SEVERITIES.index(issue.severity))
+
+    def _projection(self, plane: Plane) -> Projection | None:
+        """To the pixels of the published picture, in which clicks are."""
+        projection, sizes = self._calibrations[plane].projection, self._images[plane].sizes
+        if projection is None or not sizes:
+            return projection
+        return self._sources[plane].picture_projection(projection, next(iter(sizes)))
 
     def facts(self) -> dict[str, Any]:
         """What was seen, for a summary: per plane images, rate, size, encoding, calibrations; the pairs; the state."""

@@ -11,6 +11,7 @@ import numpy as np
 
 from lasso_motion_ros.core.errors import MessageError
 from msg_adapters.checks.issue import Issue, Severity, cure_of
+from msg_adapters.crop import Crop
 from msg_adapters.images import TAKEN_AS_LUMINANCE, Pixels, decode_grey
 
 
@@ -32,6 +33,7 @@ class _Limits:
 LIMITS = _Limits()
 
 _CURES = {
+    "crop": "set plane_x.crop to a part of the picture: x y width height",
     "encoding": "publish mono8 or mono16, linear, before any colour map",
     "step": "set step to the bytes of a row, padding included",
     "data": "send step × height bytes",
@@ -44,6 +46,8 @@ class ImageSamples:
     """What was found in some images of one plane.
 
     Attributes:
+        crop: the part of them that is looked at; None: all of it.
+        shapes: (height, width) of that part → how often.
         sizes: (height, width) → how often.
         encodings: encoding → how often.
         refusals: why an image was refused → how often.
@@ -54,6 +58,8 @@ class ImageSamples:
         swapped: of those, smoother when their bytes are swapped.
     """
 
+    crop: Crop | None = None
+    shapes: Counter[tuple[int, int]] = field(default_factory=Counter)
     sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
     encodings: Counter[str] = field(default_factory=Counter)
     refusals: Counter[str] = field(default_factory=Counter)
@@ -68,14 +74,15 @@ class ImageSamples:
         self.samples += 1
         self.encodings[message.encoding if hasattr(message, "encoding") else message.format] += 1
         try:
-            grey = decode_grey(message)
+            grey = decode_grey(message, self.crop)
         except MessageError as error:
             self.refusals[str(error)] += 1
             return
         pixels = grey.pixels
         if grey.colour:
             self.colours[grey.colour] += 1
-        self.sizes[pixels.shape[0], pixels.shape[1]] += 1
+        self.sizes[grey.picture] += 1
+        self.shapes[pixels.shape[0], pixels.shape[1]] += 1
         lowest, highest = int(pixels.min()), int(pixels.max())
         if lowest == highest:
             self.flat += 1
@@ -108,7 +115,7 @@ def check_images(name: str, seen: ImageSamples) -> Iterator[Issue]:
     if len(seen.sizes) > 1:
         sizes = ", ".join(f"{width}×{height}" for height, width in seen.sizes)
         yield Issue("note", name, f"the size changes: {sizes}", "let the calibration come with each image")
-    for height, width in seen.sizes:
+    for height, width in seen.shapes:
         if min(height, width) < LIMITS.smallest_side_px:
             yield Issue(
                 "warning", name, f"{width}×{height} pixels are few for a lasso's wire", "publish the full read-out"

@@ -20,6 +20,7 @@ from msg_adapters.calibrations import Extrinsics, decode_camera_info, needs_pose
 from msg_adapters.images import TAKEN_AS_LUMINANCE, Pixels, decode_grey
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.sync.held_picture import HeldPicture
+from msg_adapters.sync.plane_source import PlaneSource
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,7 @@ class _Patience:
 
 
 _PATIENCE = _Patience()
+WHOLE_PICTURE = PlaneSource()
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +64,7 @@ class PendingFrame:
     Attributes:
         stamp_ns: its stamp.
         pixels: its grey values.
+        picture: (height, width) of the published picture that they are of.
         settled: whether its calibration is decided.
         frame: the image with its calibration; None before that, and where there is none for it.
         elsewhere: images of the other plane that came since.
@@ -71,6 +74,7 @@ class PendingFrame:
 
     stamp_ns: int
     pixels: Pixels
+    picture: tuple[int, int]
     settled: bool = False
     frame: Frame | None = None
     elsewhere: int = 0
@@ -104,14 +108,17 @@ class CalibratedFrames:
 
     Args:
         extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
+        source: which part of the pictures is taken, and how late their stamps are.
 
     Attributes:
         counts: what became of the messages.
         remark: what is to be known of the images, though nothing is wrong with them; empty where there is nothing.
     """
 
-    def __init__(self, extrinsics: Extrinsics | None = None) -> None:
+    def __init__(self, extrinsics: Extrinsics | None = None, source: PlaneSource = WHOLE_PICTURE) -> None:
         self._extrinsics = extrinsics
+        self._source = source
+        self._last_projection: tuple[Projection, tuple[int, int], Projection] | None = None
         self.counts = CalibrationCounts()
         self.remark = ""
         self._picture = HeldPicture()
@@ -139,8 +146,8 @@ class CalibratedFrames:
         return self._picture.held
 
     def exposure_of(self, stamp_ns: int) -> int:
-        """The stamp of the exposure that the picture with this stamp shows: its own, unless that was held."""
-        return self._picture.exposure_of(stamp_ns)
+        """The exposure's time of the picture with this published stamp; that of an earlier one, if it was held."""
+        return self._picture.exposure_of(self._source.exposure_ns(stamp_ns))
 
     def take_complaints(self) -> list[str]:
         """What was wrong with messages since the last call."""
@@ -175,11 +182,11 @@ class CalibratedFrames:
     def take_image(self, message: Any) -> PendingFrame | None:
         """Take an image, which `settle` completes; None where it is refused, or a held picture: no new exposure."""
         self.counts.images += 1
-        stamp = stamp_to_ns(message.header.stamp)
+        stamp = self._source.exposure_ns(stamp_to_ns(message.header.stamp))
         try:
             if stamp == 0:
                 raise MessageError("header.stamp: expected the time of exposure, found zero")
-            grey = decode_grey(message)
+            grey = decode_grey(message, self._source.crop)
         except MessageError as error:
             self.counts.refused_images += 1
             self._complaints.append(str(error))
@@ -195,7 +202,7 @@ class CalibratedFrames:
                 self._own.clear()
                 self._newest_ns = 0
         self._recent_images.append(stamp)
-        pending = PendingFrame(stamp, grey.pixels)
+        pending = PendingFrame(stamp, grey.pixels, grey.picture)
         self._waiting.append(pending)
         return pending
 
@@ -210,7 +217,7 @@ class CalibratedFrames:
     def take_camera_info(self, message: Any, *, latched: bool = False) -> None:
         """Take a calibration, with which `settle` completes images. See `add_camera_info`."""
         self.counts.calibrations += 1
-        stamp = stamp_to_ns(message.header.stamp)
+        stamp = self._source.exposure_ns(stamp_to_ns(message.header.stamp))
         try:
             projection: _Calibration | None = self._decoded(message)
         except MessageError as error:
@@ -288,7 +295,7 @@ class CalibratedFrames:
 
     def _settle_oldest(self, calibration: _Calibration | None) -> None:
         oldest = self._waiting.popleft()
-        oldest.settled, oldest.frame = True, self._frame(oldest.stamp_ns, oldest.pixels, calibration)
+        oldest.settled, oldest.frame = True, self._frame(oldest, calibration)
         if oldest.frame is not None:
             self._complete.append(oldest.frame)
 
@@ -337,8 +344,8 @@ class CalibratedFrames:
             return before[-1]
         return None
 
-    def _frame(self, stamp: int, pixels: Pixels, calibration: _Calibration | None) -> Frame | None:
-        projection = calibration
+    def _frame(self, pending: PendingFrame, calibration: _Calibration | None) -> Frame | None:
+        stamp, pixels, projection = pending.stamp_ns, pending.pixels, calibration
         if isinstance(projection, _WithoutPose):
             projection = self._posed(projection, stamp)
             if projection is None:
@@ -349,11 +356,21 @@ class CalibratedFrames:
             if self._latest is not None or not self._heard:  # else the calibration's own complaint says it
                 self._complaints.append("an image was left out: there is no calibration for it")
             return None
+        projection = self._of_crop(projection, pending.picture)
         if pixels.shape != (projection.height, projection.width):
             self.counts.uncalibrated += 1
+            height, width = pending.picture
+            crop = "" if self._source.crop is None else f", its crop {pixels.shape[1]}×{pixels.shape[0]}"
             self._complaints.append(
                 f"width, height: the calibration is for an image of {projection.width}×{projection.height} (with"
-                f" binning and roi), the image has {pixels.shape[1]}×{pixels.shape[0]}"
+                f" binning and roi), the image has {width}×{height}{crop}"
             )
             return None
         return Frame(stamp, pixels, projection)
+
+    def _of_crop(self, published: Projection, picture: tuple[int, int]) -> Projection:
+        """The projection to the crop's pixels; one and the same while the calibration is."""
+        last = self._last_projection
+        if last is None or last[0] is not published or last[1] != picture:
+            last = self._last_projection = published, picture, self._source.projection(published, picture)
+        return last[2]

@@ -7,13 +7,15 @@ are decided too. So an image that waits for its calibration is not taken for one
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Pair, Plane
 from msg_adapters.calibrations import Extrinsics
-from msg_adapters.sync.calibrated_frames import CalibratedFrames, PendingFrame
+from msg_adapters.sync.calibrated_frames import WHOLE_PICTURE, CalibratedFrames, PendingFrame
 from msg_adapters.sync.pairing import PairSynchroniser
 from msg_adapters.sync.partner import PartnerRule
+from msg_adapters.sync.plane_source import PlaneSource
 
 # Decided pairs that may wait for calibrations, beyond what the planes' own patience lets wait.
 _MAX_DECIDED = 64
@@ -25,14 +27,24 @@ class FramePairs:
     Args:
         rule: which B belongs to which A.
         extrinsics: where the pose of a plain camera matrix comes from (see `decode_camera_info`).
+        sources: per plane, which part of the pictures is taken, and how late their stamps are; by default all of them,
+            and not at all.
 
     Attributes:
         frames: per plane, what joins its images and calibrations; read only.
         pairing: what decides the pairs; read only.
     """
 
-    def __init__(self, rule: PartnerRule, extrinsics: Extrinsics | None = None) -> None:
-        self.frames: dict[Plane, CalibratedFrames] = {plane: CalibratedFrames(extrinsics) for plane in PLANES}
+    def __init__(
+        self,
+        rule: PartnerRule,
+        extrinsics: Extrinsics | None = None,
+        sources: Mapping[Plane, PlaneSource] | None = None,
+    ) -> None:
+        given = sources or dict.fromkeys(PLANES, WHOLE_PICTURE)
+        self.frames: dict[Plane, CalibratedFrames] = {
+            plane: CalibratedFrames(extrinsics, given[plane]) for plane in PLANES
+        }
         self.pairing: PairSynchroniser[PendingFrame] = PairSynchroniser(rule)
         self._decided: deque[Pair[PendingFrame]] = deque()
         self._new_run = False

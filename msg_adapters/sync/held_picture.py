@@ -41,11 +41,18 @@ def shows_the_same(before: Pixels, now: Pixels) -> bool:
     step = _TUNING.row_step
     if np.count_nonzero(before[::step] != now[::step]) > _TUNING.sampled * now[::step].size:
         return False
-    changed = before != now
-    rows, columns = np.flatnonzero(changed.any(axis=1)), np.flatnonzero(changed.any(axis=0))
+    rows = np.flatnonzero((_words(before) != _words(now)).any(axis=1))
     if not rows.size:
         return True
-    return bool(int(np.ptp(rows) + 1) * int(np.ptp(columns) + 1) <= _TUNING.place * now.size)
+    height, inside = int(np.ptp(rows)) + 1, slice(rows[0], rows[-1] + 1)
+    columns = np.flatnonzero((before[inside] != now[inside]).any(axis=0))
+    return height * (int(np.ptp(columns)) + 1) <= _TUNING.place * now.size
+
+
+def _words(pixels: Pixels) -> Any:
+    """The same rows in words of 8 bytes, where they fill them: eight times as fast to compare."""
+    fits = pixels.shape[1] * pixels.itemsize % 8 == 0 and pixels.strides[1] == pixels.itemsize
+    return pixels.view(np.uint64) if fits else pixels
 
 
 class HeldPicture:

@@ -9,6 +9,7 @@ import pytest
 from support.drawn_recording import SIDE, loop, projections, shift, stamp
 
 from lasso_motion_ros.config.stream import SyncConfig
+from lasso_motion_ros.config.web import WebConfig
 from lasso_motion_ros.core.errors import ConfigurationError, MessageError
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.overlay.primitives import draw_banner
@@ -21,6 +22,7 @@ from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 from msg_adapters.recorded_messages import RecordedMessages
+from msg_adapters.sync.plane_source import plane_sources
 
 WORLD = "patient_table"
 MAKE = RecordedMessages().make
@@ -31,7 +33,9 @@ class Bench:
 
     def __init__(self, axes: str = "auto") -> None:
         self.now = 100.0
-        self.stream = LiveStream(SyncConfig(), "lasso_tracker", WORLD, 0.15, axes, clock=lambda: self.now)
+        self.stream = LiveStream(
+            SyncConfig(), plane_sources(WebConfig()), "lasso_tracker", WORLD, 0.15, axes, clock=lambda: self.now
+        )
 
     def image(self, plane: str, pair: int, calibration: str = "") -> None:
         header = header_fields(stamp(pair), f"detector_{plane}")
