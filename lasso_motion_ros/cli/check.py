@@ -14,7 +14,7 @@ from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.ros_start import require_ros
-from lasso_motion_ros.tools.recorded_examination import describe_facts, examine_recording
+from lasso_motion_ros.tools.recorded_examination import describe_facts, describe_offset, examine_recording
 from msg_adapters.checks.examination import Examination
 from msg_adapters.checks.graph_checks import TopicFacts
 from msg_adapters.checks.issue import Issue
@@ -47,6 +47,11 @@ def add_arguments(parser: CommandParser) -> None:
     )
     parser.add_argument("--namespace", default="", metavar="NS", help="live: of the nodes (/lab)")
     parser.add_input("--config", metavar="FILE", help="the tracker's parameters: the crops of frame grabbers' pictures")
+    parser.add_argument(
+        "--offset",
+        action="store_true",
+        help="measure by how much one plane's stamps are later than the other's, from what moves in both films",
+    )
     add_remap(parser, "read the recorded topic FROM as TO")
     parser.add_output("--json", metavar="FILE", help="write facts and findings")
 
@@ -64,6 +69,8 @@ def run(args: argparse.Namespace) -> int:
     facts = examination.facts()
     if not args.quiet:
         print("\n".join(describe_facts(facts)))
+        if args.offset:
+            print(describe_offset(facts))
     for issue in issues:
         if issue.severity != "note" or not args.quiet:
             print(issue)
@@ -87,7 +94,7 @@ def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, Topi
 
     namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
     with held_signals() as interrupted:
-        examination, topics = examine(args.seconds, namespace, interrupted, _sources(args))
+        examination, topics = examine(args.seconds, namespace, interrupted, _sources(args), offset=args.offset)
         if interrupted.is_set():
             raise KeyboardInterrupt
     return examination, topics, []
@@ -95,7 +102,7 @@ def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, Topi
 
 def _look_at_recording(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
     examination, topics, damage = examine_recording(
-        args.recording, parse_remap(args.remap), sources=_sources(args), quiet=args.quiet
+        args.recording, parse_remap(args.remap), sources=_sources(args), offset=args.offset, quiet=args.quiet
     )
     cut = [] if damage is None else [Issue("warning", "recording", damage, "lasso-motion record --repair FILE")]
     return examination, topics, cut

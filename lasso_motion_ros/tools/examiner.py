@@ -26,7 +26,12 @@ DISCOVERY_WAIT_S = 5.0
 
 
 def examine(
-    seconds: float, namespace: str, interrupted: threading.Event, sources: Mapping[Plane, PlaneSource] | None = None
+    seconds: float,
+    namespace: str,
+    interrupted: threading.Event,
+    sources: Mapping[Plane, PlaneSource] | None = None,
+    *,
+    offset: bool = False,
 ) -> tuple[Examination, dict[str, TopicFacts]]:
     """Listen to the tracker's inputs and its state.
 
@@ -35,6 +40,7 @@ def examine(
         namespace: of the nodes, `/lab` or empty.
         interrupted: set it to end early.
         sources: per plane, which part of the pictures the tracker takes; None: all of them.
+        offset: measure by how much one plane's pictures are later than the other's.
 
     Returns:
         The messages examined, and the facts of all topics under their contract names (without the namespace).
@@ -42,7 +48,7 @@ def examine(
     jazzy_types()  # takes a while the first time: not of the time to listen
     with ros_session():
         node = rclpy.create_node(NODE, enable_rosout=False, start_parameter_services=False)
-        examination = Examination(live=True, sources=sources)
+        examination = Examination(live=True, sources=sources, offset=offset)
         raw_topics = heard_topics(
             node,
             [namespace + topic.recorded_name for topic in (*INPUTS, STATE)],

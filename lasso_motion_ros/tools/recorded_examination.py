@@ -19,6 +19,7 @@ def examine_recording(
     remap: Mapping[str, str] | None = None,
     *,
     sources: Mapping[Plane, PlaneSource] | None = None,
+    offset: bool = False,
     quiet: bool = True,
 ) -> tuple[Examination, dict[str, TopicFacts], str | None]:
     """Read all messages of a recording.
@@ -27,6 +28,7 @@ def examine_recording(
         recording: MCAP file or bag directory.
         remap: recorded topic → the name it is read as.
         sources: per plane, which part of the pictures the tracker takes; None: all of them.
+        offset: measure by how much one plane's pictures are later than the other's.
         quiet: no progress bar.
 
     Returns:
@@ -36,7 +38,7 @@ def examine_recording(
         RecordingError: it cannot be read.
     """
     reader = RecordingReader(recording, remap=remap)
-    examination = Examination(live=False, sources=sources)
+    examination = Examination(live=False, sources=sources, offset=offset)
     for message in progress(reader.raw_messages(), None, "looking", quiet):
         examination.add(message.topic, message.type_name, message.data, message.log_time_ns)
     latched, best_effort = reader.latched_topics, reader.best_effort_topics
@@ -66,3 +68,17 @@ def describe_facts(facts: Mapping[str, Any]) -> list[str]:
     state = "" if facts["state"] is None else f"; the tracker's state: {facts['state']}"
     lines.append(f"pairs: {facts['pairs']}{offset}{state}")
     return lines
+
+
+def describe_offset(facts: Mapping[str, Any]) -> str:
+    """The measured offset between the planes' pictures, in a line that says what to do with it."""
+    found = facts["film_offset"]
+    if found is None:
+        return "offset: the pictures do not tell which plane is later: too short, hardly any motion, or too regular"
+    late, good_to = found["seconds"], 0.5 * found["frame_s"]
+    by = f"by what moves in both films (correlation {found['correlation']:.2f}), good to {good_to:.3f} s"
+    if abs(late) <= good_to:
+        return f"offset: the stamps of both planes agree, {by}"
+    plane = "b" if late > 0.0 else "a"
+    cure = f"set plane_{plane}.stamp_offset_s to {abs(late):.3f}"
+    return f"offset: plane {plane}'s stamps are {abs(late):.3f} s later than the other's {by}: {cure}"

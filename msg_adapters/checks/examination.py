@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections import Counter
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
@@ -15,7 +17,9 @@ from msg_adapters.checks.image_checks import ImageSamples, check_images
 from msg_adapters.checks.issue import SEVERITIES, Issue
 from msg_adapters.checks.seed_checks import check_seeds
 from msg_adapters.checks.stamp_checks import PlaneStamps, check_stamps, pairs_of
-from msg_adapters.messages import NANOSECONDS
+from msg_adapters.film_offset import FilmOffsetMeter
+from msg_adapters.images import decode_image
+from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.sync.plane_source import PlaneSource
 from msg_adapters.topics import (
@@ -39,9 +43,11 @@ class Examination:
     Args:
         live: a running graph, not a recording.
         sources: per plane, which part of the pictures the tracker takes; None: all of them.
+        offset: measure by how much one plane's pictures are later than the other's, which needs every picture.
     """
 
-    def __init__(self, *, live: bool, sources: Mapping[Plane, PlaneSource] | None = None) -> None:
+    def __init__(self, *, live: bool, sources: Mapping[Plane, PlaneSource] | None = None, offset: bool = False) -> None:
+        self._offset = FilmOffsetMeter() if offset else None
         self._sources = sources or dict.fromkeys(PLANES, PlaneSource())
         self._live = live
         self.counts: Counter[str] = Counter()
@@ -88,6 +94,8 @@ class Examination:
             stamps = self._stamps[plane]
             stamps.stamps.append(_stamp_ns(data))
             stamps.arrivals.append(arrival_ns)
+            if self._offset is not None:
+                self._measure(self._offset, plane, type_name, data)
             if arrival_ns - self._sampled_ns.get(topic, -_SAMPLE_PERIOD_NS) < _SAMPLE_PERIOD_NS:
                 return
             self._sampled_ns[topic] = arrival_ns
@@ -106,6 +114,12 @@ class Examination:
             self._seeds[plane].append(message)
         else:
             self._state = message.data
+
+    def _measure(self, meter: FilmOffsetMeter, plane: Plane, type_name: str, data: bytes) -> None:
+        with contextlib.suppress(Exception):  # what cannot be decoded is found where samples are looked at
+            message: Any = jazzy_types().deserialize_cdr(data, type_name)
+            stamp_ns = stamp_to_ns(message.header.stamp)
+            meter.add(plane, stamp_ns, decode_image(message, self._sources[plane].crop))
 
     def issues(self, topics: Mapping[str, TopicFacts]) -> list[Issue]:
         """All issues, the worst first.
@@ -140,6 +154,11 @@ class Examination:
         )
         return sorted(found, key=lambda issue: SEVERITIES.index(issue.severity))
 
+    def _measured(self) -> dict[str, float] | None:
+        """How much later B's pictures are than A's; None where that was not to be measured, or is not to be told."""
+        found = None if self._offset is None else self._offset.estimate()
+        return None if found is None else asdict(found)
+
     def _projection(self, plane: Plane) -> Projection | None:
         """To the pixels of the published picture, in which clicks are."""
         projection, sizes = self._calibrations[plane].projection, self._images[plane].sizes
@@ -156,6 +175,7 @@ class Examination:
             "pairs": len(whole),
             "plane_b_offset_s": offsets[len(offsets) // 2] / NANOSECONDS if offsets else None,
             "state": self._state,
+            "film_offset": self._measured(),
         }
         for plane in PLANES:
             images, stamps = self._images[plane], self._stamps[plane]
