@@ -46,6 +46,9 @@ def add_arguments(parser: CommandParser) -> None:
         metavar="FILE",
         help=f"tracker parameters, several stand side by side (default: {DEFAULT_CONFIG})",
     )
+    parser.add_argument(
+        "--automatic", action="store_true", help="track without clicks: the ring is found, as in track --automatic"
+    )
     parser.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
     parser.add_output(
         "--report",
@@ -74,7 +77,13 @@ def run(args: argparse.Namespace) -> int:
     """Evaluate; returns the exit status (0, or 3 where a recording was read in part, or left out)."""
     _check(args)
     results, complete = evaluate_recordings(
-        args.recordings, args.result, args.config or [share_file(DEFAULT_CONFIG)], args.sid, _say, quiet=args.quiet
+        args.recordings,
+        args.result,
+        args.config or [share_file(DEFAULT_CONFIG)],
+        args.sid,
+        _say,
+        quiet=args.quiet,
+        automatic=args.automatic,
     )
     scores = dict(zip(row_names(results), (one.scores for one in results), strict=True))
     print(format_table({name: summarise(pairs) for name, pairs in scores.items()}, mean_groups(results)))
@@ -104,6 +113,8 @@ def _check(args: argparse.Namespace) -> None:
         )
     if results and args.config:
         raise LassoMotionError("--config is for tracking; with --result nothing is tracked")
+    if results and args.automatic:
+        raise LassoMotionError("--automatic is for tracking; with --result nothing is tracked")
     if not args.sid > 0.0:
         raise LassoMotionError(f"--sid must be positive, found {args.sid}")
     if args.worst < 0:

@@ -23,6 +23,11 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_output("-o", "--output", required=True, metavar="OUT.mcap", help="file to write")
     parser.add_input("--config", metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
     parser.add_input("--seeds", metavar="FILE", help="clicks, for a recording without (or instead)")
+    parser.add_argument(
+        "--automatic",
+        action="store_true",
+        help="no clicks: the first pair that shows the ring well is the seed pair; recorded clicks are not heard",
+    )
     parser.add_input("--calibration", metavar="FILE", help="projections, for a recording without")
     add_remap(parser, "read the recorded topic FROM as TO (/cath/frontal:=/plane_a/image_raw)")
     parser.add_output("--json", metavar="FILE", help="write the counts of pairs, poses, states, problems")
@@ -39,6 +44,7 @@ def run(args: argparse.Namespace) -> int:
         remap=parse_remap(args.remap),
         overwrite=args.overwrite,
         quiet=args.quiet,
+        automatic=args.automatic,
     )
     for line in summary.problem_lines:
         print(f"lasso-motion track: {line}", file=sys.stderr)

@@ -57,7 +57,7 @@ def shape_doubt(model: LoopModel, catheter: Catheter | None) -> str:
     Raises:
         SeedError: no lasso has such a shape, or the named catheter has another size.
     """
-    roundness = _roundness(model)
+    roundness = roundness_of(model)
     text = f"the clicks' ring is far from round: nearest by farthest point from its middle {roundness:.2f}"
     if roundness < TUNING.smallest_roundness:
         raise SeedError(f"{text}, expected at least {TUNING.smallest_roundness:g}: were the clicks set along one loop?")
@@ -74,7 +74,7 @@ def shape_doubt(model: LoopModel, catheter: Catheter | None) -> str:
     return "; ".join(doubts)
 
 
-def _roundness(model: LoopModel) -> float:
+def roundness_of(model: LoopModel) -> float:
     """Smallest by largest distance of the curve from its middle, in its plane of least squares."""
     _, _, directions = np.linalg.svd(model.points - model.points.mean(axis=0), full_matrices=False)
     distances = np.linalg.norm(model.arms @ directions[:2].T, axis=1)

@@ -203,6 +203,11 @@ class RingTracker:
             # It belongs where and as it lies now; what was learned of the breathing, but not of its place, still holds.
             track.settle(BreathingCurve(track.displacement, track.last_s, self._options.curve))
 
+    @property
+    def known(self) -> Track | None:
+        """All that is known of the ring; None without a model."""
+        return self._track
+
     def _require_track(self) -> Track:
         if self._track is None:
             raise TrackingError("there is no model to track: seed the tracker first")

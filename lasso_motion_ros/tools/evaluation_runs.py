@@ -37,6 +37,7 @@ def evaluate_recordings(
     say: Callable[[str], None],
     *,
     quiet: bool = True,
+    automatic: bool = False,
 ) -> tuple[list[Evaluated], bool]:
     """Score what a tracker made of recordings with truth.
 
@@ -50,6 +51,7 @@ def evaluate_recordings(
         sid_m: source–detector distance for millimetres on the detector, metres.
         say: takes a line for the user: what is wrong with a recording, or why it is left out.
         quiet: no progress bar.
+        automatic: track without clicks.
 
     Returns:
         The results in order, and whether all recordings could be read and scored as a whole.
@@ -65,7 +67,7 @@ def evaluate_recordings(
         with _noted(failures):
             truths[number] = read_truth(recording)
             if not results:
-                check_trackable(recording)
+                check_trackable(recording, automatic=automatic)
     found: list[Evaluated] = []
     for number, read in progress(truths.items(), len(truths), "evaluating", quiet or not many):
         recording = recordings[number]
@@ -79,7 +81,9 @@ def evaluate_recordings(
                     found.append(_evaluated_file(name, recording, read, file, result, sid_m))
                 else:
                     given = configs[file]
-                    found.append(_evaluated_tracking(name, recording, read, given, result, sid_m, say, quiet or many))
+                    found.append(
+                        _evaluated_tracking(name, recording, read, given, result, sid_m, say, quiet or many, automatic)
+                    )
     if not found:
         *before, failure = failures
         for error in before:
@@ -181,15 +185,16 @@ def _evaluated_tracking(
     sid_m: float,
     say: Callable[[str], None],
     quiet: bool,
+    automatic: bool,
 ) -> Evaluated:
     """Track a recording with some parameters and score that; otherwise as `_evaluated_file`."""
-    estimates, timing = _tracked(recording, config, say, quiet)
+    estimates, timing = _tracked(recording, config, say, quiet, automatic)
     scores = score_pairs(read.truth, estimates, source_detector_m=sid_m)
     return Evaluated(name, result, recording, read.truth, estimates, scores, timing, configuration_values(config))
 
 
 def _tracked(
-    recording: Path, config: StreamConfig, say: Callable[[str], None], quiet: bool
+    recording: Path, config: StreamConfig, say: Callable[[str], None], quiet: bool, automatic: bool
 ) -> tuple[list[PairEstimate], Timing | None]:
     """What the offline tracker answers on a recording, by way of a file: what is scored is what gets written."""
     from lasso_motion_ros.stream.tracker_factory import create_tracker
@@ -197,7 +202,9 @@ def _tracked(
     tracker = TimedTracker(create_tracker(config))
     with tempfile.TemporaryDirectory(prefix="lasso_motion_") as directory:
         result = Path(directory) / "result.mcap"
-        summary = track_recording(recording, result, config, quiet=quiet, tracker=tracker, without_poses=True)
+        summary = track_recording(
+            recording, result, config, quiet=quiet, tracker=tracker, without_poses=True, automatic=automatic
+        )
         if summary.statistics.poses == 0:
             # A table of dashes would leave the reader to guess.
             say(f"{recording}: no pair got a pose: {why_nothing(summary)}")

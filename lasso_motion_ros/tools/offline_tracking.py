@@ -10,16 +10,17 @@ from typing import Any
 
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.core.errors import ConfigurationError, RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.geometry.frames import PLANES, FramePair
+from lasso_motion_ros.stream.automatic_start import RingLookout, click_messages, only_ring
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.problem_log import Problem, problem_lines
 from lasso_motion_ros.stream.topic_handlers import topic_handlers
-from lasso_motion_ros.tracking.tracker import Tracker
+from lasso_motion_ros.tracking.tracker import Tracker, TrackerState
 from msg_adapters.recorded_messages import RecordedMessages
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.recordings.tracking_topics import check_tracking_topics, unused_compressed_topics
@@ -115,6 +116,7 @@ def track_recording(
     quiet: bool = True,
     tracker: Tracker | None = None,
     without_poses: bool = False,
+    automatic: bool = False,
 ) -> TrackSummary:
     """Track a recording into a file.
 
@@ -128,6 +130,7 @@ def track_recording(
         overwrite: replace `output` if it exists.
         quiet: no progress bar.
         tracker: the method; by default the one that the configuration names.
+        automatic: find the ring without clicks, and hear none.
         without_poses: whether a file in which no pair has a pose is written too; it is an error otherwise.
 
     Raises:
@@ -136,21 +139,25 @@ def track_recording(
     """
     if not isinstance(config, StreamConfig):
         config = load_configuration(config or share_file(DEFAULT_CONFIG), StreamConfig)
+    if automatic and seeds is not None:
+        raise ConfigurationError("clicks from a file and a ring that is found without them exclude each other")
     given_seeds = None if seeds is None else read_seeds_file(seeds)
     given_calibration = None if calibration is None else read_calibration_file(calibration)
     reader = RecordingReader(recording, remap)
     check_tracking_topics(reader.path, reader.topics, calibrated=calibration is not None)
-    if given_seeds is None:
+    if given_seeds is None and not automatic:
         _check_seeds(reader)
     messages = RecordedMessages()
     pipeline = TrackingPipeline(config, messages, tracker)
     for raw, compressed in unused_compressed_topics(reader.topics):
         pipeline.problems.remark(compressed, f"not used: {raw} is there, which has lost nothing")
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
-        run = _Run(pipeline, writer)
+        run = _Run(pipeline, writer, messages, RingLookout(config) if automatic else None)
         run.write(pipeline.session.initial_outputs())
         run.take_given(messages, given_calibration, given_seeds)
-        handlers = topic_handlers(pipeline.intake, reader.topics, seeds=seeds is None, calibrations=calibration is None)
+        handlers = topic_handlers(
+            pipeline.intake, reader.topics, seeds=seeds is None and not automatic, calibrations=calibration is None
+        )
         for recorded in progress(reader.messages(handlers), None, "tracking (messages)", quiet):
             run.take(handlers[recorded.topic](recorded.message))
         run.take(pipeline.intake.flush())
@@ -165,9 +172,17 @@ def track_recording(
 class _Run:
     """Answers tasks as they fall due, and writes what comes out."""
 
-    def __init__(self, pipeline: TrackingPipeline, writer: RecordingWriter) -> None:
+    def __init__(
+        self,
+        pipeline: TrackingPipeline,
+        writer: RecordingWriter,
+        messages: RecordedMessages,
+        lookout: RingLookout | None,
+    ) -> None:
         self._pipeline = pipeline
         self._writer = writer
+        self._messages = messages
+        self._lookout = lookout
         self._unstamped: list[Output] = []
         self._time_ns = 0
         self.problems: Counter[Problem] = Counter()
@@ -188,7 +203,25 @@ class _Run:
         for task in tasks:
             self._time_ns = task.pair.stamp_ns
             self.write(self._pipeline.session.process(task))
+            self._look(task.pair)
         self.problems.update(self._pipeline.problems.take())
+
+    def _look(self, pair: FramePair) -> None:
+        """Look for a ring while there is no model, and start with the only one."""
+        if self._lookout is None:
+            return
+        if self._pipeline.session.state is not TrackerState.WAITING_FOR_SEED:
+            self._lookout.forget()
+            return
+        found = self._lookout.add(pair)
+        if not found:
+            return
+        ring = only_ring(found)
+        if ring is None:
+            self._pipeline.problems.report("", "more than one ring may be the lasso: not started with any, click it")
+            return
+        for plane, clicks in click_messages(ring, self._messages).items():
+            self.take(self._pipeline.intake.add_seed(plane, clicks))
 
     def write(self, outputs: list[Output]) -> None:
         for output in outputs:
@@ -210,15 +243,16 @@ class _Run:
         )
 
 
-def check_trackable(recording: Path) -> None:
-    """Whether a recording has all that tracking needs: images, calibrations, clicks.
+def check_trackable(recording: Path, *, automatic: bool = False) -> None:
+    """Whether a recording has all that tracking needs: images, calibrations, and clicks unless it is automatic.
 
     Raises:
         RecordingError: it has not, or cannot be read.
     """
     reader = RecordingReader(recording)
     check_tracking_topics(reader.path, reader.topics)
-    _check_seeds(reader)
+    if not automatic:
+        _check_seeds(reader)
 
 
 def _check_seeds(reader: RecordingReader) -> None:
@@ -230,5 +264,6 @@ def _check_seeds(reader: RecordingReader) -> None:
     if missing:
         raise RecordingError(
             f"{reader.path} has no clicks ({', '.join(missing)}): give them with lasso-motion track --seeds FILE; the"
-            " page makes such a file (lasso-motion web, or web --annotate: click in both planes, then F)"
+            " page makes such a file (lasso-motion web, or web --annotate: click in both planes, then F); or have the"
+            " ring found with --automatic"
         )

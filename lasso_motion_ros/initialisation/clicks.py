@@ -1,0 +1,44 @@
+"""From a circle to clicks: the lines beside it in both planes, as a person would click them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
+from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.ring.loop_curve import fit_curve, snap
+from lasso_motion_ros.seeding.cones import Ellipse3D
+
+Array = npt.NDArray[np.float64]
+
+ROUNDS = 3
+CLICKS = 20
+ALONG = np.linspace(0.0, 2.0 * np.pi, 96)
+
+
+def clicks_on(
+    circle: Circles, frames: dict[Plane, Frame], grid: EpipolarGrid, *, bright: bool, line_sigma_mm: float
+) -> Seed:
+    """Clicks on the lines beside one circle.
+
+    Args:
+        circle: one.
+        frames: of both planes.
+        grid: of the two planes.
+        bright: whether the catheter is brighter than its background.
+        line_sigma_mm: scale of the line filter.
+    """
+    centre, points = circle.centres[0], circle.points(np.array([0.0, 0.5 * np.pi]))[0]
+    ellipse = Ellipse3D(centre, points[0] - centre, points[1] - centre)
+    projections = {plane: frames[plane].projection for plane in PLANES}
+    lift = projections["b"].jacobian(centre) @ (grid.upward * circle.lifts[0])
+    projections["b"] = projections["b"].shifted(*lift)
+    curve = circle.points(ALONG)[0]
+    for _ in range(ROUNDS):
+        found = {plane: snap(curve, frames[plane], projections[plane], bright, line_sigma_mm) for plane in PLANES}
+        curve = fit_curve(ellipse, ALONG, projections, found)(ALONG)
+    places = np.linspace(0, len(ALONG) - 1, CLICKS + 1).astype(int)[:-1]
+    a, b = (projections[plane].project(curve)[places] for plane in PLANES)
+    return Seed(a, b)

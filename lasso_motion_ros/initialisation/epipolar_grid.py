@@ -1,0 +1,99 @@
+"""A plane's image on a grid whose rows both planes share: epipolar planes, half a millimetre apart at the patient."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.errors import GeometryError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.triangulation import triangulate
+
+Array = npt.NDArray[np.float64]
+
+SMALLEST_VIEW_ANGLE_DEG = 15.0
+
+
+@dataclass(frozen=True, eq=False)
+class EpipolarGrid:
+    """Where both planes look, and the axes in which their images are laid out.
+
+    Attributes:
+        centre: (3,) where the planes' central rays meet, world metres.
+        upward: (3,) unit normal of the epipolar plane through it: the grids' rows are heights along it.
+        sideways: per plane, (3,) unit vector along the grid's columns, across the plane's central ray.
+        view: per plane, (3,) unit vector of its central ray.
+        outward: (3,) unit vector across the baseline towards the centre.
+        lever: distance of the centre from the baseline, metres.
+        sources: per plane, (3,).
+    """
+
+    centre: Array
+    upward: Array
+    sideways: dict[Plane, Array]
+    view: dict[Plane, Array]
+    outward: Array
+    lever: float
+    sources: dict[Plane, Array]
+
+    @classmethod
+    def of(cls, projections: dict[Plane, Projection]) -> EpipolarGrid:
+        """The grid of two planes.
+
+        Raises:
+            GeometryError: the planes look from nearly the same direction.
+        """
+        a, b = (projections[plane] for plane in PLANES)
+        middles = tuple(np.array([(p.width - 1) / 2.0, (p.height - 1) / 2.0]) for p in (a, b))
+        centre = triangulate((a, b), middles)
+        sources = {plane: projections[plane].source for plane in PLANES}
+        view = {plane: (centre - sources[plane]) / np.linalg.norm(centre - sources[plane]) for plane in PLANES}
+        sine = float(np.linalg.norm(np.cross(view["a"], view["b"])))
+        if sine < np.sin(np.radians(SMALLEST_VIEW_ANGLE_DEG)):
+            raise GeometryError(
+                f"the planes look from {np.degrees(np.arcsin(sine)):.0f}° apart; a ring is only found where it is"
+                f" {SMALLEST_VIEW_ANGLE_DEG:.0f}° or more"
+            )
+        baseline = sources["b"] - sources["a"]
+        baseline = baseline / np.linalg.norm(baseline)
+        upward = np.cross(baseline, centre - sources["a"])
+        upward /= np.linalg.norm(upward)
+        outward = np.cross(upward, baseline)
+        lever = float((centre - sources["a"]) @ outward)
+        if lever < 0.0:
+            outward, lever = -outward, -lever
+        sideways = {plane: np.cross(upward, view[plane]) for plane in PLANES}
+        return cls(centre, upward, sideways, view, outward, lever, sources)
+
+    def points(self, plane: Plane, columns: Array, rows: Array) -> Array:
+        """(R, C, 3) world points, across a plane's view through the centre, of grid columns (C,) and rows (R,), metres.
+
+        A row is an epipolar plane, by its height at the centre.
+        """
+        aside = self.centre + columns[:, None] * self.sideways[plane]
+        out = (aside - self.sources[plane]) @ self.outward / self.lever  # nearer to the baseline planes are closer
+        return np.asarray(aside[None] + (rows[:, None] * out[None])[..., None] * self.upward)
+
+    def lay(self, plane: Plane, points: Array) -> tuple[Array, Array]:
+        """Columns and rows (...) of world points (..., 3), metres in a plane's grid."""
+        rays = points - self.sources[plane]
+        distance = float((self.centre - self.sources[plane]) @ self.view[plane])
+        columns = distance * (rays @ self.sideways[plane]) / (rays @ self.view[plane])
+        rows = self.lever * (rays @ self.upward) / (rays @ self.outward)
+        return np.asarray(columns), np.asarray(rows)
+
+    def places(self, columns: dict[Plane, Array], rows: Array) -> Array:
+        """(N, 3) the world points that both planes show in columns (N,) of theirs and common rows (N,), metres."""
+        ends = {}
+        for plane in PLANES:
+            aside = self.centre + columns[plane][:, None] * self.sideways[plane]
+            out = (aside - self.sources[plane]) @ self.outward / self.lever
+            ends[plane] = aside + (rows * out)[:, None] * self.upward - self.sources[plane]
+        # The rays lie in one epipolar plane: where they meet in it.
+        across = self.sources["b"] - self.sources["a"]
+        normal = np.cross(ends["a"], ends["b"])
+        along = np.einsum("nk,nk->n", np.cross(across, ends["b"]), normal) / np.einsum("nk,nk->n", normal, normal)
+        return np.asarray(self.sources["a"] + along[:, None] * ends["a"])

@@ -1,0 +1,166 @@
+"""What each plane shows of dark lines, direction by direction, on the epipolar grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import Frame, Plane
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.ring.working_image import reduction_factor
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+CELL_MM = 0.5
+DIRECTIONS = 16
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How lines are seen."""
+
+    first_sigma_mm: float = 0.3
+    second_sigma_mm: float = 0.4  # 0.5 in all: a wire and an electrode
+    along_cells: float = 3.5  # standard deviation of the mean along a line: noise has no direction
+    along_steps: tuple[int, ...] = (-6, -4, -2, 0, 2, 4, 6)  # cells
+    margin_px: int = 8  # of the image, where its edge would be a line
+    distinct_quantile: float = 0.999
+    noise_window_cells: tuple[int, int] = (41, 41)
+    outlier: float = 4.0  # in units of the local rms: what is denser counts no more
+    floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
+    ceiling: float = 2.8
+    spot_sigma_cells: float = 0.6
+    widest_mm: float = 200.0
+
+
+TUNING = _Tuning()
+_SECOND = np.array([[1.0, -2.0, 1.0]], np.float32)
+_MIXED = np.array([[0.25, 0.0, -0.25], [0.0, 0.0, 0.0], [-0.25, 0.0, 0.25]], np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class LineMaps:
+    """One plane.
+
+    Attributes:
+        responses: (DIRECTIONS, H, W) float32 in [0, 1], for a line's tangent at angle k·180°/DIRECTIONS from the
+            columns' axis towards the rows'.
+        spots: (H, W) float32, what is dark against all that is about it, in units of the local rms: electrodes.
+        left: of the first column, metres in the grid.
+        top: of the first row, metres in the grid.
+    """
+
+    responses: Image
+    spots: Image
+    left: float
+    top: float
+
+
+@dataclass(frozen=True, eq=False)
+class Curvature:
+    """The second derivatives of one plane's attenuation, relative to their local root mean square.
+
+    Attributes:
+        xx: (H, W) float32 along the grid's columns' axis.
+        yy: (H, W) float32 along the rows'.
+        xy: (H, W) float32 mixed.
+        inside: (H, W) float32, 1 where the image reaches.
+        left: of the first column, metres in the grid.
+        top: of the first row, metres in the grid.
+    """
+
+    xx: Image
+    yy: Image
+    xy: Image
+    inside: Image
+    left: float
+    top: float
+
+    def strength(self, *, bright: bool) -> float:
+        """How far the most distinct spots stand out, of electrodes that are darker or brighter than what is behind."""
+        spots = self.xx + self.yy
+        return float(np.quantile(-spots if bright else spots, TUNING.distinct_quantile))
+
+
+def curvature(frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float, float]) -> Curvature:
+    """The second derivatives of a frame between two rows, metres, laid out on the grid."""
+    columns = _column_range(frame, plane, grid)
+    xs = np.arange(columns[0], columns[1], CELL_MM * 1e-3)
+    hs = np.arange(rows[0], rows[1], CELL_MM * 1e-3)
+    factor = reduction_factor(frame.projection, grid.centre)
+    projection = frame.projection.binned(factor, factor)
+    grey = frame.pixels[: projection.height * factor, : projection.width * factor]
+    if factor > 1:
+        grey = cv2.resize(grey, (projection.width, projection.height), interpolation=cv2.INTER_AREA)
+    # In the logarithm attenuation adds up.
+    logarithm = cv2.log(np.maximum(grey, 1).astype(np.float32))
+    sigma = TUNING.first_sigma_mm / projection.millimetres_per_pixel(grid.centre)
+    smooth = cv2.GaussianBlur(logarithm, (0, 0), sigma)
+    at = projection.project(grid.points(plane, xs, hs)).astype(np.float32)
+    laid = cv2.remap(smooth, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    laid = cv2.GaussianBlur(laid, (0, 0), TUNING.second_sigma_mm / CELL_MM)
+    size, margin = np.array([projection.width, projection.height]), TUNING.margin_px
+    inside = ((at > margin) & (at < size - margin - 1)).all(axis=2).astype(np.float32)
+    xx = cv2.filter2D(laid, cv2.CV_32F, _SECOND)
+    yy = cv2.filter2D(laid, cv2.CV_32F, _SECOND.T)
+    xy = cv2.filter2D(laid, cv2.CV_32F, _MIXED)
+    window = TUNING.noise_window_cells
+    mean = cv2.blur((xx * xx + yy * yy + 2.0 * xy * xy) * inside, window) / np.maximum(cv2.blur(inside, window), 0.02)
+    scale = inside / np.sqrt(np.maximum(0.5 * mean, np.float32(1e-10)))
+    xx, yy, xy = (np.asarray(one * scale) for one in (xx, yy, xy))
+    return Curvature(xx, yy, xy, np.asarray(inside), float(xs[0]), float(hs[0]))
+
+
+def line_maps(seen: Curvature, *, bright: bool) -> LineMaps:
+    """The maps of lines that are darker, or brighter, than what is behind them."""
+    xx, yy, xy = (-one if bright else one for one in (seen.xx, seen.yy, seen.xy))
+    spots = cv2.GaussianBlur(0.5 * (xx + yy), (0, 0), TUNING.spot_sigma_cells)
+    height, width = xx.shape
+    responses = np.zeros((DIRECTIONS, height, width), np.float32)
+    weights = np.exp(-0.5 * (np.array(TUNING.along_steps) / TUNING.along_cells) ** 2)
+    reach = int(max(TUNING.along_steps))
+    for k, response in enumerate(responses):
+        c, s = np.cos(np.pi * k / DIRECTIONS), np.sin(np.pi * k / DIRECTIONS)
+        across = np.clip(xx * (s * s) - xy * (2.0 * s * c) + yy * (c * c), -TUNING.outlier, TUNING.outlier)
+        padded = np.pad(across.astype(np.float32), reach)
+        for step, weight in zip(TUNING.along_steps, (weights / weights.sum()).astype(np.float32), strict=True):
+            x, y = reach + round(step * c), reach + round(step * s)
+            response += weight * padded[y : y + height, x : x + width]
+    rms = float(np.sqrt((responses**2).sum() / max(DIRECTIONS * float(seen.inside.sum()), 1.0)))
+    responses *= seen.inside / np.float32(max(rms, 1e-6))
+    responses -= np.float32(TUNING.floor)
+    responses *= np.float32(1.0 / (TUNING.ceiling - TUNING.floor))
+    np.clip(responses, 0.0, 1.0, out=responses)
+    return LineMaps(responses, spots, seen.left, seen.top)
+
+
+def row_range(frames: dict[Plane, Frame], grid: EpipolarGrid) -> tuple[float, float]:
+    """Heights, metres, that both planes show."""
+    low, high = -0.5e-3 * TUNING.widest_mm, 0.5e-3 * TUNING.widest_mm
+    for frame in frames.values():
+        heights = _ray_heights(frame, grid)
+        low, high = max(low, float(heights.min())), min(high, float(heights.max()))
+    return low, high
+
+
+def _corner_rays(frame: Frame) -> Array:
+    w, h = frame.projection.width - 1.0, frame.projection.height - 1.0
+    corners = np.array([[x, y] for x in (0.0, w / 2, w) for y in (0.0, h / 2, h)])
+    return frame.projection.rays(corners)
+
+
+def _ray_heights(frame: Frame, grid: EpipolarGrid) -> Array:
+    rays = _corner_rays(frame)
+    return np.asarray(grid.lever * (rays @ grid.upward) / (rays @ grid.outward))
+
+
+def _column_range(frame: Frame, plane: Plane, grid: EpipolarGrid) -> tuple[float, float]:
+    rays = _corner_rays(frame)
+    distance = np.linalg.norm(grid.centre - grid.sources[plane])
+    columns = distance * (rays @ grid.sideways[plane]) / (rays @ grid.view[plane])
+    most = 0.5e-3 * TUNING.widest_mm
+    return max(-most, float(columns.min())), min(most, float(columns.max()))

@@ -1,0 +1,42 @@
+"""Rings are found without clicks; nothing is where there is none; two are both proposed, and none is started with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.breathing_lasso import pair
+from support.lasso_inputs import CURVE, lasso_image, lasso_pair, pair_of
+from support.tracking_inputs import VIEWS
+
+from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
+from lasso_motion_ros.stream.automatic_start import only_ring
+
+CONFIG = TrackerConfig(polarity="dark")
+
+
+def test_without_a_ring_nothing_is_proposed() -> None:
+    assert find_rings([lasso_pair(index, None) for index in range(3)], CONFIG) == []
+
+
+def test_of_two_lassos_both_are_proposed_and_none_is_started_with() -> None:
+    other = CURVE + np.array([0.004, 0.006, 0.034])
+    images = {plane: np.minimum(lasso_image(CURVE, view), lasso_image(other, view)) for plane, view in VIEWS.items()}
+    rings = find_rings([pair_of(index, images) for index in range(3)], CONFIG)
+    nearest = min(distance_to_curve(CURVE, ring.points).mean() for ring in rings)
+    assert nearest < 0.5e-3
+    middles = sorted(float(ring.centre[2]) for ring in rings)
+    expected = [float(curve.mean(axis=0)[2]) for curve in (CURVE, other)]
+    assert middles == pytest.approx(sorted(expected), abs=0.7e-3)
+    assert all(ring.rivals for ring in rings)
+    assert only_ring(rings) is None
+
+
+def test_one_plane_alone_proposes_nothing() -> None:
+    assert find_rings([pair(index, planes="a") for index in range(3)], CONFIG) == []
+
+
+def test_a_look_that_is_overtaken_gives_up() -> None:
+    with pytest.raises(OvertakenError):
+        find_rings([pair(index) for index in range(3)], CONFIG, go_on=lambda: False)
