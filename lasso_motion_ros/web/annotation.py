@@ -39,7 +39,7 @@ class Annotation:
 
     def __init__(self, recording: AnnotatedRecording) -> None:
         self._recording = recording
-        self._lock = threading.RLock()
+        self._lock, self._saving = threading.RLock(), threading.Lock()
         self._index, self._number, self._version = 0, 1, 0
         self._drawn_by: Counter[int] = Counter()
         self.unsaved = False
@@ -111,8 +111,8 @@ class Annotation:
             if name == "draw":
                 self._drawn_by[page] += 1
                 return self._draw(self._checked_index(body), body)
-            if name == "save":
-                return self.save()
+        if name == "save":
+            return self.save()
         raise RecordingError(f"{name} belongs to the live page")
 
     def save(self) -> str:
@@ -124,13 +124,19 @@ class Annotation:
         Raises:
             RecordingError: it cannot be written.
         """
-        with self._lock:
-            self._recording.save()
-            self.unsaved = False
-            done = sum(bool(curve.size) for pair in self._recording.pairs for curve in pair.curves.values())
-            seeds = self._recording.seed_pair
-            clicks = "" if seeds is None else f", and the clicks of pair {seeds + 1} for track"
-            return f"Saved {done} centrelines in {self._recording.output}{clicks}."
+        with self._saving:
+            with self._lock:
+                # Written without the lock: the page asks on meanwhile, and would take silence for a lost server.
+                changes, self.unsaved = self._recording.changes(), False
+                done = sum(bool(curve.size) for pair in self._recording.pairs for curve in pair.curves.values())
+                seeds = self._recording.seed_pair
+            try:
+                self._recording.save(changes)
+            except BaseException:
+                self.unsaved = True
+                raise
+        clicks = "" if seeds is None else f", and the clicks of pair {seeds + 1} for track"
+        return f"Saved {done} centrelines in {self._recording.output}{clicks}."
 
     def _go(self, index: int, *, copy: bool) -> str:
         pair = self._recording.pairs[index]

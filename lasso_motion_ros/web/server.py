@@ -255,7 +255,10 @@ class WebServer:
             raise web.HTTPForbidden(text="only the page itself may connect\n")
         number = next(self._numbers)
         page = PageConnection(number, self._source, self._encoder, self._command_pool, self._tell_audience, self._wake)
-        await page.socket.prepare(request)
+        try:
+            await page.socket.prepare(request)
+        except ConnectionError:
+            return page.socket  # it has gone again already
         if len(self._pages) >= TUNING.most_pages and not await self._make_room():
             text = f"{len(self._pages)} pages are open already, and all are in use: close one."
             LOG.warning("another page was refused: %s", text)

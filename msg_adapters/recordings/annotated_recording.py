@@ -69,6 +69,19 @@ class AnnotatedPair:
         return all(plane in self.curves and len(self.curves[plane]) for plane in self.image_stamps)
 
 
+@dataclass(frozen=True, eq=False)
+class Changes:
+    """What a copy has besides the recording, at one time.
+
+    Attributes:
+        additions: log time (ns), topic, points (N, 2) and stamp (ns), in order of time.
+        drawn: stamp and plane of the centrelines that replace recorded ones.
+    """
+
+    additions: tuple[tuple[int, Topic, Array, int], ...]
+    drawn: frozenset[tuple[int, Plane]]
+
+
 class AnnotatedRecording:
     """A recording to draw centrelines in, and the copy that gets them.
 
@@ -126,17 +139,24 @@ class AnnotatedRecording:
             return None
         return next((index for index, pair in enumerate(self.pairs) if pair.has_seed), None)
 
-    def save(self) -> None:
-        """Write the copy: everything that the recording has, and the centrelines; whole or not at all.
+    def changes(self) -> Changes:
+        """What has been drawn and clicked so far, as `save` writes it."""
+        drawn = frozenset((pair.stamp_ns, plane) for pair in self.pairs for plane in pair.drawn)
+        return Changes(tuple(self._additions()), drawn)
+
+    def save(self, changes: Changes) -> None:
+        """Write the copy: everything that the recording has, and the changes; whole or not at all.
+
+        It takes as long as the recording is large; what is drawn meanwhile is not in it.
 
         Raises:
             RecordingError: it cannot be written.
         """
         with RecordingWriter(self.output, overwrite=True, whole=True) as writer:
             copier = RecordingCopier(self._reader, writer)
-            drawn = iter(self._additions())
+            drawn = iter(changes.additions)
             waiting = next(drawn, None)
-            for message in self._kept_messages():
+            for message in self._kept_messages(changes.drawn):
                 # In order of time, as a recorder would have written them.
                 while waiting is not None and waiting[0] < message.log_time_ns:
                     _write(writer, *waiting)
@@ -179,9 +199,8 @@ class AnnotatedRecording:
             ]
         return sorted(added, key=lambda one: one[0])
 
-    def _kept_messages(self) -> Iterator[RawMessage]:
+    def _kept_messages(self, drawn: frozenset[tuple[int, Plane]]) -> Iterator[RawMessage]:
         """All messages but the centrelines that were drawn anew."""
-        drawn = {(pair.stamp_ns, plane) for pair in self.pairs for plane in pair.drawn}
         replaced = {
             (recorded.log_time_ns, recorded.topic)
             for recorded in self._reader.messages(list(_CENTRELINE_TOPICS))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,7 @@ from lasso_motion_ros.web.annotation import Annotation
 from msg_adapters import topics
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
-from msg_adapters.recordings.annotated_recording import AnnotatedRecording
+from msg_adapters.recordings.annotated_recording import AnnotatedRecording, Changes
 from msg_adapters.recordings.reader import RecordingReader
 from msg_adapters.seeds import decode_polygon
 
@@ -122,6 +123,33 @@ def test_clicks_made_here_begin_the_tracking_from_the_copy_and_from_their_file(b
     np.testing.assert_allclose(found[0], found[1], atol=2e-5)  # a file's hundredths of a pixel
     assert len(found[0]) == 2  # from the clicked pair on
     np.testing.assert_allclose([1e3 * motion[2, 3] for motion in found[0]], [0.0, 2.0], atol=0.2)
+
+
+def test_the_page_is_answered_while_a_large_recording_is_copied(
+    bare: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writing, go_on, save = threading.Event(), threading.Event(), AnnotatedRecording.save
+
+    def slow(recording: AnnotatedRecording, changes: Changes) -> None:
+        writing.set()
+        assert go_on.wait(30.0)
+        save(recording, changes)
+
+    monkeypatch.setattr(AnnotatedRecording, "save", slow)
+    copy = tmp_path / "copy.mcap"
+    source = Annotation(AnnotatedRecording(bare, copy))
+    source.command("draw", drawing(0, CURVE, CURVE), PAGE)
+    saving = threading.Thread(target=source.command, args=("save", {}, PAGE))
+    saving.start()
+    try:
+        assert writing.wait(30.0)
+        source.command("draw", drawing(1, CURVE, CURVE), PAGE)  # waits for nobody
+        assert source.status(PAGE)["unsaved"]
+    finally:
+        go_on.set()
+        saving.join()
+    assert list(centrelines(copy, "a")) == [stamp(0)]  # as it was when it was saved
+    assert source.status(PAGE)["unsaved"]
 
 
 def test_a_recording_that_has_clicks_keeps_its_own(bare: Path, tmp_path: Path) -> None:
