@@ -1,8 +1,16 @@
-"""What RViz and Foxglove draw by themselves on the standard views lies where the tracker drew it: real processes."""
+"""TF, out and in, with real processes: what RViz and Foxglove draw by themselves on the standard views lies where the
+tracker drew it; and calibrations whose pose is on /tf are tracked by, while the gantry turns.
+
+`tf2_msgs` is made of its one message. `tf2_ros` is the installed one; where there is none (its C++ part has no wheel),
+a stand-in that hears /tf takes its place, and tf2's own buffer is not run.
+"""
 
 from __future__ import annotations
 
+import importlib.util
+import shutil
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +20,23 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
+from rclpy.duration import Duration
 from scipy.spatial.transform import Rotation
 from support.drawn_recording import PERIOD_NS, SIDE, loop, projections, shift, stamp
 from support.method_inputs import draw_curve
 from support.node_harness import Graph
+from support.paths import ROOT
 from support.tf2_interface import build_tf2_msgs, can_build
 
+from lasso_motion_ros.geometry.carm import carm_projection
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.geometry.transforms import apply
+from lasso_motion_ros.geometry.transforms import apply, inverse
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import decode_image, encode_image
 from msg_adapters.markers import decode_points
-from msg_adapters.messages import header_fields, stamp_to_ns
-from msg_adapters.poses import decode_pose
+from msg_adapters.messages import RosMessages, header_fields, stamp_to_ns
+from msg_adapters.poses import decode_pose, encode_transform_stamped
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
 
@@ -76,15 +87,25 @@ def off_the_drawn_line(picture: np.ndarray, curve: np.ndarray) -> np.ndarray:
     return np.asarray(found @ steps / found.sum(axis=1))
 
 
-def test_other_tools_draw_the_catheter_where_the_tracker_does(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
-) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def tf2(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """An environment with `tf2_msgs` and `tf2_ros`, for this process and its children."""
     if not can_build():
         pytest.skip("needs a C++ compiler and rosidl's generators to make tf2_msgs")
-    site = build_tf2_msgs(tmp_path / "tf2")
-    monkeypatch.syspath_prepend(str(site))
-    monkeypatch.setenv("PYTHONPATH", f"{site}:{':'.join(path for path in sys.path if path)}")
-    request.addfinalizer(lambda: [sys.modules.pop(name) for name in list(sys.modules) if name.startswith("tf2_msgs")])
+    site = build_tf2_msgs(tmp_path_factory.mktemp("tf2"))
+    if importlib.util.find_spec("tf2_ros") is None:
+        (site / "tf2_ros").mkdir()
+        shutil.copy(ROOT / "test" / "support" / "tf2_ros_stand_in.py", site / "tf2_ros" / "__init__.py")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(site))
+        patch.setenv("PYTHONPATH", f"{site}:{':'.join(path for path in sys.path if path)}")
+        yield
+    for name in list(sys.modules):
+        if name.startswith("tf2_msgs"):
+            del sys.modules[name]
+
+
+def test_other_tools_draw_the_catheter_where_the_tracker_does(tmp_path: Path) -> None:
     standard = [make(p) for p in "ab" for make in (topics.standard_image_topic, topics.standard_camera_info_topic)]
     listened = [topics.MOTION, topics.CATHETER, *map(topics.tracking_topic, "ab"), topics.TF, *standard]
     with Graph(listened, tmp_path) as graph:
@@ -142,6 +163,58 @@ def test_other_tools_draw_the_catheter_where_the_tracker_does(
             picture, raw = picture[:, ::-1], raw[:, ::-1]
         np.testing.assert_array_equal(decode_image(image), raw)
         assert np.abs(off_the_drawn_line(picture, drawn)).max() < 0.5
+
+
+def turning(plane: str, pair: int) -> Projection:
+    """The gantry turns by 1.5 degrees from pair to pair."""
+    lao_deg = {"a": -30.0, "b": 60.0}[plane] + 1.5 * pair
+    return carm_projection(
+        np.radians(lao_deg), 0.05, source_detector_m=1.2, source_object_m=0.785, pixel_size_m=0.4e-3, width=SIDE,
+        height=SIDE,
+    )  # fmt: skip
+
+
+def test_a_camera_whose_pose_is_on_tf_is_tracked_by_while_it_turns(tmp_path: Path) -> None:
+    inputs = [make(p) for p in "ab" for make in (topics.camera_info_topic, topics.image_topic)]
+    with Graph([topics.MOTION, topics.STATE], tmp_path) as graph:
+        # What tells the tracker where the camera stands goes out first; the seeds last, once there is a pair.
+        send = {topic.name: graph.publisher(topic) for topic in (topics.TF, *inputs, *map(topics.seed_topic, "ab"))}
+        graph.processes.start_node("tracker", "lasso_tracker", ["--ros-args", "-p", "publish_tf:=false"])
+        graph.wait_until(lambda: all(one.get_subscription_count() for one in send.values()))
+
+        def publish(topic: topics.Topic, fields: dict[str, Any]) -> None:
+            send[topic.name].publish(RosMessages().make(topic.type_name, fields))
+
+        for pair, z_mm in enumerate(MOTIONS[:4]):
+            for ahead in (0, 1) if pair == 0 else (pair + 1,):  # so that the newest pose is the next pair's
+                publish(topics.TF, {"transforms": [standing(plane, ahead) for plane in "ab"]})
+            assert send[topics.TF.name].wait_for_all_acked(Duration(seconds=30.0))
+            for plane in "ab":
+                projection, header = turning(plane, pair), header_fields(stamp(pair), f"source_{plane}")
+                curve = projection.project(apply(shift(z_mm), loop()))
+                plain = np.column_stack([projection.decompose()[0], np.zeros(3)])
+                pixels = draw_curve(curve, (SIDE, SIDE), background=180.0)
+                publish(
+                    topics.camera_info_topic(plane), encode_camera_info(projection, header) | {"p": plain.reshape(-1)}
+                )
+                publish(topics.image_topic(plane), encode_image(pixels, header))
+                if pair == 0:
+                    publish(topics.seed_topic(plane), encode_polygon(curve[:-1:18], header))
+            graph.heard.wait_for(lambda count=pair + 1: len(motions(graph)) == count)
+        for when, motion in motions(graph):
+            expected = MOTIONS[(when - stamp(0)) // PERIOD_NS]
+            np.testing.assert_allclose(1e3 * motion[:3, 3], [0.0, 0.0, expected], atol=0.4)
+
+
+def standing(plane: str, pair: int) -> dict[str, Any]:
+    """Where a plane's camera stands in the world, as TF has it."""
+    _, rotation, translation = turning(plane, pair).decompose()
+    to_camera = np.vstack([np.column_stack([rotation, translation]), [0.0, 0.0, 0.0, 1.0]])
+    return encode_transform_stamped(inverse(to_camera), header_fields(stamp(pair), "patient_table"), f"source_{plane}")
+
+
+def motions(graph: Graph) -> list[tuple[int, np.ndarray]]:
+    return [(stamp_to_ns(one.header.stamp), decode_pose(one)) for one in graph.heard.messages[topics.MOTION.name]]
 
 
 FRAMES = ("left_atrium", "plane_a_standard_optical", "plane_b_standard_optical")
