@@ -361,6 +361,8 @@ class CalibratedFrames:
             self.counts.uncalibrated += 1
             height, width = pending.picture
             crop = "" if self._source.crop is None else f", its crop {pixels.shape[1]}×{pixels.shape[0]}"
+            if not crop and projection.width <= width and projection.height <= height:
+                crop = "; crop says where the X-ray field is, if the picture shows more"
             self._complaints.append(
                 f"width, height: the calibration is for an image of {projection.width}×{projection.height} (with"
                 f" binning and roi), the image has {width}×{height}{crop}"
