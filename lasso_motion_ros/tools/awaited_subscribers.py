@@ -9,13 +9,21 @@ from rclpy.publisher import Publisher
 
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.tools.raw_topics import offer_of
-from msg_adapters.topics import IMAGE_TYPE, INPUTS, camera_info_topic, image_topic, seed_topic
+from msg_adapters.topics import (
+    COMPRESSED_IMAGE_TYPE,
+    IMAGE_TYPE,
+    INPUTS,
+    camera_info_topic,
+    compressed_image_topic,
+    image_topic,
+    seed_topic,
+)
 
 _CLICKED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
 # Message types that every node publishes, and that `ros2 bag record` does of itself.
 _SAID_BY_LISTENERS = frozenset({"Log", "ParameterEvent", "WriteSplitEvent"})
 _NEEDED_WITH_CLICKS = frozenset(
-    make(plane).recorded_name for make in (image_topic, camera_info_topic) for plane in PLANES
+    make(plane).recorded_name for make in (image_topic, compressed_image_topic, camera_info_topic) for plane in PLANES
 )
 
 
@@ -38,15 +46,13 @@ class AwaitedSubscribers:
     ) -> None:
         self._node = node
         self._latched = latched
-        self._publishers = {
-            topic.recorded_name: publishers[topic.recorded_name]
-            for topic in INPUTS
-            if topic.recorded_name in publishers
-        }
+        # Compressed images are heard where there are no raw ones.
+        stand_ins = [compressed_image_topic(p) for p in PLANES if image_topic(p).recorded_name not in publishers]
+        inputs = [topic for topic in (*INPUTS, *stand_ins) if topic.recorded_name in publishers]
+        self._publishers = {topic.recorded_name: publishers[topic.recorded_name] for topic in inputs}
         self._wanted = {
-            topic.recorded_name: on_images if topic.type_name == IMAGE_TYPE else 1
-            for topic in INPUTS
-            if topic.recorded_name in publishers
+            topic.recorded_name: on_images if topic.type_name in (IMAGE_TYPE, COMPRESSED_IMAGE_TYPE) else 1
+            for topic in inputs
         }
 
     def missing(self) -> list[str]:

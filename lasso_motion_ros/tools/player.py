@@ -28,6 +28,7 @@ from msg_adapters.topics import (
     INPUTS,
     OUTPUTS,
     OVERLAY_SURFACE,
+    compressed_image_topic,
     image_topic,
     overlay_topic,
     seed_topic,
@@ -43,7 +44,7 @@ OUTPUT_NAMES = frozenset(
     )
 )
 LATCHED_NAMES = frozenset(topic.recorded_name for topic in (*INPUTS, *OUTPUTS, *GROUND_TRUTH) if topic.latched)
-IMAGE_NAMES = frozenset(image_topic(plane).recorded_name for plane in PLANES)
+IMAGE_NAMES = frozenset(make(plane).recorded_name for make in (image_topic, compressed_image_topic) for plane in PLANES)
 SEED_NAMES = frozenset(seed_topic(plane).recorded_name for plane in PLANES)
 
 
