@@ -364,7 +364,7 @@ function load(now) {
 
 function refreshDrawing() {
   get("frame").textContent = `${status.index + 1} of ${status.frames}`;
-  get("draw-help").textContent = "Click along the loop in both planes; the curve through the clicks is what is saved.";
+  get("draw-help").textContent = "Click along the loop, in both planes.";
   get("previous").disabled = status.index === 0;
   get("next").disabled = status.index === status.frames - 1;
   get("copy").disabled = status.index === 0;
