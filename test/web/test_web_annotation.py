@@ -217,6 +217,8 @@ def test_a_curve_is_drawn_in_the_browser_and_saved_at_the_end(bare: Path, tmp_pa
                 page.press("c")
                 page.wait_for(lambda: "1 of 3 pairs drawn" in page.text("detail"), "the pair as drawn")
                 assert page.complaints() == []
+                hidden = "const a = document.querySelector('aside'); return a.scrollHeight - a.clientHeight"
+                assert page.driver.execute_script(hidden) <= 0  # all is in sight on a laptop
         finally:
             server.send_signal(signal.SIGINT)
         assert server.wait(30) == 0
