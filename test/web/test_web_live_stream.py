@@ -37,11 +37,11 @@ class Bench:
             SyncConfig(), plane_sources(WebConfig()), "lasso_tracker", WORLD, 0.15, axes, clock=lambda: self.now
         )
 
-    def image(self, plane: str, pair: int, calibration: str = "") -> None:
+    def image(self, plane: str, pair: int, calibration: str = "", shown: int | None = None) -> None:
         header = header_fields(stamp(pair), f"detector_{plane}")
         info = encode_camera_info(projections()[calibration or plane], header)
         assert self.stream.add_camera_info(plane, MAKE(topics.camera_info_topic(plane).type_name, info)) == []
-        pixels = np.full((SIDE, SIDE), pair, np.uint8)
+        pixels = np.full((SIDE, SIDE), pair if shown is None else shown, np.uint8)
         assert self.stream.add_image(plane, MAKE(topics.IMAGE_TYPE, encode_image(pixels, header))) == []
 
     def pair(self, pair: int) -> None:
@@ -294,6 +294,27 @@ def test_images_that_end_and_come_again_are_one_alarm(bench: Bench) -> None:
         assert not (status["alarm"] and status["has_pose"])
     assert alarms == ["No images. What is on the screen is old."]
     assert bench.said() == ("TRACKING", True)
+
+
+@pytest.mark.parametrize(
+    ("planes", "state", "alarm"),
+    [
+        ("ab", "NO_IMAGES", "The picture is held. What is on the screen is old."),
+        ("b", "DEGRADED", "The picture of plane B is held: no new exposure."),
+    ],
+)
+def test_a_held_picture_is_no_image(bench: Bench, planes: str, state: str, alarm: str) -> None:
+    bench.stream.add_state("DEGRADED")
+    for pair in range(40):
+        bench.now += 0.1
+        for plane in "ab":
+            bench.image(plane, pair, shown=20 if plane in planes and pair > 20 else None)
+        if pair <= 20 or planes == "b":
+            bench.motion(pair, 0.0)
+        bench.diagnostics("/lasso_tracker: tracker", "DEGRADED")
+    assert bench.said()[0] == state
+    assert bench.stream.status()["alarm"] == alarm
+    assert bench.stream.status()["held_pictures"] == {plane: plane in planes for plane in "ab"}
 
 
 def test_a_plane_that_this_page_alone_does_not_get_is_said_so(bench: Bench) -> None:
