@@ -112,7 +112,7 @@ class StreamConfig(TrackerConfig):
     stream_timeout_s: float = tuning(
         0.0,
         "LOST, with the reason, where for so long no image of either plane has come, none could be used, or the tracker"
-        " has not answered; 0: three frame periods, at least 1 s",
+        " has not answered; 0: three frame periods, 1 to 10 s",
         unit="s",
         minimum=0.0,
         maximum=3600.0,

@@ -2,31 +2,10 @@
 
 from __future__ import annotations
 
-import statistics
 import threading
-from collections import deque
-from dataclasses import dataclass
-from itertools import pairwise
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-
-
-@dataclass(frozen=True)
-class _Tuning:
-    """When a stream counts as stopped where the user has not said so.
-
-    Attributes:
-        least_s: never sooner; images may come in bursts.
-        periods: frame periods of the plane that has the longer ones.
-        arrivals: images from which a plane's frame period is taken.
-    """
-
-    least_s: float = 1.0
-    periods: float = 3.0
-    arrivals: int = 9
-
-
-_TUNING = _Tuning()
+from lasso_motion_ros.stream.pace import Pace, stopped_after_s
 
 
 class StreamTimeout:
@@ -43,7 +22,7 @@ class StreamTimeout:
         self._lock = threading.Lock()
         self._timeout_s = timeout_s
         self._began_s = now_s
-        self._arrivals: dict[Plane, deque[float]] = {plane: deque(maxlen=_TUNING.arrivals) for plane in PLANES}
+        self._paces: dict[Plane, Pace] = {plane: Pace() for plane in PLANES}
         self._held_s: float | None = None
         self._unused_s: float | None = None  # since when images have come without making a pair
         self._problem = ""
@@ -61,7 +40,7 @@ class StreamTimeout:
             last_s = self._last_image_s()
             if self._unused_s is None or (last_s is not None and now_s - last_s > self._limit_s()):
                 self._unused_s = now_s
-            self._arrivals[plane].append(now_s)
+            self._paces[plane].arrived(now_s)
 
     def add_held(self, now_s: float) -> None:
         """A picture has come that is no new exposure, but the last one shown again."""
@@ -115,14 +94,7 @@ class StreamTimeout:
             return ""
 
     def _last_image_s(self) -> float | None:
-        return max((arrivals[-1] for arrivals in self._arrivals.values() if arrivals), default=None)
+        return max((pace.last_s for pace in self._paces.values() if pace.last_s is not None), default=None)
 
     def _limit_s(self) -> float:
-        if self._timeout_s > 0.0:
-            return self._timeout_s
-        periods = [
-            statistics.median(later - earlier for earlier, later in pairwise(arrivals))
-            for arrivals in self._arrivals.values()
-            if len(arrivals) > 1
-        ]
-        return max(_TUNING.least_s, _TUNING.periods * max(periods, default=0.0))
+        return self._timeout_s if self._timeout_s > 0.0 else stopped_after_s(self._paces.values())

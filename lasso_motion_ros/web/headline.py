@@ -9,31 +9,13 @@ from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.overlay.tracking_picture import STATE_COLOURS
 from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web.stream_health import StreamHealth
+from msg_adapters.topics import STATE_VALID_S
 
 NO_TRACKER, TRACKER_SILENT, NO_IMAGES, NO_POSE = "NO_TRACKER", "TRACKER_SILENT", "NO_IMAGES", "NO_POSE"
 _ALARMING = "#ff5c50"
 _UNKNOWN = "#aaaaaa"
-
-
-@dataclass(frozen=True)
-class _Tuning:
-    """How long a word holds, by the steady clock of the page's server.
-
-    Attributes:
-        silent_s: after this long without any sign the tracker counts as silent, seconds. It speaks once a second at
-            least (`/diagnostics`); a busy machine may swallow two of three.
-        stale_s: a pose older than this is none, seconds; as the overlay's `motion_timeout_s`,
-        stale_periods: or older than this many frame periods, whichever is longer;
-        stale_at_most_s: but no later than this, seconds.
-    """
-
-    silent_s: float = 3.0
-    stale_s: float = 1.0
-    stale_periods: float = 4.0
-    stale_at_most_s: float = 5.0
-
-
-TUNING = _Tuning()
+_APART_S = 0.5
+"""What comes from the tracker and what comes from the detectors is not told apart by less than this, seconds."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +102,7 @@ class TrackerWord:
             alarm = "The tracker is gone. Nothing is tracked." if self.said else ""
             reason = "The tracker is not running." if not self.present else "The tracker has not said anything yet."
             return Headline(NO_TRACKER, _ALARMING if alarm else _UNKNOWN, reason, alarm, has_pose=False)
-        if silence_s > TUNING.silent_s:
+        if silence_s > STATE_VALID_S:
             reason = f"Nothing heard of the tracker for {silence_s:.0f} s: it has stopped, or hangs."
             return Headline(
                 TRACKER_SILENT, _ALARMING, reason, "The tracker is silent. Nothing is tracked.", has_pose=False
@@ -140,15 +122,13 @@ class TrackerWord:
         since_s = self._pose_at_s
         if not TrackerState.tells_of_pose(self._shown) or since_s is None:
             since_s = self._said_at_s  # its first pose is on its way
-        period_s = self._health.period_s("a") or self._health.period_s("b") or 0.0
-        allowed_s = min(max(TUNING.stale_s, TUNING.stale_periods * period_s), TUNING.stale_at_most_s)
-        return self._clock() - since_s > allowed_s
+        return self._clock() - since_s > self._health.stopped_after_s
 
     @property
     def _images_ended(self) -> bool:
         """Whether neither plane has images any more, and no pose has come since either."""
         age_s, image_age_s = self.pose_age_s, self._health.image_age_s
-        if age_s is None or image_age_s is None or age_s < image_age_s - TUNING.stale_s / 2.0:
+        if age_s is None or image_age_s is None or age_s < image_age_s - _APART_S:
             return False
         return all(self._health.silence_s(plane) is not None for plane in PLANES)
 
@@ -156,7 +136,7 @@ class TrackerWord:
         """The tracker tells of a pose, and none comes: because no images do, or because it hangs."""
         image_age_s = self._health.image_age_s
         age_s = self.pose_age_s
-        if image_age_s is None or (age_s is not None and image_age_s >= age_s - TUNING.stale_s / 2.0):
+        if image_age_s is None or (age_s is not None and image_age_s >= age_s - _APART_S):
             since = "" if image_age_s is None else f" for {image_age_s:.0f} s"
             if any(map(self._health.is_held, PLANES)):
                 return Headline(
@@ -167,7 +147,7 @@ class TrackerWord:
                 NO_IMAGES, _ALARMING, f"No images{since}: nothing can be tracked.",
                 "No images. What is on the screen is old.", has_pose=False,
             )  # fmt: skip
-        if self._health.coming_s < TUNING.stale_s:
+        if self._health.coming_s < self._health.stopped_after_s:
             return Headline(NO_POSE, _UNKNOWN, "Images come again; waiting for a pose.", "", has_pose=False)
         since = "yet" if age_s is None else f"for {age_s:.0f} s"
         reason = f"Images come, but no pose {since}: the tracker hangs, or cannot keep up."

@@ -15,9 +15,11 @@ from support.drawn_recording import stamp, write_result
 from support.igtl_peer import IgtlPeer
 
 from lasso_motion_ros.cli.main import main
+from lasso_motion_ros.config.igtl import IgtlConfig
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry.transforms import apply, rigid
 from msg_adapters.openigtlink import IgtlConnection, IgtlMessages, server_address
+from msg_adapters.topics import STATE_VALID_S
 
 MOTION = rigid((0.1, -0.2, 0.3), (0.004, -0.005, 0.012))
 
@@ -37,6 +39,10 @@ def test_an_address_is_host_and_port(text: str, address: tuple[str, int]) -> Non
 def test_an_address_that_is_none_is_refused(text: str) -> None:
     with pytest.raises(ConfigurationError, match="expected HOST:PORT"):
         server_address(text)
+
+
+def test_a_state_holds_as_long_as_for_every_consumer() -> None:
+    assert IgtlConfig().state_timeout_s == STATE_VALID_S
 
 
 def test_the_peer_reads_millimetres_in_ras_with_the_exposures_time() -> None:

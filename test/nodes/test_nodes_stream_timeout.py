@@ -33,6 +33,11 @@ def test_three_periods_where_they_come_seldom() -> None:
     assert timeout.reason(6.6) == "no images for 1.6 s"
 
 
+def test_two_images_with_a_long_pause_between_them_are_no_pace() -> None:
+    timeout = fed(600.0, 2)
+    assert timeout.reason(610.5) == "no images for 10.5 s"
+
+
 def test_as_the_parameter_says() -> None:
     timeout = fed(0.1, 11, timeout_s=5.0)
     assert timeout.reason(6.0) == ""

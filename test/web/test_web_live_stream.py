@@ -262,7 +262,7 @@ def test_a_tracker_that_waits_is_heard_by_its_diagnostics(bench: Bench) -> None:
         bench.now += 1.0
         bench.diagnostics("/lasso_tracker: tracker", "WAITING_FOR_SEED: no seed yet")
         assert bench.said()[0] == "WAITING_FOR_SEED"
-    bench.now += 3.1
+    bench.now += 2.6
     assert bench.said()[0] == "TRACKER_SILENT"
 
 
@@ -274,7 +274,7 @@ def test_at_a_slow_rate_a_pose_is_fresh_for_longer(bench: Bench) -> None:
     bench.now += 2.5
     assert bench.said() == ("TRACKING", True)
     bench.diagnostics("/lasso_tracker: tracker", "TRACKING")
-    bench.now += 2.6
+    bench.now += 2.4
     assert bench.said()[0] == "NO_IMAGES"
 
 
@@ -350,9 +350,9 @@ def test_silence_is_counted_from_the_last_image(bench: Bench) -> None:
     for pair in range(4):
         bench.now += 0.25
         bench.image("a", pair)
-    bench.now += 1.4
+    bench.now += 0.9
     assert bench.stream.status()["stopped_s"] == {"a": None, "b": None}
-    bench.now += 2.6
+    bench.now += 3.1
     assert bench.stream.status()["stopped_s"] == {"a": 4, "b": None}
     assert bench.stream.status()["seen"] == {"a": True, "b": False}
 

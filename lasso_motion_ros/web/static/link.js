@@ -2,7 +2,7 @@
 
 const FIRST_PAUSE_MS = 500;
 const LONGEST_PAUSE_MS = 5000;
-const SILENT_MS = 3000; // the server speaks once a second at least
+const SILENT_MS = 2500; // the server speaks once a second at least; as a state holds for so long (topics.py)
 const WATCH_MS = 250;
 const MADE_ROOM = 4001; // close codes of the server's own: this page was idle, and another needed its place;
 const FULL = 4002; // there is no place
