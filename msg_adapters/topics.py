@@ -67,6 +67,14 @@ def overlay_topic(plane: Plane) -> Topic:
     return Topic(f"plane_{plane}/overlay", IMAGE_TYPE)
 
 
+def overlay_drawn_topic(plane: Plane) -> Topic:
+    """What each picture of `overlay_topic` is, ahead of it and under its stamp.
+
+    `frame_id` is the frame of the motion with which it is drawn; empty where nothing is compensated.
+    """
+    return Topic(f"plane_{plane}/overlay/drawn", "std_msgs/msg/Header")
+
+
 def standard_image_topic(plane: Plane) -> Topic:
     """One plane's film as a plain camera sees it: not mirrored."""
     return Topic(f"plane_{plane}/standard/image_raw", IMAGE_TYPE)

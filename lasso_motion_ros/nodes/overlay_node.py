@@ -42,6 +42,7 @@ from msg_adapters.topics import (
     OVERLAY_SURFACE,
     STATE,
     STATE_VALID_S,
+    overlay_drawn_topic,
     overlay_topic,
 )
 
@@ -92,6 +93,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
         self._changed = threading.Condition()
         self._stopping = False
         self._pictures = {plane: topic_publisher(self, self.messages, overlay_topic(plane)) for plane in PLANES}
+        self._drawn = {plane: topic_publisher(self, self.messages, overlay_drawn_topic(plane)) for plane in PLANES}
         self._surfaces = topic_publisher(self, self.messages, OVERLAY_SURFACE)
         self._thread = threading.Thread(target=self._draw_all, name="overlay", daemon=True)
 
@@ -258,6 +260,8 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             loop=choice.loop,
             covariance=choice.covariance,
         )
+        drawn = header_fields(frame.stamp_ns, "" if choice.motion is None else self._config.world_frame)
+        self._drawn[plane].publish(self.messages.make(overlay_drawn_topic(plane).type_name, drawn))
         header = header_fields(frame.stamp_ns, self._frame_ids[plane])
         publisher.publish(self.messages.make(IMAGE_TYPE, encode_image(picture, header)))
 

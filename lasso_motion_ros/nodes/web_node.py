@@ -14,7 +14,7 @@ import numpy.typing as npt
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from visualization_msgs.msg import Marker
 
 from lasso_motion_ros.config.web import WebConfig
@@ -94,7 +94,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._changed: Callable[[], None] = lambda: None
         self._seeds = {plane: topic_publisher(self, self.messages, seed_topic(plane)) for plane in PLANES}
         self._page_services = PageServices(self, config.tracker, config.overlay)
-        self._overlays = OverlayInputs(self, self._on_overlay)
+        self._overlays = OverlayInputs(self, self._on_overlay, self._on_drawn)
         self._graph: dict[str, Any] = {"overlay": False, "drawing": None}
         self._wanted: frozenset[PageView] = frozenset()
         self._open: frozenset[int] = frozenset()
@@ -375,6 +375,11 @@ class WebNode(ConfiguredNode[WebConfig]):
     @guarded
     def _on_overlay(self, plane: Plane, message: Image) -> None:
         self._stream.add_overlay(plane, message)
+        self._changed()
+
+    @guarded
+    def _on_drawn(self, plane: Plane, message: Header) -> None:
+        self._stream.add_overlay_drawn(plane, message)
         self._changed()
 
     @guarded

@@ -197,6 +197,11 @@ class LiveStream:
             drawn = data.reshape(message.height, message.width, 3)
             self._shown.add_overlay(plane, stamp_to_ns(message.header.stamp), drawn)
 
+    def add_overlay_drawn(self, plane: Plane, message: Any) -> None:
+        """Take a `plane_x/overlay/drawn`: whether the overlay of that stamp is compensated."""
+        with self._lock:
+            self._shown.add_overlay_drawn(plane, stamp_to_ns(message.stamp), compensated=bool(message.frame_id))
+
     # Holding a pair to click in.
 
     def whole_pairs(self) -> list[FramePair]:

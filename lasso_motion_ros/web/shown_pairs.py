@@ -26,14 +26,12 @@ class _Tuning:
         loops: loops that wait for their images.
         overlays: the overlay node's pictures, for each plane.
         overlay_lag_ns: an overlay that is older than the newest pair by more than this does not keep up.
-        least_colour: by which the channels of a coloured frame differ; those of film do not.
     """
 
     pairs: int = 12
     loops: int = 64
     overlays: int = 4
     overlay_lag_ns: int = 1_500_000_000
-    least_colour: int = 24
 
 
 TUNING = _Tuning()
@@ -67,6 +65,7 @@ class ShownPairs:
         self._overlays: dict[Plane, Recent[int, tuple[int, npt.NDArray[np.uint8]]]] = {
             plane: Recent(TUNING.overlays) for plane in PLANES
         }
+        self._compensated: dict[Plane, Recent[int, bool]] = {plane: Recent(TUNING.loops) for plane in PLANES}
         self._number = 0
         self._overlay_number = 0
 
@@ -86,6 +85,16 @@ class ShownPairs:
         """Take the overlay node's picture (H, W, 3) uint8 RGB of the image with this stamp."""
         self._overlay_number += 1
         self._overlays[plane][stamp_ns] = self._overlay_number, drawn
+
+    def add_overlay_drawn(self, plane: Plane, stamp_ns: int, *, compensated: bool) -> None:
+        """Learn whether the overlay node's picture of the image with this stamp is drawn with a motion.
+
+        It is said ahead of the picture, though it may come after it. Where an image is drawn anew otherwise, the
+        picture before is void.
+        """
+        if self._compensated[plane].get(stamp_ns, compensated) != compensated:
+            self._overlays[plane].pop(stamp_ns, None)
+        self._compensated[plane][stamp_ns] = compensated
 
     def whole_pairs(self) -> list[FramePair]:
         """The last pairs with images of both planes, oldest first."""
@@ -147,7 +156,7 @@ class ShownPairs:
             if not all(frame.stamp_ns in self._overlays[plane] for plane, frame in frames.items()):
                 continue
             drawn = {plane: self._overlays[plane][frame.stamp_ns] for plane, frame in frames.items()}
-            if any(is_compensated(picture) != has_pose for _, picture in drawn.values()):
+            if any(self._compensated[plane].get(frame.stamp_ns) != has_pose for plane, frame in frames.items()):
                 continue  # the pictures, the planes and the headline must say the same
             loop = self._loops.get(seen.pair.stamp_ns) if has_pose else None
             planes = {
@@ -158,16 +167,6 @@ class ShownPairs:
             number = max(number for number, _ in drawn.values())
             return Picture(4 * (2 * number + (loop is not None)) + 2, False, planes)
         return None
-
-
-def is_compensated(drawn: npt.NDArray[np.uint8]) -> bool:
-    """Whether an overlay picture (H, W, 3) uint8 RGB is drawn with a motion.
-
-    Where nothing is compensated, a coloured frame runs round it (`overlay/primitives.py`, `draw_banner`); film is grey,
-    and no object covers all four corners.
-    """
-    corners = drawn[[0, 0, -1, -1], [0, -1, 0, -1]].astype(int)
-    return bool(np.ptp(corners, axis=1).min() < TUNING.least_colour)
 
 
 def _film(seen: _Seen, loop: Array | None, *, held: bool) -> Picture:

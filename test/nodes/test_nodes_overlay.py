@@ -38,7 +38,7 @@ from msg_adapters.poses import decode_pose, encode_pose_stamped
 
 pytestmark = pytest.mark.ros
 
-PICTURES = tuple(topics.overlay_topic(plane) for plane in "ab")
+PICTURES = tuple(make(plane) for plane in "ab" for make in (topics.overlay_drawn_topic, topics.overlay_topic))
 IMAGE = np.random.default_rng(3).integers(90, 160, (SIDE, SIDE), dtype=np.uint8)
 
 
@@ -119,6 +119,16 @@ class Bench:
         self.graph.heard.wait_for(lambda: any(stamp_to_ns(m.header.stamp) == wanted for m in messages))
         return self._pixels(plane, next(m for m in messages if stamp_to_ns(m.header.stamp) == wanted))
 
+    def drawn(self, plane: str, pair: int, times: int = 1) -> list[str]:
+        """The frames of the motions with which an image was drawn, once it was drawn so often."""
+        messages = self.graph.heard.messages[f"plane_{plane}/overlay/drawn"]
+
+        def found() -> list[str]:
+            return [message.frame_id for message in messages if stamp_to_ns(message.stamp) == stamp(pair)]
+
+        self.graph.heard.wait_for(lambda: len(found()) >= times)
+        return found()
+
     def last_picture(self, plane: str) -> np.ndarray:
         return self._pixels(plane, self.graph.heard.messages[f"plane_{plane}/overlay"][-1])
 
@@ -189,6 +199,8 @@ def test_without_its_motion_it_is_drawn_with_the_last_and_its_age_then_static(gr
     np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, 5.0, "motion 0.25 s old"))
     bench.image("a", 3)
     np.testing.assert_array_equal(bench.picture("a", 3), bench.expected("a", 3, None, "motion 0.8 s old"))
+    assert bench.drawn("a", 1) == ["patient_table"]
+    assert bench.drawn("a", 3) == [""]
     graph.heard.wait_for(lambda: graph.heard.messages["overlay/surface"][-1].action == DELETE)
 
 
@@ -205,6 +217,7 @@ def test_in_a_state_without_a_pose_the_picture_says_so(graph: Graph, tmp_path: P
     # No image has come since: what stands on the screen is drawn again.
     graph.heard.wait_for(lambda: len(graph.heard.messages["plane_a/overlay"]) == 2)
     np.testing.assert_array_equal(bench.last_picture("a"), bench.expected("a", 0, None, state))
+    assert bench.drawn("a", 0, times=2) == ["patient_table", ""]
     bench.image("a", 1)
     np.testing.assert_array_equal(bench.picture("a", 1), bench.expected("a", 1, None, state))
 

@@ -48,7 +48,7 @@ KINDS = {
     "request": "client_names_and_types",
 }
 # The page listens to the pictures only while a browser looks at them.
-ON_DEMAND = {f"/plane_{plane}/{picture}" for plane in PLANES for picture in ("tracking", "overlay")}
+ON_DEMAND = {f"/plane_{plane}/{picture}" for plane in PLANES for picture in ("tracking", "overlay", "overlay/drawn")}
 
 # Heard only while nobody publishes raw images.
 INSTEAD = {compressed_image_topic(plane).recorded_name for plane in PLANES}

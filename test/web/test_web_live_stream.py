@@ -70,12 +70,19 @@ class Bench:
 
     def overlay(self, plane: str, pair: int, **other: Any) -> None:
         fields = encode_image(np.full((SIDE, SIDE, 3), pair, np.uint8), header_fields(stamp(pair)))
+        self.drawn(plane, pair, WORLD)
         self._overlay(plane, fields, **other)
 
     def static_overlay(self, plane: str, pair: int) -> None:
-        drawn = np.full((SIDE, SIDE, 3), pair, np.uint8)
-        draw_banner(drawn, "STATIC OVERLAY", (255, 176, 0))
-        self._overlay(plane, encode_image(drawn, header_fields(stamp(pair))))
+        """In grey words: a colour is not what tells it from the other."""
+        picture = np.full((SIDE, SIDE, 3), pair, np.uint8)
+        draw_banner(picture, "STATIC OVERLAY", (176, 176, 176))
+        self._overlay(plane, encode_image(picture, header_fields(stamp(pair))))
+        self.drawn(plane, pair, "")
+
+    def drawn(self, plane: str, pair: int, frame: str) -> None:
+        message = MAKE(topics.overlay_drawn_topic(plane).type_name, header_fields(stamp(pair), frame))
+        self.stream.add_overlay_drawn(plane, message)
 
     def _overlay(self, plane: str, fields: dict[str, Any], **other: Any) -> None:
         self.stream.add_overlay(plane, MAKE(topics.IMAGE_TYPE, {**fields, **other}))
@@ -227,6 +234,22 @@ def test_an_overlay_that_contradicts_the_headline_or_the_other_plane_is_not_show
     bench.now += 0.2  # no pose any more
     assert bench.stream.status()["state"] != "TRACKING"
     assert {one.stamp_ns for one in bench.stream.picture("overlay").planes.values()} == {stamp(3)}
+
+
+def test_an_overlay_that_is_drawn_anew_as_static_is_not_shown_as_it_was(bench: Bench) -> None:
+    bench.tracks()
+    bench.pair(1)
+    bench.catheter(1, 0.0)
+    for plane in "ab":
+        bench.overlay(plane, 1)
+    assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 3
+    bench.stream.add_state("LOST")
+    for plane in "ab":
+        bench.drawn(plane, 1, "")  # its picture is on the way
+    assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 2
+    for plane in "ab":
+        bench.static_overlay(plane, 1)
+    assert bench.stream.picture("overlay").planes["a"].pixels.ndim == 3
 
 
 def test_a_state_that_nobody_has_renewed_is_no_state(bench: Bench) -> None:
