@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -126,9 +127,8 @@ def started_as_told(start: _Start, number: int, recording: Path, setting: StartS
     return faults + start.left_behind(_signal(number), "tracker")
 
 
-def under_sim_time(start: _Start, number: int, recording: Path, *, clock: bool) -> list[str]:
+def under_sim_time(start: _Start, number: int, recording: Path, surface: Path, *, clock: bool) -> list[str]:
     """Tracker and overlay under `use_sim_time`, with a player's clock or without; returns what went wrong."""
-    surface = write_surface(recording)
     start.processes.start_node("tracker", "lasso_tracker", SIM_TIME)
     words = ["-p", f"volume_file:={surface}", "-p", "units:=mm"]
     start.processes.start_node("overlay", "lasso_overlay", [*SIM_TIME, *words])
@@ -138,14 +138,6 @@ def under_sim_time(start: _Start, number: int, recording: Path, *, clock: bool) 
     if clock:
         start.processes.send("player", signal.SIGINT)
     return faults + start.left_behind(_signal(number), "tracker", "overlay")
-
-
-def write_surface(recording: Path) -> Path:
-    """A surface for the overlay, beside the temporary files; made once a process."""
-    path = Path(tempfile.gettempdir()) / f"lasso_motion_starts_{recording.stem}.stl"
-    if not path.is_file():
-        write_demo_surface(recording, path)
-    return path
 
 
 def _signal(number: int) -> signal.Signals:
@@ -163,11 +155,22 @@ def starts(setting: StartSetting = SETTING, show: Callable[[str], None] = lambda
         What went wrong, by kind of start: one line for each start that failed.
     """
     stay_on_this_machine()
-    recording = bundled_recording()
+    with tempfile.TemporaryDirectory(prefix="lasso_motion_starts_") as directory:
+        return _starts(Path(directory), setting, show)
+
+
+def _starts(directory: Path, setting: StartSetting, show: Callable[[str], None]) -> dict[str, list[str]]:
+    """As `starts`, with a directory for what they need."""
+    recording, surface = bundled_recording(), directory / "left_atrium.stl"
+    write_demo_surface(recording, surface)
+
+    def sim_time(start: _Start, number: int, *, clock: bool) -> list[str]:
+        return under_sim_time(start, number, recording, surface, clock=clock)
+
     kinds: dict[str, Callable[[_Start, int], list[str]]] = {
         "tracker, then play": lambda start, number: started_as_told(start, number, recording, setting),
-        "use_sim_time with a clock": lambda start, number: under_sim_time(start, number, recording, clock=True),
-        "use_sim_time without a clock": lambda start, number: under_sim_time(start, number, recording, clock=False),
+        "use_sim_time with a clock": partial(sim_time, clock=True),
+        "use_sim_time without a clock": partial(sim_time, clock=False),
     }
     failed: dict[str, list[str]] = {kind: [] for kind in kinds}
     for kind, run in kinds.items():

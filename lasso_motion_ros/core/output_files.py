@@ -220,11 +220,30 @@ def _remove(path: Path, owner: int) -> None:
 
 
 def _move_all(staged: Path, path: Path, owned: Sequence[str]) -> None:
+    """Move files into a directory, all or none: what they replace, and what is owned, is out of the way meanwhile."""
     files = sorted(staged.iterdir())
-    for file in files:
-        file.replace(path / file.name)
-    staged.rmdir()
     new = {file.name for file in files}
-    for old in list(path.iterdir()):
-        if old.name not in new and old.is_file() and any(fnmatchcase(old.name, pattern) for pattern in owned):
-            old.unlink()
+    earlier = [
+        old
+        for old in path.iterdir()
+        if old.is_file() and (old.name in new or any(fnmatchcase(old.name, pattern) for pattern in owned))
+    ]
+    aside = _unfinished(path / "earlier")
+    moved: list[tuple[Path, Path]] = []
+    try:
+        aside.mkdir(exist_ok=True)
+        for file, place in ((old, aside / old.name) for old in earlier):
+            file.replace(place)
+            moved.append((file, place))
+        for file in files:
+            file.replace(path / file.name)
+            moved.append((file, path / file.name))
+    except BaseException:
+        for file, place in reversed(moved):
+            with suppress(OSError):
+                place.replace(file)
+        with suppress(OSError):
+            aside.rmdir()
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+    staged.rmdir()

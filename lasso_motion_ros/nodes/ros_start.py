@@ -87,17 +87,20 @@ def start_ros(arguments: list[str] | None) -> str | None:
 
 
 @contextmanager
-def ros_session() -> Iterator[None]:
+def ros_session() -> Iterator[str | None]:
     """ROS for the time of a block, without arguments.
+
+    Yields:
+        A line that says why images that are published here may be lost, or None.
 
     Raises:
         ConfigurationError: an environment that ROS does not take.
     """
-    start_ros([])
+    warning = start_ros([])
     import rclpy
 
     try:
-        yield
+        yield warning
     except Exception as error:
         words = ros_problem(error)
         if words is None:

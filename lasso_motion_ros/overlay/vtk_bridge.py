@@ -25,6 +25,8 @@ Indices = npt.NDArray[np.int64]
 NO_VTK = "VTK files and surfaces of volumes need VTK: pip install 'lasso_motion_ros[volume]'"
 WAIT_S = 120.0
 """How long VTK may take for a file of the size that is read at most."""
+CRASHES = (signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP)
+"""How a process ends that has believed a file that lies."""
 CHILD_SAID = 2
 """Exit status with which the child says in words what is wrong."""
 
@@ -49,14 +51,23 @@ def read_polygons(path: Path) -> tuple[Array, Indices, str]:
         if done.returncode == CHILD_SAID:
             raise SurfaceError(done.stderr.decode("utf-8", "replace").strip().splitlines()[-1])
         if done.returncode != 0:
-            died = signal.Signals(-done.returncode).name if done.returncode < 0 else f"status {done.returncode}"
-            raise SurfaceError(f"its counts or indices are wrong: VTK ended with {died} while it read the file")
+            raise SurfaceError(_how_it_ended(done.returncode, done.stderr.decode("utf-8", "replace")))
         with np.load(output, allow_pickle=False) as read:
             vertices, triangles = np.asarray(read["vertices"], np.float64), np.asarray(read["triangles"], np.int64)
             space = str(read["space"])
     if triangles.min(initial=0) < 0 or triangles.max(initial=0) >= len(vertices):
         raise SurfaceError(f"a triangle names a vertex beyond the {len(vertices)} that there are")
     return vertices, triangles, space
+
+
+def _how_it_ended(status: int, said: str) -> str:
+    """Why a child has not read the file: because the file lies, or because of something else."""
+    if -status in CRASHES:
+        return f"its counts or indices are wrong: VTK ended with {signal.Signals(-status).name} while it read the file"
+    if status < 0:
+        return f"the process in which VTK read it was ended by {signal.Signals(-status).name}: is there enough memory?"
+    lines = [line.strip() for line in said.splitlines() if line.strip()]
+    return f"the process in which VTK read it failed: {lines[-1] if lines else f'status {status}'}"
 
 
 def parse_polygons(path: Path) -> tuple[Array, Indices, str]:

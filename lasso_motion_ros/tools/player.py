@@ -296,12 +296,14 @@ def play(
         options: how.
         interrupted: set it to end early.
         show: told after each message how many were published.
-        say: told who is waited for, and who did not come.
+        say: told why images may be lost, who is waited for, and who did not come.
 
     Raises:
         RecordingError: nothing in it to play, or no subscriber in time where one is insisted on.
     """
-    with ros_session():
+    with ros_session() as warning:
+        if warning:
+            say(warning)
         player = Player(reader, options, interrupted, show, say)
         try:
             if options.wait_s > 0.0:

@@ -110,6 +110,11 @@ def classic_times(dataset: Any, frames: int, given: GivenGeometry, remarks: list
         if vector is not None:
             raise RecordingError(f"{tag_name('FrameTimeVector')}: expected {frames} values, found {len(vector)}")
         raise missing([("FrameTime", "frame_time_ms"), ("FrameTimeVector", "")])
+    if vector is not None and len(vector) != frames:
+        remarks.append(
+            f"{tag_name('FrameTimeVector')} has {len(vector)} values for {frames} frames and is passed over:"
+            f" {tag_name('FrameTime')} is {step:g} ms"
+        )
     if not step > 0.0:
         raise RecordingError(f"{tag_name('FrameTime')}: must be above zero, found {step:g}")
     return tuple(round(1e6 * step * frame) for frame in range(frames))

@@ -124,7 +124,7 @@ def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
     else:
         geometry = classic_geometry(dataset, count, given, remarks)
         times = classic_times(dataset, count, given, remarks)
-        clocks, fine = _clocks(dataset)
+        clocks, fine = _clocks(dataset, remarks)
     return XaObject(
         path=path,
         enhanced=enhanced,
@@ -141,16 +141,26 @@ def _read(path: Path, dataset: Any, given: GivenGeometry) -> XaObject:
     )
 
 
-def _clocks(dataset: Any) -> tuple[dict[str, int], set[str]]:
-    """What a classic object says of the time of its first frame, in the order of trust; which of it has fractions."""
+def _clocks(dataset: Any, remarks: list[str]) -> tuple[dict[str, int], set[str]]:
+    """What a classic object says of the time of its first frame, in the order of trust; which of it has fractions.
+
+    One that is no time is passed over, with a remark: another, the pictures, or the user may say it.
+    """
     clocks: dict[str, int] = {}
+
+    def add(text: str, keyword: str) -> None:
+        try:
+            clocks[keyword] = nanoseconds(text, keyword)
+        except RecordingError as error:
+            remarks.append(f"{error}; this clock is passed over")
+
     fine = {one for one in ("AcquisitionDateTime", "AcquisitionTime", "ContentTime") if "." in word(dataset, one)}
     if text := word(dataset, "AcquisitionDateTime"):
-        clocks["AcquisitionDateTime"] = nanoseconds(text, "AcquisitionDateTime")
+        add(text, "AcquisitionDateTime")
     for kind in ("Acquisition", "Content"):
         day = word(dataset, f"{kind}Date") or word(dataset, "StudyDate")
         if day and (time := word(dataset, f"{kind}Time")):
-            clocks[f"{kind}Time"] = nanoseconds(day.replace(".", "") + time.replace(":", ""), f"{kind}Time")
+            add(day.replace(".", "") + time.replace(":", ""), f"{kind}Time")
     if "ContentTime" in clocks:
         clocks["ContentTime"] += round(1e6 * (number(dataset, "FrameDelay") or 0.0))
     return clocks, fine

@@ -78,6 +78,24 @@ def test_a_directory_is_written_as_a_whole_or_not_at_all(tmp_path: Path) -> None
     assert {path.name: path.read_text() for path in directory.iterdir()} == {"mine": "mine", "page_1": "new"}
 
 
+def test_a_file_of_a_directory_that_cannot_be_replaced_leaves_all_as_they_were(tmp_path: Path) -> None:
+    for name in ("a.txt", "old.txt"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "b.txt").mkdir()  # in the way of the second one
+    (tmp_path / "b.txt" / "mine").write_text("mine")
+    before = sorted(tmp_path.rglob("*"))
+
+    def work() -> None:
+        with whole_directory(tmp_path, ("*.txt",)) as staged:
+            for name in ("a.txt", "b.txt", "c.txt"):
+                (staged / name).write_text("new")
+
+    with pytest.raises(RecordingError, match="cannot be written"):
+        work()
+    assert sorted(tmp_path.rglob("*")) == before
+    assert [(tmp_path / name).read_text() for name in ("a.txt", "old.txt")] == ["a.txt", "old.txt"]
+
+
 def test_an_earlier_file_comes_back_or_is_kept(tmp_path: Path) -> None:
     path = tmp_path / "r.mcap"
     EarlierFile(path).bring_back()

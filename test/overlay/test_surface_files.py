@@ -227,6 +227,26 @@ def test_a_vtk_file_that_is_none_is_refused(tmp_path):
             read_surface(tmp_path / name, "mm")
 
 
+@pytest.mark.parametrize(
+    ("end", "said"),
+    [
+        ("echo 'OSError: No space left on device' >&2; exit 1", "failed: OSError: No space left on device"),
+        ("kill -KILL $$", "ended by SIGKILL: is there enough memory"),
+        ("kill -SEGV $$", "its counts or indices are wrong: VTK ended with SIGSEGV"),
+    ],
+)
+def test_a_file_is_not_blamed_for_how_its_process_ended(tmp_path, monkeypatch, end, said):
+    pytest.importorskip("vtkmodules")
+    python = tmp_path / "python"
+    python.write_text(f"#!/bin/sh\n{end}\n")
+    python.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(python))
+    path = tmp_path / "pyramid.vtk"
+    path.write_text(LEGACY_VTK.format(space="LPS"))
+    with pytest.raises(SurfaceError, match=said):
+        read_surface(path, "mm")
+
+
 CRAFTED = """# vtk DataFile Version 3.0
 crafted
 ASCII

@@ -17,6 +17,7 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 
 from support.node_harness import Graph, Heard
 
+from lasso_motion_ros.nodes import ros_start
 from lasso_motion_ros.tools import player
 from lasso_motion_ros.tools.listener import Listener
 from lasso_motion_ros.tools.processes import LOOPBACK, free_domain
@@ -163,10 +164,12 @@ def test_without_an_option_it_says_who_is_missing_and_plays_all_the_same(
     said: list[str] = []
     monkeypatch.setattr(player, "TUNING", replace(player.TUNING, silent_wait_s=0.1))
     monkeypatch.setenv("ROS_DOMAIN_ID", str(free_domain()))
+    monkeypatch.setattr(ros_start, "use_image_profile", lambda: "images may be lost")
     options = player.PlayOptions(rate=100.0, wait_s=0.3, insist=False)
     done = player.play(RecordingReader(small), options, threading.Event(), say=said.append)
     topics = "/plane_a/image_raw, /plane_b/image_raw"
     assert said == [
+        "images may be lost",
         f"waiting for subscribers on {topics}, 0.3 s at most",
         f"no subscriber on {topics} within 0.3 s: played without",
     ]

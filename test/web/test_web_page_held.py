@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("aiohttp", reason="needs the web extra")
 pytest.importorskip("selenium", reason="needs the dev extra")
 
-from support.browser import open_page, require_browser
+from support.browser import Page, open_page, require_browser
 
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePoint
@@ -78,5 +78,16 @@ def test_the_picture_is_clicked_once_the_held_one_is_on_the_screen(tmp_path: Pat
             page.wait_for(lambda: page.text("hint").startswith("Picture held"), "the held picture")
             page.click("a", np.array([100.0, 100.0]), SIDE)
             assert page.text("hint").endswith("5 more in plane A, 6 more in plane B.")
+            assert asks_before_reload(page)
+            server.stop()
+            page.wait_for(
+                lambda: "Press S and click again" in page.text("message-text"), "the word that the clicks are lost"
+            )
+            assert not asks_before_reload(page)  # there is nothing left that could be lost
     finally:
         server.stop()
+
+
+def asks_before_reload(page: Page) -> bool:
+    leave = "return window.dispatchEvent(new Event('beforeunload', { cancelable: true }))"
+    return not page.driver.execute_script(leave)

@@ -63,8 +63,12 @@ function takeConnection(now, reason = "") {
 
 /** Clicks belong to a picture that the server holds for this page; where that is gone, say so. */
 function loseClicks(why) {
-  if (status?.mode === "live" && status.held && unsent()) say(why, true);
-  if (status?.mode === "live") status.held = heldShown = false;
+  if (status?.mode !== "live") return;
+  if (status.held) {
+    if (unsent()) say(why, true);
+    end();
+  }
+  status.held = heldShown = false;
 }
 
 function unsent() {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import tarfile
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -197,6 +198,19 @@ def test_without_clocks_what_moves_in_both_films_says_it(tmp_path: Path, change:
     assert reason in words
 
 
+def spoilt(dataset: Any) -> None:
+    dataset.AcquisitionDateTime, dataset.AcquisitionTime = "20260231101112.5", "993412.5"
+
+
+def test_a_clock_that_is_none_is_passed_over_and_said(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # pydicom's, about the value
+        a, b = pair(tmp_path, spoilt, begin_s=0.125)
+    assert any("AcquisitionDateTime: expected a date and a time" in remark for remark in a.remarks)
+    assert plane_b_offset(a, b, -0.25)[0] == -250_000_000
+    assert "(0008,0033) ContentTime" in plane_b_offset(a, b, None)[1]
+
+
 def test_films_that_do_not_overlap_and_tell_nothing_are_refused(tmp_path: Path) -> None:
     a = read_xa(write_classic(tmp_path / "a.dcm", shot(noise(12))), NOTHING)
     still = [np.full((40, 50), 9, np.uint8)] * 12
@@ -212,6 +226,14 @@ def test_frame_times_by_vector_and_by_enhanced_stamps(tmp_path: Path) -> None:
     other = read_xa(write_enhanced(tmp_path / "b.dcm", shot(noise(3), frame_ms=66.5, begin_s=1.0)), NOTHING)
     assert other.times_ns == (0, 66_500_000, 133_000_000)
     assert other.clocks["FrameAcquisitionDateTime"] - one.clocks["AcquisitionTime"] == 1_000_000_000
+
+
+def test_a_vector_of_another_length_is_passed_over_and_said(tmp_path: Path) -> None:
+    vector = changed(FrameTimeVector=[0.0, 100.0])
+    one = read_xa(write_classic(tmp_path / "a.dcm", shot(noise(3), frame_ms=66.5, change=vector)), NOTHING)
+    assert one.times_ns == (0, 66_500_000, 133_000_000)
+    said = "(0018,1065) FrameTimeVector has 2 values for 3 frames and is passed over: (0018,1063) FrameTime is 66.5 ms"
+    assert said in one.remarks
 
 
 @pytest.mark.parametrize("syntax", ["JPEG2000Lossless", "RLELossless"])
