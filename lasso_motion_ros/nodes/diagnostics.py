@@ -69,7 +69,7 @@ def tracker_status(
         if statistics.seed_gap_mm is not None:
             values["planes' disagreement at the seed (mm)"] = f"{statistics.seed_gap_mm:.2f}"
         if statistics.catheter is not None:
-            values["catheter"] = statistics.catheter.text
+            values["catheter"] = statistics.catheter.known or "being looked at"
         for plane, residual in statistics.residual_px.items():
             values[f"residual plane_{plane} (px)"] = f"{residual:.2f}"
         for plane, share in statistics.temporal_filter.items():

@@ -17,6 +17,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
+from lasso_motion_ros.nodes.describer import Describer
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
@@ -82,7 +83,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._answering = threading.Lock()
         self._frame_ids: dict[Plane, str] = {}
         self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
-        self._latencies = Latencies()
+        self._latencies, self._describer = Latencies(), Describer()
         self._warm, self._silence = False, ""
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
@@ -168,6 +169,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             takes_long=lambda task: task.seed is not None,
             on_error=self.complaints.error,
             name="tracker",
+            idle=self._describe,
         )
         self._watch = StreamWatch(time.monotonic())
         self._state_watch.begin(config.stream_timeout_s)
@@ -322,6 +324,10 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._complain()
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
+
+    def _describe(self) -> bool:
+        result = None if self._pipeline is None else self._pipeline.session.last_result
+        return self._describer.step(None if result is None else result.catheter)
 
     def _show(self) -> None:
         """Have the newest pair drawn, or the frozen one, while somebody watches."""

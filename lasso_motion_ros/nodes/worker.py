@@ -24,6 +24,8 @@ class Worker(Generic[Item]):
         takes_long: whether an item is of that kind.
         on_error: called in the worker's thread with what `work` raised.
         name: of the thread.
+        idle: called in the worker's thread while nothing waits, again and again while it returns True. An item that
+            comes in waits until it has returned.
     """
 
     def __init__(
@@ -35,8 +37,9 @@ class Worker(Generic[Item]):
         takes_long: Callable[[Item], bool],
         on_error: Callable[[Exception], None],
         name: str,
+        idle: Callable[[], bool] = lambda: False,
     ) -> None:
-        self._work = work
+        self._work, self._idle = work, idle
         self._on_error = on_error
         self._takes_long = takes_long
         self._capacity = capacity
@@ -92,14 +95,26 @@ class Worker(Generic[Item]):
         return not self._thread.is_alive()
 
     def _run(self) -> None:
-        while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._waiting or self._stopping)
-                if self._stopping:
-                    return
-                item = self._waiting.popleft()
-                self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
+        more = False
+        while (items := self._take(wait=not more)) is not None:
+            more = bool(items)
             try:
-                self._work(item)
+                for item in items:
+                    self._work(item)
+                if not items:
+                    more = self._idle()
             except Exception as error:
                 self._on_error(error)
+
+    def _take(self, *, wait: bool) -> list[Item] | None:
+        """The next item, or none where none waits; None where the thread is to end."""
+        with self._changed:
+            if wait:
+                self._changed.wait_for(lambda: self._waiting or self._stopping)
+            if self._stopping:
+                return None
+            if not self._waiting:
+                return []
+            item = self._waiting.popleft()
+            self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
+            return [item]

@@ -7,9 +7,10 @@ Its score is the logarithm of how much likelier the evidence is with it than wit
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import Image
 
 Array = npt.NDArray[np.float64]
+Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -117,14 +119,27 @@ class RingEvidence:
     @cached_property
     def comb(self) -> Comb | None:
         """The likeliest comb; None where the named catheter has no distances."""
+        return _outcome(self._fitting())
+
+    def work(self) -> Iterator[None]:
+        """See `Description.work`: a step is one distance between poles, in all its places."""
+        if "comb" not in self.__dict__:
+            self.__dict__["comb"] = yield from self._fitting()
+
+    @property
+    def known(self) -> str | None:
+        """See `Description.known`."""
+        return self.text if "comb" in self.__dict__ else None
+
+    def _fitting(self) -> Generator[None, None, Comb | None]:
         arc_mm = 1e3 * arc_length(self.points)
         if self.catheter is None:
-            return fit_comb(arc_mm, self.shown)
+            return (yield from _fitting(arc_mm, self.shown, _any_kind()))
         unit_mm = self.catheter.unit_mm
         if unit_mm is None:
             return None
         length = self.catheter.electrode_length_mm or TUNING.pair_length_mm
-        return fit_comb(arc_mm, self.shown, [(self.catheter.share, length, _distances(*unit_mm))])
+        return (yield from _fitting(arc_mm, self.shown, [(self.catheter.share, length, _distances(*unit_mm))]))
 
     @cached_property
     def text(self) -> str:
@@ -146,10 +161,12 @@ class RingEvidence:
         return f"{'unknown' if nearest is None else f'like {nearest.name}'}, {poles}, {across}"
 
 
-def fit_comb(
-    arc_mm: Array, shown: Mapping[Plane, Image], kinds: list[tuple[float, float, Array]] | None = None
-) -> Comb:
-    """The likeliest comb.
+Kinds = list[tuple[float, float, Array]]
+"""Which combs are tried: share of a pair (0: even), length of an electrode in mm, periods in mm."""
+
+
+def fit_comb(arc_mm: Array, shown: Mapping[Plane, Image]) -> Comb:
+    """The likeliest comb of any kind.
 
     The profile of each plane is a multiple, not negative, of the comb's, beside what varies slowly and normal noise of
     unknown size; both amplitudes and both sizes of noise are maximised over (profile likelihood), the place is averaged
@@ -158,12 +175,28 @@ def fit_comb(
     Args:
         arc_mm: (L,) along the curve.
         shown: per plane, (L,) evidence.
-        kinds: which are tried: share of a pair (0: even), length of an electrode in mm, periods in mm.
     """
-    if kinds is None:
-        even, pairs = _distances(*TUNING.even_mm), _distances(*TUNING.pairs_mm)
-        kinds = [(0.0, length, even) for length in TUNING.even_lengths_mm]
-        kinds += [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
+    return _outcome(_fitting(arc_mm, shown, _any_kind()))
+
+
+def _any_kind() -> Kinds:
+    even, pairs = _distances(*TUNING.even_mm), _distances(*TUNING.pairs_mm)
+    kinds = [(0.0, length, even) for length in TUNING.even_lengths_mm]
+    return kinds + [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
+
+
+def _outcome(work: Generator[None, None, Outcome]) -> Outcome:
+    """What work in steps gives in the end."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            outcome: Outcome = end.value
+            return outcome
+
+
+def _fitting(arc_mm: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Generator[None, None, Comb]:
+    """As `fit_comb`, of these kinds, in steps."""
     slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(arc_mm)), TUNING.slow_terms)
     slow = np.linalg.qr(slow)[0]
     profiles = np.stack([np.asarray(shown[plane], dtype=np.float64) for plane in PLANES], axis=1)
@@ -183,6 +216,7 @@ def fit_comb(
             best = int(np.argmax(likelihood))
             mean = likelihood[best] + np.log(np.mean(np.exp(likelihood - likelihood[best])))
             found.append((share, length, float(period), float(phases[best]), float(mean)))
+            yield
     scores = np.array([score for *_, score in found])
     weights = np.exp(scores - scores.max())
     share, length, period, phase, score = found[int(np.argmax(scores))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import Protocol
@@ -65,7 +66,14 @@ class Description(Protocol):
 
     @property
     def text(self) -> str:
-        """A line for people."""
+        """A line for people; asking takes as long as working it out does."""
+
+    @property
+    def known(self) -> str | None:
+        """The line, once it has been worked out."""
+
+    def work(self) -> Iterator[None]:
+        """Work it out, in steps of about a millisecond: whoever must not be kept waiting comes between two of them."""
 
 
 @dataclass(frozen=True)

@@ -44,8 +44,11 @@ def test_a_filter_over_time_is_told_of_the_plane_that_has_it() -> None:
 def test_what_the_images_show_of_the_catheter_is_told_in_one_line() -> None:
     @dataclasses.dataclass(frozen=True)
     class Told:
-        text: str
+        known: str | None
 
+    told = dataclasses.replace(statistics(), catheter=Told(None))
+    values = tracker_status("/lasso_tracker", TrackerState.TRACKING, told)["values"]
+    assert {"key": "catheter", "value": "being looked at"} in values
     told = dataclasses.replace(statistics(), catheter=Told("like achieve_20, 8 poles, 7.2 mm apart, 18 mm across"))
     values = tracker_status("/lasso_tracker", TrackerState.TRACKING, told)["values"]
     assert {"key": "catheter", "value": "like achieve_20, 8 poles, 7.2 mm apart, 18 mm across"} in values

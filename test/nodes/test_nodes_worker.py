@@ -127,3 +127,39 @@ def test_stop_ends_the_item_in_work_and_forgets_the_rest() -> None:
     stopping.join(10)
     assert not stopping.is_alive()
     assert gate.done == [1]
+
+
+def test_idle_work_is_done_in_steps_and_stands_back_for_an_item() -> None:
+    gate, steps = Gate(), 0
+    idle = threading.Event()
+
+    def step() -> bool:
+        nonlocal steps
+        steps += 1
+        if steps == 2:
+            worker.put([1])
+        if steps == 4:
+            idle.set()
+            raise ValueError("in the last step")
+        return True
+
+    errors: list[Exception] = []
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=3,
+        burst_capacity=5,
+        takes_long=lambda _: False,
+        on_error=errors.append,
+        name="test",
+        idle=step,
+    )
+    assert steps == 0  # nothing has been worked on that could leave something
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    assert steps == 2
+    gate.let(1)
+    assert idle.wait(10)
+    worker.stop()
+    assert (gate.done, [str(error) for error in errors]) == ([0, 1], ["in the last step"])

@@ -54,6 +54,15 @@ def test_even_poles_are_counted_placed_and_measured(seed, tip):
     np.testing.assert_allclose(comb.places_mm, EVEN, atol=0.8)
 
 
+def test_it_is_worked_out_in_small_steps_to_the_same_words():
+    at_once, in_steps = evidence(20.0, EVEN), evidence(20.0, EVEN)
+    assert in_steps.known is None
+    assert sum(1 for _ in in_steps.work()) > 300
+    assert in_steps.known == at_once.text
+    assert in_steps.comb == at_once.comb
+    assert list(in_steps.work()) == []
+
+
 @pytest.mark.parametrize("seed", range(2))
 def test_pairs_are_told_from_even_poles(seed):
     comb = evidence(25.0, PAIRS, noise=0.2, seed=seed).comb
