@@ -11,6 +11,7 @@ Array = npt.NDArray[np.float64]
 Real = TypeVar("Real", bound=np.floating[Any])
 
 SMALLEST_SPACING = 1e-9  # pixels; points nearer to each other than this have no direction
+_BLOCK = 1 << 14  # distances at once: what belongs to them stays in the processor's cache
 
 
 def arc_length(points: Array) -> Array:
@@ -28,12 +29,22 @@ def resample(points: Array, count: int) -> Array:
 
 def distance_to_curve(points: Array, curve: Array) -> Array:
     """(N,) distance of each point (N, D) to an open polyline (M, D), exact on its segments."""
-    start, step = curve[:-1], np.diff(curve, axis=0)
-    squared = np.einsum("md,md->m", step, step)
-    offset = points[:, None, :] - start[None]
-    along = np.einsum("nmd,md->nm", offset, step) / np.where(squared > 0.0, squared, 1.0)
-    nearest = offset - np.clip(along, 0.0, 1.0)[..., None] * step
-    return np.asarray(np.sqrt(np.einsum("nmd,nmd->nm", nearest, nearest).min(axis=1)))
+    at = np.asarray(points, dtype=np.float64).T
+    start, step = np.ascontiguousarray(curve[:-1].T), np.ascontiguousarray(np.diff(curve, axis=0).T)
+    squared = (step * step).sum(axis=0)
+    per_length = step / np.where(squared > 0.0, squared, 1.0)
+    shortest = np.empty(len(points))
+    rows = max(1, _BLOCK // max(1, step.shape[1]))
+    for first in range(0, len(points), rows):
+        block = slice(first, first + rows)
+        offsets = [one[block, None] - beginning for one, beginning in zip(at, start, strict=True)]
+        along = sum(offset * one for offset, one in zip(offsets, per_length, strict=True))
+        along = np.clip(along, 0.0, 1.0)
+        for offset, one in zip(offsets, step, strict=True):
+            offset -= along * one  # from the nearest point of the segment
+            offset *= offset
+        shortest[block] = sum(offsets[1:], offsets[0]).min(axis=1)
+    return np.asarray(np.sqrt(shortest))
 
 
 def slope(values: npt.NDArray[Real], axis: int) -> npt.NDArray[Real]:
