@@ -10,10 +10,17 @@ import yaml
 from lasso_motion_ros.core.errors import ConfigurationError
 
 MAX_CHARACTERS = 1 << 20
+MOST_NESTED = 64
+"""Brackets within each other: PyYAML reads all that open before it looks at one, in a time of their number squared."""
 
 
 class _PlainLoader(yaml.SafeLoader):
     """PyYAML's safe loader without aliases, which ROS refuses too: a few lines of them can exceed any memory."""
+
+    def fetch_flow_collection_start(self, token: type[yaml.Token]) -> None:
+        if self.flow_level >= MOST_NESTED:
+            raise RecursionError
+        super().fetch_flow_collection_start(token)
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):

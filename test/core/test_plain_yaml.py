@@ -23,6 +23,8 @@ def test_values_are_read() -> None:
         ("&a [*a]", "line 1: the alias *a"),  # it would hold itself
         ("a: &p {b: 1}\nc:\n  <<: *p\n", "line 3: the alias *p"),
         ("[" * 5000, "nested too deeply"),
+        ("{b: " * 100_000, "nested too deeply"),  # at once, not after an hour
+        ("- " * 5000, "nested too deeply"),
         ("a: 2001-99-99", "month must be in 1..12"),
         ("a: " + "1" * 5000, "integer string conversion"),
         ("a: [1", "expected ',' or ']'"),
