@@ -66,6 +66,9 @@ class FakePipeline:
     def take(self) -> list[Any]:
         return []
 
+    def take_remarks(self) -> list[Any]:
+        return []
+
 
 @pytest.fixture
 def node() -> Iterator[TrackerNode]:
