@@ -92,6 +92,8 @@ MOTION_RAW = Topic("motion_raw", "geometry_msgs/msg/PoseStamped")
 MOTION_WITH_COVARIANCE = Topic("motion_with_covariance", "geometry_msgs/msg/PoseWithCovarianceStamped")
 REFERENCE = Topic("reference", "std_msgs/msg/Header", latched=True, depth=1)
 CATHETER = Topic("catheter", "visualization_msgs/msg/Marker")
+PROPOSAL = Topic("proposal", "visualization_msgs/msg/Marker")
+"""The ring that was found without clicks, until somebody says yes."""
 STATE = Topic("state", "std_msgs/msg/String", latched=True, depth=1)
 STATE_RENEWED_S = 1.0
 """A running tracker says its state at least this often, and with every pair."""

@@ -108,6 +108,12 @@ class StreamConfig(TrackerConfig):
     seeds_file: str = parameter(
         "", "YAML file with the clicks of both planes, for unattended runs; see lasso-motion track --help"
     )
+    automatic_initialisation: str = tuning(
+        "off",
+        "the ring is looked for without clicks while there is no model; propose: published on proposal until ~/accept"
+        " or clicks say so; start: tracked at once, where no other ring fits nearly as well; off: clicks only",
+        choices=("off", "propose", "start"),
+    )
     image_depth: int = parameter(10, "queue depth of each image subscription", minimum=1, maximum=100)
     stream_timeout_s: float = tuning(
         0.0,

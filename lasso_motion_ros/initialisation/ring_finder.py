@@ -30,6 +30,7 @@ class _Tuning:
     tried: int = 6  # circles of a look whose curve is built and followed
     smallest_score: float = 0.8
     rival_score: float = 0.75  # of the circle that led to a ring; with less another leads to no rival
+    smallest_field_m: float = 0.02  # that both planes have in common
     same_m: float = 4e-3  # rings whose centres are closer are one
 
 
@@ -95,7 +96,10 @@ def find_rings(
         grid = EpipolarGrid.of({plane: frame.projection for plane, frame in frames.items()})
     except GeometryError:
         return []
-    bright, maps = _maps(frames, grid, config.polarity, other_polarity)
+    rows = row_range(frames, grid)
+    if rows[1] - rows[0] < TUNING.smallest_field_m:
+        return []
+    bright, maps = _maps(frames, grid, rows, config.polarity, other_polarity)
     _check(go_on)
     between_s = 1e-9 * (frames["b"].stamp_ns - frames["a"].stamp_ns)
     circles = find_circles(maps, grid, between_s)
@@ -160,10 +164,9 @@ def _followed(
 
 
 def _maps(
-    frames: Mapping[Plane, Frame], grid: EpipolarGrid, polarity: str, other: bool
+    frames: Mapping[Plane, Frame], grid: EpipolarGrid, rows: tuple[float, float], polarity: str, other: bool
 ) -> tuple[bool, dict[Plane, LineMaps]]:
     """Whether the catheters are bright, and the planes' maps; electrodes stand out more than anything opposite."""
-    rows = row_range(dict(frames), grid)
     seen = {plane: curvature(frame, plane, grid, rows) for plane, frame in frames.items()}
     if polarity == "auto":
         dark, bright = (sum(one.strength(bright=is_it) for one in seen.values()) for is_it in (False, True))

@@ -16,6 +16,8 @@ from std_msgs.msg import Header
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation, serve_accept
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.describer import Describer
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
@@ -93,6 +95,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._tracker_services = TrackerServices(
             self, self._active, self._enqueue, self._reset, self._set_reference, self._show
         )
+        self._automatic: AutomaticInitialisation | None = None
+        serve_accept(self, self._accept)
         steady_timer(self, _TUNING.diagnostics_s, self._on_timer)
         steady_timer(self, _TUNING.look_s, self._on_look)
 
@@ -171,6 +175,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             name="tracker",
             idle=self._describe,
         )
+        session = pipeline.session
+        self._automatic = AutomaticInitialisation(
+            config,
+            lambda: session.state is TrackerState.WAITING_FOR_SEED,
+            self._tracker_publishers.publish_proposals,
+            self._start_with,
+            self.complaints.error,
+        )
         self._watch = StreamWatch(time.monotonic())
         self._state_watch.begin(config.stream_timeout_s)
         self._by_arrival = config.stamp_source == "arrival"
@@ -185,6 +197,9 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._inputs is not None:
             self._inputs.destroy()
             self._inputs = None
+        if self._automatic is not None:
+            self._automatic.stop(_TUNING.patience_s)
+            self._automatic = None
         if self._worker is not None:
             if not self._worker.stop(_TUNING.patience_s):
                 self.get_logger().error("the tracker hangs in a pair and is left behind: configure the node anew")
@@ -248,6 +263,18 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             with self._between_answers():
                 self._pipeline.session.reconfigure(config)
         self._state_watch.timeout.reconfigure(config.stream_timeout_s)
+        if self._automatic is not None:
+            self._automatic.reconfigure(config)
+
+    def _accept(self) -> str:
+        if self._automatic is None:
+            raise TrackingError("the node is not active")
+        ring = self._automatic.accepted()
+        self._start_with(ring)
+        return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken: {ring.text}"
+
+    def _start_with(self, ring: Proposal) -> None:
+        self._enqueue([self._active().intake.seed_pair(ring.pair, ring.seed)])
 
     def _reset(self) -> None:
         pipeline = self._active()
@@ -322,6 +349,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
+        if self._automatic is not None:
+            self._automatic.add(task.pair)
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,6 +16,7 @@ from rclpy.publisher import Publisher
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, UncalibratedFrame
+from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.nodes.qos import topic_publisher
 from lasso_motion_ros.nodes.standard_views import StandardViews, TransformPublisher
 from lasso_motion_ros.nodes.worker import Worker
@@ -23,11 +24,23 @@ from lasso_motion_ros.overlay.tracking_picture import draw_tracking
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import encode_image
+from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import MessageFactory, header_fields
 from msg_adapters.poses import decode_pose
-from msg_adapters.topics import DIAGNOSTICS, IMAGE_TYPE, MOTION, OUTPUTS, STATE, STATE_RENEWED_S, Topic, tracking_topic
+from msg_adapters.topics import (
+    DIAGNOSTICS,
+    IMAGE_TYPE,
+    MOTION,
+    OUTPUTS,
+    PROPOSAL,
+    STATE,
+    STATE_RENEWED_S,
+    Topic,
+    tracking_topic,
+)
 
 GOODBYE_WAIT_S = 1.0
+PROPOSAL_COLOUR = (0.2, 0.9, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,11 +93,11 @@ class TrackerPublishers:
         self._held = False
         # What belongs to one pair goes out together: no state of another thread comes between a pair's state and pose.
         self._publishing = threading.RLock()
-        self._stated_s = 0.0
+        self._stated_s, self._proposed = 0.0, 0
         self.state = ""
         self._publishers: dict[str, Publisher] = {
             topic.name: topic_publisher(node, messages, topic)
-            for topic in (*OUTPUTS, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
+            for topic in (*OUTPUTS, PROPOSAL, DIAGNOSTICS, *(tracking_topic(plane) for plane in PLANES))
         }
         self._world_frame, self._atrium_frame = config.world_frame, config.atrium_frame
         self._transforms = TransformPublisher(node, messages, config.publish_tf)
@@ -127,6 +140,18 @@ class TrackerPublishers:
     def publish_fields(self, topic: Topic, fields: dict[str, Any]) -> None:
         """Publish a message of any of the topics."""
         self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
+
+    def publish_proposals(self, proposals: Sequence[Proposal]) -> None:
+        """Publish the rings that are proposed, best first, in place of those before."""
+        header = header_fields(0, self._world_frame)
+        with self._publishing:
+            for number in range(self._proposed):
+                self.publish_fields(PROPOSAL, encode_delete(header, "proposal") | {"id": number})
+            for number, one in enumerate(proposals):
+                header = header_fields(one.pair.stamp_ns, self._world_frame)
+                fields = encode_line_strip(one.points, header, "proposal", PROPOSAL_COLOUR) | {"id": number}
+                self.publish_fields(PROPOSAL, fields)
+            self._proposed = len(proposals)
 
     @property
     def watched(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from lasso_motion_ros.config.stream import StreamConfig
@@ -29,24 +29,27 @@ class RingLookout:
         """Begin anew: the next pair is not of the same succession."""
         self._pairs.clear()
 
-    def add(self, pair: FramePair, go_on: Callable[[], bool] = lambda: True) -> list[Proposal] | None:
-        """Take the next pair; the rings that the last pairs show, best first, or None where more pairs are needed.
+    def add(self, pair: FramePair) -> tuple[FramePair, ...]:
+        """Take the next pair; the pairs to look at, or none where more are needed."""
+        if not pair.is_whole or pair.new_run:
+            self._pairs.clear()
+        if pair.is_whole:
+            self._pairs.append(pair)
+        if len(self._pairs) < PAIRS:
+            return ()
+        pairs, self._pairs = tuple(self._pairs), []
+        return pairs
+
+    def look(self, pairs: Sequence[FramePair], go_on: Callable[[], bool] = lambda: True) -> list[Proposal]:
+        """The rings that successive pairs show, best first.
 
         Args:
-            pair: the next pair.
+            pairs: from `add`.
             go_on: asked between the steps of a look.
 
         Raises:
             OvertakenError: `go_on` has said no.
         """
-        if not pair.is_whole or pair.new_run:
-            self._pairs.clear()
-        if not pair.is_whole:
-            return None
-        self._pairs.append(pair)
-        if len(self._pairs) < PAIRS:
-            return None
-        pairs, self._pairs = self._pairs, []
         self._looks += 1
         # Where the likelier polarity has shown none, the other has its turn.
         return find_rings(pairs, self._config, other_polarity=self._looks % 2 == 0, go_on=go_on)

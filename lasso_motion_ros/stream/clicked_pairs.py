@@ -75,6 +75,11 @@ class ClickedPairs:
         _, *later = (pair for pair in self._known() if pair.stamp_ns >= self._held.stamp_ns)
         return self._numbered(PairTask(self._held, seed, answered=True, later=tuple(later)))
 
+    def seed_pair(self, pair: FramePair, seed: Seed) -> PairTask:
+        """The task of any past pair, with clicks on it, and the pairs since then that are remembered."""
+        later = tuple(one for one in self._known() if one.stamp_ns > pair.stamp_ns)
+        return self._numbered(PairTask(pair, seed, answered=True, later=later))
+
     def _known(self) -> list[FramePair]:
         """The pairs that may be clicked, oldest first."""
         pairs = list(self._pairs)

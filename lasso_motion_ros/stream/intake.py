@@ -125,6 +125,13 @@ class MessageIntake:
             self._issued([task])
             return task
 
+    def seed_pair(self, pair: FramePair, seed: Seed) -> PairTask:
+        """Take clicks on a past pair, however long ago it was; give back the task that they make."""
+        with self._lock:
+            task = self._clicked.seed_pair(pair, seed)
+            self._issued([task])
+            return task
+
     def forget_clicks(self) -> int:
         """Forget pairs and clicks; returns the number of the last task, of whose seed nothing is wanted any more."""
         with self._lock:

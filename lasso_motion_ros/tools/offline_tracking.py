@@ -213,7 +213,8 @@ class _Run:
         if self._pipeline.session.state is not TrackerState.WAITING_FOR_SEED:
             self._lookout.forget()
             return
-        found = self._lookout.add(pair)
+        pairs = self._lookout.add(pair)
+        found = self._lookout.look(pairs) if pairs else []
         if not found:
             return
         ring = only_ring(found)

@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 from support.breathing_lasso import pair
 from support.lasso_inputs import CURVE, lasso_image, lasso_pair, pair_of
+from support.message_inputs import projection
 from support.tracking_inputs import VIEWS
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
 from lasso_motion_ros.stream.automatic_start import only_ring
 
@@ -40,3 +42,13 @@ def test_one_plane_alone_proposes_nothing() -> None:
 def test_a_look_that_is_overtaken_gives_up() -> None:
     with pytest.raises(OvertakenError):
         find_rings([pair(index) for index in range(3)], CONFIG, go_on=lambda: False)
+
+
+def test_images_too_small_or_blank_propose_nothing() -> None:
+    small = {plane: Frame(0, np.full((32, 32), 100, np.uint8), projection(plane)) for plane in ("a", "b")}
+    assert find_rings([FramePair(0, small["a"], small["b"])] * 3, CONFIG) == []
+    blank = {plane: Frame(0, np.zeros((view.height, view.width), np.uint16), view) for plane, view in VIEWS.items()}
+    assert find_rings([FramePair(0, blank["a"], blank["b"])] * 3, CONFIG) == []
+    strips = {plane: view.read_out(200, 200, 24, 300, 1, 1) for plane, view in VIEWS.items()}
+    narrow = {plane: Frame(0, np.zeros((300, 24), np.uint8), view) for plane, view in strips.items()}
+    assert find_rings([FramePair(0, narrow["a"], narrow["b"])] * 3, CONFIG) == []

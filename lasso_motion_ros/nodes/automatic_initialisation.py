@@ -1,0 +1,124 @@
+"""Looks for the ring beside the live stream, in a thread of its own, and says what it has found."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable, Sequence
+
+from rclpy.node import Node
+from std_srvs.srv import Trigger
+
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal
+from lasso_motion_ros.nodes.worker import Worker
+from lasso_motion_ros.stream.automatic_start import RingLookout, only_ring
+
+NICENESS = 10  # on Linux of this thread only: images and pairs go first
+
+
+def serve_accept(node: Node, accept: Callable[[], str]) -> None:
+    """Serve `~/accept`, which starts with the proposed ring.
+
+    Args:
+        node: the node.
+        accept: starts with it and says so, or raises LassoMotionError.
+    """
+
+    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        try:
+            response.message = accept()
+            response.success = True
+        except LassoMotionError as error:
+            response.success, response.message = False, str(error)
+        return response
+
+    node.create_service(Trigger, "~/accept", answer)
+
+
+class AutomaticInitialisation:
+    """The pairs that have no model go in, and no pair waits for it: a look that is overtaken by a model gives up.
+
+    Args:
+        config: the parameters at the start; of the mode, `reconfigure` tells the news.
+        is_wanted: whether a ring is waited for.
+        on_proposals: called in the thread with what a look has found, if that is news.
+        on_start: called in the thread with the ring to start with, unasked.
+        on_error: takes what a look raised.
+    """
+
+    def __init__(
+        self,
+        config: StreamConfig,
+        is_wanted: Callable[[], bool],
+        on_proposals: Callable[[Sequence[Proposal]], None],
+        on_start: Callable[[Proposal], None],
+        on_error: Callable[[Exception], None],
+    ) -> None:
+        self._mode = config.automatic_initialisation
+        self._lookout = RingLookout(config)
+        self._is_wanted, self._on_proposals, self._on_start = is_wanted, on_proposals, on_start
+        self._lock = threading.Lock()
+        self._proposals: list[Proposal] = []
+        self._is_stopped, self._is_nice = False, False
+        # One look may wait: of those that are overtaken the newest counts.
+        self._worker: Worker[tuple[FramePair, ...]] = Worker(
+            self._look, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="lookout"
+        )
+
+    def reconfigure(self, config: StreamConfig) -> None:
+        """Go on in another mode."""
+        self._mode = config.automatic_initialisation
+
+    def add(self, pair: FramePair) -> None:
+        """Take a pair that was answered; never waits."""
+        if self._mode == "off" or not self._is_wanted():
+            self._lookout.forget()
+            self._propose([])
+            return
+        if pairs := self._lookout.add(pair):
+            self._worker.put([pairs])
+
+    def accepted(self) -> Proposal:
+        """The best ring that is proposed.
+
+        Raises:
+            TrackingError: there is none.
+        """
+        with self._lock:
+            if not self._proposals:
+                raise TrackingError("no ring is proposed")
+            return self._proposals[0]
+
+    def stop(self, patience_s: float) -> None:
+        """End the thread, with what it is looking at."""
+        self._is_stopped = True
+        self._worker.stop(patience_s)
+        self._propose([])
+
+    def _look(self, pairs: tuple[FramePair, ...]) -> None:
+        if not self._is_nice:
+            os.nice(NICENESS)
+            self._is_nice = True
+        try:
+            found = self._lookout.look(pairs, self._goes_on)
+        except OvertakenError:
+            return
+        if not found or not self._goes_on():
+            return  # what was proposed before stands
+        self._propose(found)
+        ring = only_ring(found)
+        if self._mode == "start" and ring is not None:
+            self._on_start(ring)
+
+    def _goes_on(self) -> bool:
+        return not self._is_stopped and self._mode != "off" and self._is_wanted()
+
+    def _propose(self, found: list[Proposal]) -> None:
+        with self._lock:
+            if not found and not self._proposals:
+                return
+            self._proposals = found
+        self._on_proposals(found)

@@ -1,0 +1,64 @@
+"""A live stream without clicks: the ring is proposed, and started with when somebody says yes, or at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import SetParameters
+from std_srvs.srv import Trigger
+from support.node_harness import Graph
+from support.ring_stream import HEARD, RIGHT_MM, RingStream, start_tracker
+
+from msg_adapters.topics import PROPOSAL
+
+pytestmark = pytest.mark.ros
+
+PATIENCE_S = 120.0  # a look may take long on a busy machine
+ADD, DELETE = 0, 2
+
+
+@pytest.fixture
+def graph(tmp_path: Path) -> Iterator[Graph]:
+    with Graph([*HEARD, PROPOSAL], tmp_path) as started:
+        yield started
+
+
+def test_a_ring_is_proposed_and_tracked_once_accepted_and_by_start_without(graph: Graph) -> None:
+    start_tracker(graph, "automatic_initialisation:=propose", "polarity:=dark")
+    graph.client(Trigger, "/lasso_tracker/accept")
+    graph.client(SetParameters, "/lasso_tracker/set_parameters")
+    stream = RingStream(graph)
+    stream.connect()
+    refused = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
+    assert not refused.success
+    assert refused.message == "no ring is proposed"
+    shown = graph.heard.messages["proposal"]
+    stream.pairs(3)
+    graph.heard.wait_for(lambda: len(shown) > 0, PATIENCE_S)
+    assert shown[-1].action == ADD
+    assert len(shown[-1].points) >= 64
+    assert stream.states()[-1] == "WAITING_FOR_SEED"
+    taken = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
+    assert taken.success, taken.message
+    stream.await_state("TRACKING")
+    stream.pairs(2)
+    graph.heard.wait_for(lambda: shown[-1].action == DELETE, PATIENCE_S)
+    errors = stream.errors_mm()
+    assert errors
+    assert np.mean(list(errors.values())) < RIGHT_MM
+
+    value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="start")
+    request = SetParameters.Request(parameters=[Parameter(name="automatic_initialisation", value=value)])
+    assert graph.call(SetParameters, "/lasso_tracker/set_parameters", request).results[0].successful
+    stream.reset()
+    before = len(stream.references())
+    stream.pairs(3)
+    graph.heard.wait_for(lambda: len(stream.references()) > before, PATIENCE_S)
+    stream.await_state("TRACKING")
