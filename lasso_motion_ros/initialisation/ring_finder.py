@@ -16,7 +16,6 @@ from lasso_motion_ros.initialisation.clicks import clicks_on
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import Judgement, judge
 from lasso_motion_ros.initialisation.line_maps import LineMaps, curvature, line_maps, row_range
-from lasso_motion_ros.ring.seed_shape import roundness_of
 from lasso_motion_ros.ring.tracker import RingTracker
 
 Array = npt.NDArray[np.float64]
@@ -156,7 +155,7 @@ def _followed(
     judgement = judge(
         evidence,
         np.asarray(track.template.weights, dtype=np.float64),
-        roundness=roundness_of(track.model),
+        roundness=track.model.roundness,
         support=track.usual_support,
         followed=followed,
     )

@@ -208,10 +208,14 @@ class RespiratoryMotion:
         self._history, self._keeps_history = (), False  # it tells of another place
 
     def surged(self) -> RespiratoryMotion:
-        """The same motion, if a breath has just set in (or a cough) as nothing before foretold."""
+        """The same motion, if a breath has just set in (or a cough) as nothing before foretold.
+
+        It goes where breathing goes, as far as that is known by now.
+        """
         surged = self.copy()
         covariance = self._covariance.copy()
-        covariance[:, VELOCITY, VELOCITY] += self._tuning.surge_m_s**2 * _IDENTITY_3
+        way = self.spread / np.linalg.eigvalsh(self.spread)[-1]
+        covariance[:, VELOCITY, VELOCITY] += self._tuning.surge_m_s**2 * way
         covariance[:, POSITION, POSITION] += self._tuning.surge_m**2 * _IDENTITY_3
         surged._become(self._state, covariance)
         return surged

@@ -2,7 +2,8 @@
 
 Each detection is a hypothesis, "the ring is nowhere in view" one more. A hypothesis is worth what the images show there
 (log odds against the best that anything else shows, from the simulator and real video) and how well the motion so far
-foretold it; a ring that was moved by hand is foretold by nothing, which has a probability of its own.
+foretold it; a ring that was moved by hand is foretold by nothing, which has a probability of its own. Two questions are
+asked: which of the places is the ring's, if one is, and whether it is the ring that shows there.
 """
 
 from __future__ import annotations
@@ -37,9 +38,15 @@ class AssociationTuning:
     view_m: float = 0.04  # something else is found anywhere within this,
     agreement_m: float = 0.01  # and the two planes agree on it as well as this
     range_support: float = 1.6
+    # Slipped along itself, or a twin: this share of all else looks as the ring does, whatever that is.
+    alike: float = 0.03
+    usual_sigma: float = 0.25  # of the support where the ring is, about what is usual,
+    unlike: float = 0.1  # but for this share, of any support
     # Being where it was foretold proves so much (log odds) and no more, nor more than what the images show there: what
-    # looks like the ring is often right beside it.
+    # looks like the ring is often right beside it. Where there are several, it tells more of which of them is the ring.
     foretold: float = 2.0
+    foretold_of_several: float = 8.0
+    anywhere_of_several: float = -3.0  # at least: a C-arm that was moved unsaid shows it anywhere
     surge_probability: float = 0.1  # that a breath has set in unforeseen
     jump_probability: float = 0.02  # that it was moved by hand
     jump_reach_m: float = 0.024  # then it may be anywhere within this
@@ -56,6 +63,8 @@ class Hypothesis:
         log_odds: for it, against the ring being out of view.
         gap_mm: by which the planes disagree on its place, mm; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
+        claim: the same among several places, of which the ring is one.
+        alike: probability that it is something just like the ring, however plain: such is rare, but lies anywhere.
         probability: of it, among all hypotheses.
     """
 
@@ -64,6 +73,8 @@ class Hypothesis:
     log_odds: float
     gap_mm: float
     slack_mm: float
+    claim: float = 0.0
+    alike: float = 0.0
     probability: float = 0.0
 
     @property
@@ -106,6 +117,7 @@ def associate(
     time_s: float,
     times: Mapping[Plane, float],
     model: LoopModel,
+    usual: float,
     tuning: AssociationTuning,
 ) -> Association:
     """Weigh the detections of one pair.
@@ -116,21 +128,25 @@ def associate(
         time_s: of the pair: plane A's exposure, or what would have been it, seconds since the seed pair.
         times: of the exposures, seconds.
         model: the ring at the seed pair.
+        usual: support where the ring is seen.
         tuning: what images and motion are worth.
     """
-    usual = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
+    unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
     ways: list[Way] = [
-        (usual, lambda: motion),
+        (unmoved, lambda: motion),
         (math.log(tuning.surge_probability), cache(motion.surged)),
         (math.log(tuning.jump_probability), cache(partial(motion.moved_by_hand, tuning.jump_reach_m))),
     ]
-    hypotheses = [_hypothesis(detection, ways, time_s, times, model, tuning) for detection in detections]
+    hypotheses = [_hypothesis(detection, ways, time_s, times, model, usual, tuning) for detection in detections]
     if not hypotheses:
         return Association((), 1.0)
-    odds = np.array([0.0, *(one.log_odds for one in hypotheses)])
-    absent, *probabilities = np.exp(odds - np.logaddexp.reduce(odds)).tolist()
+    # Which of them, if one is; and for itself, whether it is the ring.
+    claims = np.array([one.claim for one in hypotheses])
+    shares = np.exp(claims - np.logaddexp.reduce(claims))
+    probabilities = shares / (1.0 + np.exp(-np.array([one.log_odds for one in hypotheses])))
+    absent = 1.0 - float(probabilities.sum())
     weighed = [
-        replace(one, probability=probability) for one, probability in zip(hypotheses, probabilities, strict=True)
+        replace(one, probability=float(probability)) for one, probability in zip(hypotheses, probabilities, strict=True)
     ]
     weighed.sort(key=lambda one: -one.probability)
     return Association(
@@ -144,6 +160,7 @@ def _hypothesis(
     time_s: float,
     times: Mapping[Plane, float],
     model: LoopModel,
+    usual: float,
     tuning: AssociationTuning,
 ) -> Hypothesis:
     """What a detection is worth, by the ways in which the ring may have got there: log probability, and motion."""
@@ -162,10 +179,15 @@ def _hypothesis(
             break
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
-    shown = _shown(detection.support, tuning)
-    log_odds = _image_odds(detection.support, tuning) + min(motion_odds, tuning.foretold, shown)
+    support = detection.support
+    shown = _shown(support, tuning)
+    log_odds = _image_odds(support, tuning) + min(motion_odds, tuning.foretold, shown)
+    claim = _looks(support, usual, tuning) + max(
+        min(motion_odds, tuning.foretold_of_several, shown), tuning.anywhere_of_several
+    )
+    alike = tuning.alike / (tuning.alike + math.exp(motion_odds))  # which shows whatever the ring does
     gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
-    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm)
+    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, claim, alike)
 
 
 def _disagreement(
@@ -191,8 +213,20 @@ def _shown(support: float, tuning: AssociationTuning) -> float:
 
 
 def _image_odds(support: float, tuning: AssociationTuning) -> float:
-    """Logarithm of how much more likely a support is where the ring is than where it is not."""
+    """Logarithm of how much more likely a support is where the ring is, whatever it shows, than where it is not."""
     return _shown(support, tuning) + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
+
+
+def _looks(support: float, usual: float, tuning: AssociationTuning) -> float:
+    """Logarithm of how much likelier a support is of the ring, as it usually shows, than of anything else."""
+    any_support = 1.0 / tuning.range_support
+    ring = (1.0 - tuning.unlike) * _normal(support, usual, tuning.usual_sigma) + tuning.unlike * any_support
+    clutter = _normal(support, tuning.clutter_support, tuning.clutter_sigma)
+    return math.log(ring / ((1.0 - tuning.alike) * clutter + tuning.alike * any_support))
+
+
+def _normal(value: float, mean: float, sigma: float) -> float:
+    return math.exp(-0.5 * ((value - mean) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
 
 
 def _observed_by_a(

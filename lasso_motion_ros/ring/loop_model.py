@@ -20,10 +20,11 @@ from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.loop_curve import LoopCurve, fit_curve, snap
+from lasso_motion_ros.ring.seed_circle import seed_circles
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
 from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.cones import Ellipse3D
-from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between
+from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.seeding.outlines import (
     curves_through_clicks,
     is_bright,
@@ -51,6 +52,10 @@ class _Tuning:
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
     ellipses: int = 2  # that are tried at most, of each kind of outline,
     doubtful_misfit: float = 5.0  # and that fit worse than the best by less than this
+    circles: int = 1  # that are tried, of those that clicks and images show best,
+    search_penalty: float = 0.1  # and by how much they have to show more: ellipses from good clicks fit more finely
+    roundness_spread: float = 0.15  # a lasso is round to about this
+    shape_penalty: float = 0.05  # of what the planes have in common, for a model that is one spread less round
     click_penalty: float = 0.41  # of what the planes have in common, for a mean squared distance of the clicks of 1 mm²
 
 
@@ -96,6 +101,13 @@ class LoopModel:
     def radius_mm(self) -> float:
         """Largest distance of a point from the centre, mm."""
         return 1e3 * float(np.linalg.norm(self.arms, axis=1).max())
+
+    @property
+    def roundness(self) -> float:
+        """Smallest by largest distance of a point from the centre, in the points' plane of least squares."""
+        _, _, directions = np.linalg.svd(self.points - self.points.mean(axis=0), full_matrices=False)
+        distances = np.linalg.norm(self.arms @ directions[:2].T, axis=1)
+        return float(distances.min() / distances.max())
 
     @property
     def diameter_mm(self) -> float:
@@ -162,9 +174,50 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
     """
-    projections = require_both_planes(pair)
-    share_of_a, models, failure = _share_of_a(pair), list[LoopModel](), None
-    for paths in (outlines(pair, seed, config, bright=bright), curves_through_clicks(seed, projections)):
+    best: LoopModel | None = None
+    best_worth = -np.inf
+    starts, failure = _starts(pair, seed, config, bright=bright)
+    for start in starts:
+        try:
+            model = _around(start, pair, config, count, bright=bright)
+        except ReconstructionError as error:
+            failure = failure or error
+            continue
+        # What the clicks alone lead to holds, unless the images plainly speak for a circle that was searched.
+        worth = _worth(model, pair, seed) - (TUNING.search_penalty if start.is_searched else 0.0)
+        if worth > best_worth:
+            best, best_worth = model, worth
+    if best is None:
+        raise failure or ReconstructionError("no 3-D loop explains the clicks")
+    return best
+
+
+@dataclass(frozen=True, eq=False)
+class _Start:
+    """An ellipse to begin with.
+
+    Attributes:
+        ellipse: the loop's, roughly, world metres.
+        paths: per plane, (N, 2) pixels along the loop.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration.
+        is_searched: whether images led to it; then the paths only tell how far the loop goes round.
+    """
+
+    ellipse: Ellipse3D
+    paths: dict[Plane, Array]
+    shifts: dict[Plane, Array]
+    is_searched: bool = False
+
+
+def _starts(
+    pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
+) -> tuple[list[_Start], ReconstructionError | None]:
+    """All ellipses that the clicks, the paths between them and the images lead to; and why one of them led to none."""
+    projections, share_of_a = require_both_planes(pair), _share_of_a(pair)
+    found = outlines(pair, seed, config, bright=bright)  # refuses clicks that are none
+    drawn = curves_through_clicks(seed, projections)
+    starts, failure = list[_Start](), None
+    for paths in (found, drawn):
         shifts = epipolar_shift(projections, paths, share_of_a)
         try:
             candidates = reconstruct_ellipse(_shifted(projections, shifts), paths).candidates
@@ -172,15 +225,20 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
             failure = failure or error
             continue
         limit = candidates[0].misfit + TUNING.doubtful_misfit
-        for candidate in candidates[: TUNING.ellipses]:
-            if candidate.misfit <= limit:
-                try:
-                    models.append(_around(candidate.ellipse, pair, paths, shifts, config, count, bright=bright))
-                except ReconstructionError as error:
-                    failure = failure or error
-    if not models:
-        raise failure or ReconstructionError("no 3-D loop explains the clicks")
-    return max(models, key=lambda model: _in_common(pair, model) - TUNING.click_penalty * _beside(model, pair, seed))
+        starts += [_Start(one.ellipse, paths, shifts) for one in candidates[: TUNING.ellipses] if one.misfit <= limit]
+    shifts = epipolar_shift(projections, drawn, share_of_a)
+    circles = seed_circles(pair.frames, seed, shifts, TUNING.click_penalty, bright=bright, count=TUNING.circles)
+    return [*starts, *(_Start(circle, drawn, shifts, is_searched=True) for circle in circles)], failure
+
+
+def _worth(model: LoopModel, pair: FramePair, seed: Seed) -> float:
+    """What the planes have in common along a model, less what speaks against it: clicks beside it, and its shape."""
+    lengthwise = (1.0 - model.roundness) / TUNING.roundness_spread
+    return (
+        _in_common(pair, model)
+        - TUNING.click_penalty * _beside(model, pair, seed)
+        - TUNING.shape_penalty * lengthwise**2
+    )
 
 
 def _beside(model: LoopModel, pair: FramePair, seed: Seed) -> float:
@@ -210,25 +268,18 @@ def _in_common(pair: FramePair, model: LoopModel) -> float:
     return float(np.maximum(np.minimum(*shown), 0.0).mean())
 
 
-def _around(
-    ellipse: Ellipse3D,
-    pair: FramePair,
-    paths: dict[Plane, Array],
-    shifts: dict[Plane, Array],
-    config: TrackerConfig,
-    count: int,
-    *,
-    bright: bool,
-) -> LoopModel:
-    """The model whose curve follows the wire in both planes, from an ellipse of the clicks' paths and their shifts."""
+def _around(start: _Start, pair: FramePair, config: TrackerConfig, count: int, *, bright: bool) -> LoopModel:
+    """The model whose curve follows the wire in both planes, from an ellipse on."""
     projections, frames, share_of_a = require_both_planes(pair), pair.frames, _share_of_a(pair)
-    shifted = _shifted(projections, shifts)
-    outline = LoopOutline(ellipse, shifted, paths)
+    ellipse, shifted = start.ellipse, _shifted(projections, start.shifts)
+    outline = LoopOutline(ellipse, shifted, start.paths)
 
     def fitted(low: float, high: float) -> tuple[LoopCurve, dict[Plane, Array]]:
         """The curve between two eccentric angles, and the planes' shifts that go with it."""
-        angles, moved, views = angles_between(low, high), shifts, shifted
-        curve = fit_curve(ellipse, angles, views, outline.at(angles))
+        angles, moved, views = angles_between(low, high), start.shifts, shifted
+        points = on_ellipse(ellipse, angles)
+        found = {p: views[p].project(points) for p in PLANES} if start.is_searched else outline.at(angles)
+        curve = fit_curve(ellipse, angles, views, found)
         for _ in range(TUNING.rounds):
             found = {p: snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
             # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.

@@ -57,7 +57,7 @@ def shape_doubt(model: LoopModel, catheter: Catheter | None) -> str:
     Raises:
         SeedError: no lasso has such a shape, or the named catheter has another size.
     """
-    roundness = roundness_of(model)
+    roundness = model.roundness
     text = f"the clicks' ring is far from round: nearest by farthest point from its middle {roundness:.2f}"
     if roundness < TUNING.smallest_roundness:
         raise SeedError(f"{text}, expected at least {TUNING.smallest_roundness:g}: were the clicks set along one loop?")
@@ -72,13 +72,6 @@ def shape_doubt(model: LoopModel, catheter: Catheter | None) -> str:
         if off > TUNING.doubtful_size:
             doubts.append(f"{text}: another catheter?")
     return "; ".join(doubts)
-
-
-def roundness_of(model: LoopModel) -> float:
-    """Smallest by largest distance of the curve from its middle, in its plane of least squares."""
-    _, _, directions = np.linalg.svd(model.points - model.points.mean(axis=0), full_matrices=False)
-    distances = np.linalg.norm(model.arms @ directions[:2].T, axis=1)
-    return float(distances.min() / distances.max())
 
 
 def _is_line(clicks: Array) -> bool:

@@ -107,7 +107,9 @@ class RingTracker:
         # Associate: which of them is the ring, if any?
         with self._stages("filter"):
             times = track.detector.exposures(pair)
-            association = associate(detections, track.motion, time_s, times, track.model, options.association)
+            association = associate(
+                detections, track.motion, time_s, times, track.model, track.usual_support, options.association
+            )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):
             departure = self._believe(track, association, time_s)
@@ -123,6 +125,8 @@ class RingTracker:
             return self._displaced(track, pair, best, departure)
         if track.belief.in_place < options.state.pose:
             return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
+        if best.probability * (1.0 - best.alike) < options.state.pose:
+            return self._lost(track, pair, "it is far from where it was foretold: something else that looks like it?")
         # Update.
         state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         position = self._update(track, best, association, time_s, state)

@@ -75,16 +75,26 @@ class WorkingImage:
         """
         if not np.isfinite(pixels).all():
             return np.zeros(len(pixels), dtype=np.float32)
+        evidence, corner = self.evidence_about(pixels)
+        if evidence.size == 0:
+            return np.zeros(len(pixels), dtype=np.float32)
+        x, y = (pixels - corner).astype(np.float32).T
+        return np.asarray(cv2.remap(evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)).reshape(-1)
+
+    def evidence_about(self, pixels: Array) -> tuple[Image, Array]:
+        """The same as an image (h, w) of the surroundings of pixels (N, 2), finite, and the pixel (2,) of its corner.
+
+        It is empty where they lie outside the image.
+        """
         size = np.array(self.grey.shape[::-1])
         # Whole cells of the image's grid: a part of it shows what the whole does.
         low = np.floor((pixels.min(axis=0) - TUNING.evidence_reach_px) / CELL_PX).astype(int) * CELL_PX
         high = np.ceil((pixels.max(axis=0) + TUNING.evidence_reach_px + 1) / CELL_PX).astype(int) * CELL_PX
         (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, size)
+        corner = np.array([left, top], dtype=np.float64)
         if left >= right or top >= bottom:
-            return np.zeros(len(pixels), dtype=np.float32)
-        x, y = (pixels - (left, top)).astype(np.float32).T
-        evidence = _evidence(self.grey[top:bottom, left:right], self.bright)
-        return np.asarray(cv2.remap(evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)).reshape(-1)
+            return np.zeros((0, 0), dtype=np.float32), corner
+        return _evidence(self.grey[top:bottom, left:right], self.bright), corner
 
     def about(self, points: Array, reach_mm: float) -> WorkingImage:
         """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""

@@ -40,8 +40,8 @@ TIME_S = NEXT * PERIOD_S
 FORETOLD = CENTRE + breathing(NEXT)
 
 
-def weighed(*detections, motion=MOTION, time_s=TIME_S, planes="ab", tuning=TUNING):
-    return associate(detections, motion, time_s, dict.fromkeys(planes, time_s), MODEL, tuning)
+def weighed(*detections, motion=MOTION, time_s=TIME_S, planes="ab", usual=1.3 * PLAIN, tuning=TUNING):
+    return associate(detections, motion, time_s, dict.fromkeys(planes, time_s), MODEL, usual, tuning)
 
 
 def total(association):
@@ -76,6 +76,14 @@ def test_the_odds_of_a_foretold_detection_are_the_images_and_seven_by_hand():
         assert association.best.probability / association.absent == pytest.approx(odds, rel=1e-6)
 
 
+def test_its_like_is_thought_of_far_off_and_hardly_where_the_ring_was_foretold():
+    # Three in a hundred of all else; motion odds of e⁻² there and of e⁵ and more here.
+    far, near = (weighed(detection_at(FORETOLD + off)).best for off in (ASIDE, 0.0 * ASIDE))
+    assert far.probability > 0.99
+    assert 0.1 < far.alike < 0.3
+    assert near.alike < 1e-3
+
+
 def test_being_where_it_was_foretold_proves_nothing():
     # As much as nothing shows anywhere, just where the ring should be.
     association = weighed(detection_at(FORETOLD, evidence=NOTHING))
@@ -87,14 +95,14 @@ def test_absence_wins_on_weak_support():
     for place in (FORETOLD, FORETOLD + 0.5 * ASIDE):
         association = weighed(detection_at(place, evidence=0.9))
         assert association.absent > association.best.probability
-    assert weighed(detection_at(FORETOLD, evidence=PLAIN)).absent < 1e-6
+    assert weighed(detection_at(FORETOLD, evidence=PLAIN)).absent < 1e-4
 
 
 def test_two_that_look_alike_and_lie_alike_share():
     side = np.array([0.4e-3, 0.0, 0.0])
     association = weighed(detection_at(FORETOLD + side, sigma_m=3e-4), detection_at(FORETOLD - side, sigma_m=3e-4))
     assert [one.probability for one in association.hypotheses] == pytest.approx([0.5, 0.5], abs=0.2)
-    assert association.absent < 1e-6
+    assert association.absent < 1e-4
 
 
 def test_a_plain_one_far_off_loses_to_a_plain_one_that_was_foretold():
@@ -105,17 +113,42 @@ def test_a_plain_one_far_off_loses_to_a_plain_one_that_was_foretold():
         assert association.best.probability > 0.75
 
 
+@pytest.mark.parametrize("off", [0.1 * ASIDE, 0.6 * ASIDE], ids=["slipped along itself", "a twin beside it"])
+def test_a_look_alike_that_shows_a_little_more_does_not_win_against_what_was_foretold(off):
+    # Its evidence alone would be worth fourteen log odds more: a ring's own varies by more than that from pair to pair.
+    detections = detection_at(FORETOLD, evidence=1.55), detection_at(FORETOLD + off, evidence=1.75)
+    association = weighed(*detections)
+    np.testing.assert_allclose(association.best.displacement, breathing(NEXT), atol=3e-4)
+    assert association.best.probability > 0.9
+
+
+def test_what_was_foretold_does_not_make_a_ring_of_what_hardly_shows_one():
+    alone = weighed(detection_at(FORETOLD, evidence=0.95))
+    assert alone.best.probability < 0.9
+    # With a plain one elsewhere it has even less to say.
+    with_other = weighed(detection_at(FORETOLD, evidence=0.95), detection_at(FORETOLD + ASIDE))
+    assert with_other.hypotheses[-1].probability < 0.1 * alone.best.probability
+
+
+def test_of_two_in_unlikely_places_none_is_believed_that_looks_other_than_it_did():
+    # The ring has always shown twice this much, where it was foretold.
+    association = weighed(
+        detection_at(FORETOLD + ASIDE, evidence=1.3), detection_at(FORETOLD + 0.15 * ASIDE, evidence=1.0)
+    )
+    assert association.best.probability < 0.9
+
+
 def test_a_plain_one_far_off_wins_against_what_is_hardly_the_ring():
     # Where it was foretold hardly anything shows: the ring was moved, and is followed there.
     association = weighed(detection_at(FORETOLD, evidence=0.9), detection_at(FORETOLD + ASIDE, evidence=PLAIN))
     np.testing.assert_allclose(association.best.displacement, breathing(NEXT) + ASIDE, atol=5e-4)
-    assert association.best.probability > 0.99
+    assert association.best.probability > 0.9
 
 
 def test_moved_by_hand_the_motion_speaks_against_it():
     near, far = (weighed(detection_at(FORETOLD + off)).best for off in (np.zeros(3), ASIDE))
     assert far.log_odds < near.log_odds - 1.0
-    assert far.probability > 0.99  # but what is so plain is the ring all the same
+    assert far.probability > 0.9  # but what is so plain is the ring all the same
 
 
 def test_a_breath_that_sets_in_unforeseen_is_taken_in():
@@ -148,7 +181,7 @@ def test_the_filter_before_is_not_changed():
 def test_the_spread_of_the_mixture_by_hand():
     def at(place, probability):
         motion = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array(place)))
-        return Hypothesis(detection_at(FORETOLD), motion, 0.0, 0.0, 0.0, probability)
+        return Hypothesis(detection_at(FORETOLD), motion, 0.0, 0.0, 0.0, probability=probability)
 
     one, other = at([0.0, 0.0, 0.0], 0.72), at([0.0, 0.003, 0.004], 0.18)
     # A fifth of what is believed to be the ring lies 5 mm off: E[x xᵀ] = 0.2 · (3, 4)(3, 4)ᵀ mm².

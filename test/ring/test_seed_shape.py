@@ -1,7 +1,6 @@
 """The ring from the clicks: refused where no lasso has its size and shape, in doubt where few have."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +10,7 @@ from support.lasso_inputs import LOOP, VIEWS, curve_pair, lasso_pair, lasso_seed
 from lasso_motion_ros.config.catheters import catalogue
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.frames import Seed
+from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.tracker import RingTracker
 
@@ -19,8 +19,8 @@ def model(aspect=1.0, turns=1.0, diameter_mm=20.0):
     """A ring of a diameter and an aspect, about its middle."""
     angle = 2.0 * np.pi * np.linspace(0.0, turns, 120)
     arms = 0.5e-3 * diameter_mm * np.column_stack([np.cos(angle), aspect * np.sin(angle), 0.05 * angle / 6.0])
-    mean = 2e3 * np.linalg.norm(arms, axis=1).mean()
-    return SimpleNamespace(points=arms + LOOP.centre, arms=arms, diameter_mm=float(mean))
+    nothing = np.zeros(3)
+    return LoopModel(arms + LOOP.centre, LOOP.centre, False, {}, None, (nothing, nothing), nothing)
 
 
 @pytest.mark.parametrize("turns", [0.7, 0.85, 1.0, 1.25])

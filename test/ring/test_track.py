@@ -47,7 +47,7 @@ def hypothesis(one, place, *, evidence=1.2, contrast=0.1, turn_deg=0.0, planes="
     for p in planes:
         motion.observe(one.last_s, **{p: detection.observation(p, CENTRE)})
         motion.mark_a(one.last_s)
-    return Hypothesis(detection, motion, 9.0, 0.0, 0.0, 0.999)
+    return Hypothesis(detection, motion, 9.0, 0.0, 0.0, probability=0.999)
 
 
 def seen(one, stamp_ns, place, **of_hypothesis):

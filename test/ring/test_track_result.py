@@ -51,7 +51,7 @@ def track(**changed):
 
 def best(turn=(0.0, 0.0, 0.0)):
     fits = {plane: plane_fit(plane, LOOP.centre + MOVED) for plane in "ab"}
-    return Hypothesis(detection_of(fits, turn=np.array(turn)), None, 9.0, 0.1, 0.05, 0.999)
+    return Hypothesis(detection_of(fits, turn=np.array(turn)), None, 9.0, 0.1, 0.05, probability=0.999)
 
 
 def posed(one, position=np.zeros((3, 3)), found=None):  # noqa: B008
