@@ -21,7 +21,7 @@ from msg_adapters.sync.plane_source import PlaneSource
 from msg_adapters.topics import INPUTS, STATE
 
 NODE = "lasso_check"
-DISCOVERY_WAIT_S = 5.0
+DISCOVERY_WAIT_S = 8.0
 """For the first publisher to be found; on a busy machine that takes seconds, and nothing is heard before."""
 
 

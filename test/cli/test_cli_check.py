@@ -132,12 +132,11 @@ def test_millimetres_and_a_namespace(graph: Graph, figures: Path) -> None:
 
 def test_what_is_found_late_in_a_tracking_system_is_looked_at_in_full(graph: Graph, figures: Path) -> None:
     """The time to look begins with the first publisher; a tracker that tracks has had its clicks."""
-    start(graph, "--json", str(figures), "--seconds", "1.5")
+    start(graph, "--json", str(figures), "--seconds", "1.8")
     node = graph.listener.node
     graph.wait_until(lambda: "lasso_check" in node.get_node_names())
     threading.Event().wait(2.0)  # longer than it looks
-    state = graph.publisher(STATE, latched=True)
-    bridge = Bridge(graph)
+    bridge, state = Bridge(graph), graph.publisher(STATE, latched=True)
     state.publish(MESSAGES.make(STATE.type_name, {"data": "TRACKING"}))
     bridge.publish_until(lambda: ended(graph))
     assert answer(figures)["findings"] == []

@@ -130,9 +130,11 @@ def test_a_surge_by_hand():
     here, surged = motion.predict(now_s), motion.surged().predict(now_s)
     np.testing.assert_allclose(surged.displacement, here.displacement, atol=1e-12)
     np.testing.assert_allclose(surged.covariance - here.covariance, TUNING.surge_m**2 * np.eye(3), atol=1e-12)
-    # It goes on for a while, and is over in the end: breathing is what it was.
-    soon, never = (np.trace(m.predict(now_s + 0.3).covariance) for m in (motion.surged(), motion))
-    assert soon > never + 3.0 * (2.0 * TUNING.surge_m) ** 2
+    # It goes on for a while, along breathing's way and hardly across; and is over in the end: breathing is what it was.
+    across = np.linalg.svd(DIRECTION[None])[2][1]
+    soon = motion.surged().predict(now_s + 0.3).covariance - motion.predict(now_s + 0.3).covariance
+    assert DIRECTION @ soon @ DIRECTION > (2.0 * TUNING.surge_m) ** 2
+    assert across @ soon @ across < 0.25 * (DIRECTION @ soon @ DIRECTION)
     long_after = now_s + 1000.0
     np.testing.assert_allclose(
         motion.surged().predict(long_after).covariance, motion.predict(long_after).covariance, rtol=1e-6, atol=1e-12

@@ -49,7 +49,7 @@ class Stream:
         self._pairs = itertools.count()
         self._noise = np.random.default_rng(5).normal(0.0, 2.0, (SIDE, SIDE))
         self._phases = itertools.cycle(range(24))
-        self._pictures: dict[tuple[str, int], np.ndarray] = {}
+        self._pictures: dict[tuple[str, int, int], np.ndarray] = {}
         self.visible = True
         self.planes = "ab"  # whose images are sent
         self.held_phase: int | None = None  # where the breath is held, once it comes there
@@ -73,20 +73,23 @@ class Stream:
                 phase = -1
             elif self.held_phase is None or phase != self.held_phase:
                 phase = next(self._phases)
-            self.last_ns = START_NS + next(self._pairs) * round(PERIOD_S * 1e9)
+            number = next(self._pairs)
+            self.last_ns = START_NS + number * round(PERIOD_S * 1e9)
             for plane in self.planes:
                 header = header_fields(self.last_ns, f"detector_{plane}")
                 self._send(topics.camera_info_topic(plane), encode_camera_info(projections()[plane], header))
-                self._send(topics.image_topic(plane), encode_image(self._picture(plane, phase), header))
+                self._send(topics.image_topic(plane), encode_image(self._picture(plane, phase, number % 2), header))
             self.resting_ns = self.last_ns if phase == self.held_phase else None
 
-    def _picture(self, plane: str, phase: int) -> np.ndarray:
-        if (plane, phase) not in self._pictures:
+    def _picture(self, plane: str, phase: int, number: int) -> np.ndarray:
+        """Of a phase, in one of two noises: equal pictures would be one that is held."""
+        if (plane, phase, number) not in self._pictures:
             curve = projections()[plane].project(apply(shift(z_of(phase)), loop()))
             empty = np.full((SIDE, SIDE), 180.0)
             clean = draw_curve(curve, (SIDE, SIDE), background=180.0) if phase >= 0 else empty
-            self._pictures[plane, phase] = np.clip(clean + self._noise, 0, 255).astype(np.uint8)
-        return self._pictures[plane, phase]
+            noisy = clean + np.roll(self._noise, number)
+            self._pictures[plane, phase, number] = np.clip(noisy, 0, 255).astype(np.uint8)
+        return self._pictures[plane, phase, number]
 
     def _send(self, topic: topics.Topic, fields: dict) -> None:
         self._publishers[topic.name].publish(RosMessages().make(topic.type_name, fields))

@@ -125,7 +125,7 @@ def test_zeros_behind_the_data_are_no_records(tmp_path: Path) -> None:
 
 def test_a_file_of_another_format_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "video.mcap"
-    path.write_bytes(b"SQLite format 3\0" + bytes(100))
+    path.write_bytes(b"RIFF" + bytes(100))
     with pytest.raises(RecordingError, match="is not an MCAP recording"):
         RecordingReader(path)
     with pytest.raises(RecordingError, match="no such recording"):
