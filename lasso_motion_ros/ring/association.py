@@ -143,7 +143,7 @@ def associate(
     # Which of them, if one is; and for itself, whether it is the ring.
     claims = np.array([one.claim for one in hypotheses])
     shares = np.exp(claims - np.logaddexp.reduce(claims))
-    probabilities = shares / (1.0 + np.exp(-np.array([one.log_odds for one in hypotheses])))
+    probabilities = shares * np.exp(-np.logaddexp(0.0, -np.array([one.log_odds for one in hypotheses])))
     absent = 1.0 - float(probabilities.sum())
     weighed = [
         replace(one, probability=float(probability)) for one, probability in zip(hypotheses, probabilities, strict=True)
