@@ -19,6 +19,7 @@ from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import build_loop_model
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
+from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
@@ -67,6 +68,8 @@ class RingTracker:
             between=model.between,
             along=model.normal,
         )
+        anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
+        require_clicked_place(detector.detect(pair, anywhere, self._config), model)
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
         self._track = track = Track(
             model=model,
