@@ -27,11 +27,13 @@ class OffsetTuning:
         least_frames: of A that must overlap with B for a correlation to mean anything.
         least_correlation: of the planes' changes at the best offset.
         least_lead: by which it must exceed that at any offset further than a frame and a half from it.
+        shortest_period_s: between pictures; no detector is faster, and so many offsets would take for ever.
     """
 
     thumbnail_px: int = 64
     reach_s: float = 2.0
     least_frames: int = 8
+    shortest_period_s: float = 1e-3
     least_correlation: float = 0.6
     least_lead: float = 0.15
 
@@ -62,11 +64,13 @@ class FilmChanges:
         self.changes: list[float] = []
         self._picture = HeldPicture()
         self._before: Array | None = None
+        self._last_ns = 0  # what goes back, or has no stamp, tells no offset
 
     def add(self, time_ns: int, pixels: Pixels) -> None:
         """Take the next picture, (H, W)."""
-        if self._picture.shows_again(time_ns, pixels):
+        if self._picture.shows_again(time_ns, pixels) or time_ns <= self._last_ns:
             return
+        self._last_ns = time_ns
         side = TUNING.thumbnail_px
         now = cv2.resize(pixels, (side, side), interpolation=cv2.INTER_AREA).astype(np.float64)
         if self._before is not None:
@@ -98,6 +102,8 @@ def film_offset(a: FilmChanges, b: FilmChanges, tuning: OffsetTuning = TUNING) -
     times_a, times_b = np.asarray(a.times_s) - origin, np.asarray(b.times_s) - origin
     changes_a, changes_b = np.asarray(a.changes), np.asarray(b.changes)
     period = float(np.median(np.diff(times_a)))
+    if period < tuning.shortest_period_s:
+        return None
     steps = int(tuning.reach_s / (0.5 * period))
     offsets = 0.5 * period * np.arange(-steps, steps + 1)
     scores = np.full(len(offsets), -1.0)

@@ -63,8 +63,6 @@ class EpipolarGrid:
         upward /= np.linalg.norm(upward)
         outward = np.cross(upward, baseline)
         lever = float((centre - sources["a"]) @ outward)
-        if lever < 0.0:
-            outward, lever = -outward, -lever
         sideways = {plane: np.cross(upward, view[plane]) for plane in PLANES}
         return cls(centre, upward, sideways, view, outward, lever, sources)
 

@@ -42,10 +42,11 @@ class AutomaticInitialisation:
     """The pairs that have no model go in, and no pair waits for it: a look that is overtaken by a model gives up.
 
     Args:
-        config: the parameters at the start; of the mode, `reconfigure` tells the news.
+        config: the parameters.
         is_wanted: whether a ring is waited for.
         on_proposals: called in the thread with what a look has found, if that is news.
-        on_start: called in the thread with the ring to start with, unasked.
+        on_start: called in the thread with the ring to start with, unasked. Clicks may have come: whoever is told asks
+            once more whether one is wanted.
         on_error: takes what a look raised.
     """
 
@@ -69,8 +70,9 @@ class AutomaticInitialisation:
         )
 
     def reconfigure(self, config: StreamConfig) -> None:
-        """Go on in another mode."""
+        """Go on with other parameters."""
         self._mode = config.automatic_initialisation
+        self._lookout.reconfigure(config)
 
     def add(self, pair: FramePair) -> None:
         """Take a pair that was answered; never waits."""
@@ -78,6 +80,8 @@ class AutomaticInitialisation:
             self._lookout.forget()
             self._propose([])
             return
+        if pair.new_run:
+            self._propose([])  # a ring of another run
         if pairs := self._lookout.add(pair):
             self._worker.put([pairs])
 
@@ -121,4 +125,4 @@ class AutomaticInitialisation:
             if not found and not self._proposals:
                 return
             self._proposals = found
-        self._on_proposals(found)
+            self._on_proposals(found)  # in the order in which they hold

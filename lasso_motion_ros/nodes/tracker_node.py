@@ -90,6 +90,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
         )
+        self._found: list[Proposal] = []  # to start with, unasked
         self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(
@@ -180,7 +181,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             config,
             lambda: session.state is TrackerState.WAITING_FOR_SEED,
             self._tracker_publishers.publish_proposals,
-            self._start_with,
+            self._found.append,
             self.complaints.error,
         )
         self._watch = StreamWatch(time.monotonic())
@@ -200,6 +201,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._automatic is not None:
             self._automatic.stop(_TUNING.patience_s)
             self._automatic = None
+            self._found.clear()
         if self._worker is not None:
             if not self._worker.stop(_TUNING.patience_s):
                 self.get_logger().error("the tracker hangs in a pair and is left behind: configure the node anew")
@@ -276,9 +278,27 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _start_with(self, ring: Proposal) -> None:
         self._enqueue([self._active().intake.seed_pair(ring.pair, ring.seed)])
 
+    def _start_unasked(self) -> None:
+        """Start with the ring that was found, unless clicks have come meanwhile; here, where pairs are numbered."""
+        if (
+            not self._found
+            or self._worker is None
+            or self._worker.waiting
+            or not self._answering.acquire(blocking=False)
+        ):
+            return  # at the next look
+        try:
+            ring = self._found.pop()
+            self._found.clear()
+            if self._active().session.state is TrackerState.WAITING_FOR_SEED:
+                self._start_with(ring)
+        finally:
+            self._answering.release()
+
     def _reset(self) -> None:
         pipeline = self._active()
         with self._between_answers():
+            self._found.clear()
             if self._worker is not None:
                 self._worker.clear()
             self._state_watch.timeout.forget()
@@ -349,8 +369,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
-        if self._automatic is not None:
-            self._automatic.add(task.pair)
+        if (automatic := self._automatic) is not None and task.seed is None:  # a seed's pair is one of the past
+            automatic.add(task.pair)
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
 
@@ -401,6 +421,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
     def _on_look(self) -> None:
         pipeline = self._pipeline
         state = TrackerState.INACTIVE if pipeline is None or self._worker is None else pipeline.session.state
+        self._start_unasked()
         before, self._silence = self._silence, self._state_watch.look(state)
         if kind_of(before) != kind_of(self._silence):
             self._on_state_change()

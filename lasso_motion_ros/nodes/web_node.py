@@ -287,14 +287,17 @@ class WebNode(ConfiguredNode[WebConfig]):
         clicks = {plane: protocol.points(body, plane, fewest=MINIMUM_CLICKS) for plane in PLANES}
         self._holder_active_at = time.monotonic()
         sent_before = dict(self._sent)
-        self._sent |= {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
+        sent = {plane: (frame.stamp_ns, clicks[plane]) for plane, frame in pair.frames.items()}
+        sent = self._sent = sent_before | sent
         before = self._stream.answers.counts
         self._waits_for_answer, self._again, self._taken = True, False, False
         self._publish_clicks()
         refusal = None if before is None else self._stream.answers.wait(before)
         if refusal and not (self._stream.new_runs and _GONE_BY in refusal):
             # The model before goes on, and with it the clicks that it is from, for every round of the recording.
-            self._sent, self._waits_for_answer = sent_before, False
+            if self._sent is sent:  # else it was reset meanwhile, and stays so
+                self._sent = sent_before
+            self._waits_for_answer = False
             self._changed()
             raise TrackingError(f"{in_plain_words(refusal)} Your clicks are still there.")
         if self._holder == page:

@@ -144,7 +144,7 @@ def associate(
     claims = np.array([one.claim for one in hypotheses])
     shares = np.exp(claims - np.logaddexp.reduce(claims))
     probabilities = shares * np.exp(-np.logaddexp(0.0, -np.array([one.log_odds for one in hypotheses])))
-    absent = 1.0 - float(probabilities.sum())
+    absent = max(0.0, 1.0 - float(probabilities.sum()))
     weighed = [
         replace(one, probability=float(probability)) for one, probability in zip(hypotheses, probabilities, strict=True)
     ]

@@ -218,7 +218,7 @@ def _starts(
     drawn = curves_through_clicks(seed, projections)
     starts, failure = list[_Start](), None
     for paths in (found, drawn):
-        shifts = epipolar_shift(projections, paths, share_of_a)
+        shifts = epipolar_shift(projections, paths, share_of_a)  # of `drawn` at last, for the circles
         try:
             candidates = reconstruct_ellipse(_shifted(projections, shifts), paths).candidates
         except ReconstructionError as error:
@@ -226,7 +226,6 @@ def _starts(
             continue
         limit = candidates[0].misfit + TUNING.doubtful_misfit
         starts += [_Start(one.ellipse, paths, shifts) for one in candidates[: TUNING.ellipses] if one.misfit <= limit]
-    shifts = epipolar_shift(projections, drawn, share_of_a)
     circles = seed_circles(pair.frames, seed, shifts, TUNING.click_penalty, bright=bright, count=TUNING.circles)
     return [*starts, *(_Start(circle, drawn, shifts, is_searched=True) for circle in circles)], failure
 

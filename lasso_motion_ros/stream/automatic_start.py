@@ -1,16 +1,12 @@
-"""Rings that are looked for while there is no model, pair after pair, and the clicks that a found one makes."""
+"""Rings that are looked for while there is no model, pair after pair."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal, find_rings
-from msg_adapters.messages import MessageFactory, header_fields
-from msg_adapters.seeds import encode_polygon
-from msg_adapters.topics import seed_topic
 
 
 class RingLookout:
@@ -23,7 +19,11 @@ class RingLookout:
     def __init__(self, config: StreamConfig) -> None:
         self._config = config
         self._pairs: list[FramePair] = []
-        self._looks = 0
+        self._other_polarity = False
+
+    def reconfigure(self, config: StreamConfig) -> None:
+        """Go on with other parameters."""
+        self._config = config
 
     def forget(self) -> None:
         """Begin anew: the next pair is not of the same succession."""
@@ -31,7 +31,8 @@ class RingLookout:
 
     def add(self, pair: FramePair) -> tuple[FramePair, ...]:
         """Take the next pair; the pairs to look at, or none where more are needed."""
-        if not pair.is_whole or pair.new_run:
+        is_later = not self._pairs or pair.stamp_ns > self._pairs[-1].stamp_ns
+        if not pair.is_whole or pair.new_run or not is_later:
             self._pairs.clear()
         if pair.is_whole:
             self._pairs.append(pair)
@@ -50,21 +51,12 @@ class RingLookout:
         Raises:
             OvertakenError: `go_on` has said no.
         """
-        self._looks += 1
+        found = find_rings(pairs, self._config, other_polarity=self._other_polarity, go_on=go_on)
         # Where the likelier polarity has shown none, the other has its turn.
-        return find_rings(pairs, self._config, other_polarity=self._looks % 2 == 0, go_on=go_on)
+        self._other_polarity = not found and not self._other_polarity
+        return found
 
 
 def only_ring(proposals: list[Proposal]) -> Proposal | None:
     """The ring that may be started with unasked: the only one, without any that fits nearly as well."""
     return proposals[0] if len(proposals) == 1 and proposals[0].rivals == 0 else None
-
-
-def click_messages(proposal: Proposal, messages: MessageFactory) -> dict[Plane, Any]:
-    """Per plane, the PolygonStamped of a proposal's clicks, as if a person had set them."""
-    made = {}
-    for plane in PLANES:
-        frame = proposal.pair.frames[plane]
-        fields = encode_polygon(proposal.seed.points(plane), header_fields(frame.stamp_ns))
-        made[plane] = messages.make(seed_topic(plane).type_name, fields)
-    return made

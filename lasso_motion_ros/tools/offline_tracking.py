@@ -14,7 +14,7 @@ from lasso_motion_ros.core.errors import ConfigurationError, RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.geometry.frames import PLANES, FramePair
-from lasso_motion_ros.stream.automatic_start import RingLookout, click_messages, only_ring
+from lasso_motion_ros.stream.automatic_start import RingLookout, only_ring
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
@@ -152,7 +152,7 @@ def track_recording(
     for raw, compressed in unused_compressed_topics(reader.topics):
         pipeline.problems.remark(compressed, f"not used: {raw} is there, which has lost nothing")
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
-        run = _Run(pipeline, writer, messages, RingLookout(config) if automatic else None)
+        run = _Run(pipeline, writer, RingLookout(config) if automatic else None)
         run.write(pipeline.session.initial_outputs())
         run.take_given(messages, given_calibration, given_seeds)
         handlers = topic_handlers(
@@ -176,12 +176,10 @@ class _Run:
         self,
         pipeline: TrackingPipeline,
         writer: RecordingWriter,
-        messages: RecordedMessages,
         lookout: RingLookout | None,
     ) -> None:
         self._pipeline = pipeline
         self._writer = writer
-        self._messages = messages
         self._lookout = lookout
         self._unstamped: list[Output] = []
         self._time_ns = 0
@@ -203,7 +201,8 @@ class _Run:
         for task in tasks:
             self._time_ns = task.pair.stamp_ns
             self.write(self._pipeline.session.process(task))
-            self._look(task.pair)
+            if task.seed is None:  # else its pair is one of the past
+                self._look(task.pair)
         self.problems.update(self._pipeline.problems.take())
 
     def _look(self, pair: FramePair) -> None:
@@ -221,8 +220,7 @@ class _Run:
         if ring is None:
             self._pipeline.problems.report("", "more than one ring may be the lasso: not started with any, click it")
             return
-        for plane, clicks in click_messages(ring, self._messages).items():
-            self.take(self._pipeline.intake.add_seed(plane, clicks))
+        self.take([self._pipeline.intake.seed_pair(ring.pair, ring.seed)])
 
     def write(self, outputs: list[Output]) -> None:
         for output in outputs:

@@ -98,7 +98,9 @@ def _rounds(recording: Path | None) -> list[str]:
         return []
     reader = RecordingReader(recording)
     names = [recorded_image_topic(plane, reader.topics).recorded_name for plane in PLANES]
-    firsts = (next(reader.messages([name])).message for name in names)
+    firsts = [first.message for name in names if (first := next(iter(reader.messages([name])), None)) is not None]
+    if not firsts:
+        return []
     first_ns = min(stamp_to_ns(one.header.stamp) for one in firsts) - round(TUNING.round_pause_s * NANOSECONDS / 2)
     values = {"first_ns": first_ns, "period_ns": round_period_ns(reader)}
     return [word for name, value in values.items() for word in ("-p", f"rounds.{name}:={value}")]

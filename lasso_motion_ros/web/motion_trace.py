@@ -56,7 +56,7 @@ class MotionTrace:
     @property
     def sigma_mm(self) -> float | None:
         """Standard deviation of the loop's place at the last motion, in its worst direction; None: not known."""
-        if self._sigma is None or self._motion is None or self._sigma[0] < self._motion[0] - SIGMA_VALID_NS:
+        if self._sigma is None or self._motion is None or abs(self._sigma[0] - self._motion[0]) > SIGMA_VALID_NS:
             return None
         return self._sigma[1]
 

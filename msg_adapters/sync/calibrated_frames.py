@@ -190,6 +190,7 @@ class CalibratedFrames:
         except MessageError as error:
             self.counts.refused_images += 1
             self._complaints.append(str(error))
+            self._picture.held = False  # what came is no picture at all
             return None
         self.remark = f"{grey.colour} {TAKEN_AS_LUMINANCE}" if grey.colour else ""
         if self._picture.shows_again(stamp, grey.pixels):

@@ -60,3 +60,14 @@ def test_pictures_in_which_nothing_moves_do_not_tell() -> None:
 )
 def test_what_to_do_is_said(found: dict[str, float] | None, said: str) -> None:
     assert said in describe_offset({"film_offset": found})
+
+
+@pytest.mark.parametrize(
+    "times_ns", [[0] * 20, [10**9 * (i // 4) for i in range(20)], [10**9 * (20 - i) for i in range(20)]]
+)
+def test_stamps_that_are_none_or_go_back_give_no_offset(times_ns):
+    meter, random = FilmOffsetMeter(), np.random.default_rng(3)
+    for time_ns in times_ns:
+        for plane in "ab":
+            meter.add(plane, time_ns, random.integers(0, 255, (80, 80), dtype=np.uint8))
+    assert meter.estimate() is None
