@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -21,9 +22,11 @@ from lasso_motion_ros.nodes.running import ThrottledLog, guarded
         ("from lasso_motion_ros.nodes.executables import lasso_overlay; sys.exit(lasso_overlay([]))", ""),
     ],
 )
-def test_without_ros_one_line_says_what_to_install(call: str, prefix: str) -> None:
+def test_without_ros_one_line_says_what_to_install(call: str, prefix: str, tmp_path: Path) -> None:
     code = f"import sys; sys.modules['rclpy'] = None; {call}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=120, check=False)
+    done = subprocess.run(  # in a folder of its own: where `make demo` has been run, its output is there already
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", timeout=120, check=False, cwd=tmp_path
+    )
     assert done.returncode == 2
     assert done.stderr == f"{prefix}{NO_ROS}\n"
 
