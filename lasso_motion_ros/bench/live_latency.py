@@ -158,7 +158,9 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
                 graph.start_overlay(surface)
                 graph.start("viewer", "lasso_motion_ros.bench.subscriber", ["overlays", str(pictures)])
             graph.wait_until(answers.up.is_set, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
-            words = publisher_arguments(rate, pairs, side, 3 if overlay else 2, sent)
+            # The tracker and the overlay take both; the plain subscriber takes the images only.
+            nodes = 2 if overlay else 1
+            words = publisher_arguments(rate, pairs, side, nodes + 1, nodes, sent)
             graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
             graph.wait_until(
                 sent.is_file,

@@ -1,6 +1,6 @@
 """Child process of the live benchmark: publishes a biplane stream at a steady rate and notes the times.
 
-`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS NOTES.json MOST_AHEAD`
+`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS CALIBRATION_SUBSCRIBERS NOTES.json MOST_AHEAD`
 """
 
 from __future__ import annotations
@@ -61,17 +61,31 @@ class BenchPublisher(Node):  # type: ignore[misc]
         pairs: of the stream.
         side: of the images, pixels.
         image_subscribers: to wait for on each image topic.
+        calibration_subscribers: to wait for on each calibration topic. The first calibration must reach the tracker,
+            also where another process has found this one before it.
         notes: file for the steady clock (ns) at which each pair's later image was published, by its stamp.
         most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector would.
     """
 
     def __init__(
-        self, rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
+        self,
+        rate: float,
+        pairs: int,
+        side: int,
+        image_subscribers: int,
+        calibration_subscribers: int,
+        notes: Path,
+        most_ahead: int = 0,
     ) -> None:
         super().__init__("bench_publisher", enable_rosout=False)
         self.complaints = ThrottledLog(self.get_logger())
         self._period_ns = round(NANOSECONDS / rate)
-        self._pairs, self._notes, self._image_subscribers = pairs, notes, image_subscribers
+        self._pairs, self._notes = pairs, notes
+        self._wanted = {
+            **{image_topic(plane).name: image_subscribers for plane in PLANES},
+            **{camera_info_topic(plane).name: calibration_subscribers for plane in PLANES},
+            **{seed_topic(plane).name: 1 for plane in PLANES},
+        }
         self._messages = RosMessages()
         generator = np.random.default_rng(0)
         steps = max(1, round(TUNING.breath_s * rate))
@@ -113,8 +127,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return bytearray(serialize_message(self._messages.make(topic.type_name, fields)))
 
     def _publish_all(self) -> None:
-        wanted = {name: self._image_subscribers if name.endswith("image_raw") else 1 for name in self._publishers}
-        while any(self._publishers[name].get_subscription_count() < count for name, count in wanted.items()):
+        while any(self._publishers[name].get_subscription_count() < count for name, count in self._wanted.items()):
             if self._closing.wait(TUNING.tick_s):
                 return
         self._publish_pair(0)
@@ -165,18 +178,26 @@ class BenchPublisher(Node):  # type: ignore[misc]
 
 
 def publisher_arguments(
-    rate: float, pairs: int, side: int, image_subscribers: int, notes: Path, most_ahead: int = 0
+    rate: float,
+    pairs: int,
+    side: int,
+    image_subscribers: int,
+    calibration_subscribers: int,
+    notes: Path,
+    most_ahead: int = 0,
 ) -> list[str]:
     """Command-line arguments that give `BenchPublisher` these values."""
-    return [str(rate), str(pairs), str(side), str(image_subscribers), str(notes), str(most_ahead)]
+    values = (rate, pairs, side, image_subscribers, calibration_subscribers, notes, most_ahead)
+    return [str(value) for value in values]
 
 
 def main() -> int:
     """Run until stopped; returns the exit status."""
-    rate, pairs, side, subscribers, notes, most_ahead = sys.argv[1:7]
+    rate, *counts, notes, most_ahead = sys.argv[1:8]
 
     def make() -> RunnableNode:
-        return BenchPublisher(float(rate), int(pairs), int(side), int(subscribers), Path(notes), int(most_ahead))
+        pairs, side, images, calibrations = map(int, counts)
+        return BenchPublisher(float(rate), pairs, side, images, calibrations, Path(notes), int(most_ahead))
 
     return run_node(make, [])
 

@@ -142,7 +142,7 @@ def soak(setting: SoakSetting = SETTING) -> SoakFigures:
             tracker = graph.start_tracker(share_file("config/tracker.yaml"))
             # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
             graph.wait_until(lambda: answers.up, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
-            words = publisher_arguments(setting.rate, setting.pairs, setting.side, 1, sent, setting.most_ahead)
+            words = publisher_arguments(setting.rate, setting.pairs, setting.side, 1, 1, sent, setting.most_ahead)
             graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S
 

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import _thread
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+
+AGAIN_S = 0.02
+"""After which a Ctrl-C that Python could not raise comes once more."""
 
 
 def end_at_once() -> None:
@@ -23,7 +28,11 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def interruptible() -> Iterator[None]:
-    """Ctrl-C and SIGTERM raise KeyboardInterrupt and Terminated while a block runs."""
+    """Ctrl-C and SIGTERM raise KeyboardInterrupt and Terminated while a block runs.
+
+    Where Python has nobody to raise it to (it was running a finaliser or a weak reference's callback, as it does within
+    every import) it would print the exception and go on. The signal then comes once more, a moment later.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -34,7 +43,21 @@ def interruptible() -> Iterator[None]:
     before = signal.signal(signal.SIGTERM, terminate)
     if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:  # see `end_at_once`
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    hook = sys.unraisablehook
+
+    def unraisable(found: sys.UnraisableHookArgs) -> None:
+        if not issubclass(found.exc_type, KeyboardInterrupt):
+            hook(found)
+            return
+        number = signal.SIGTERM if issubclass(found.exc_type, Terminated) else signal.SIGINT
+        # Not from here: within this hook it could not be raised either.
+        again = threading.Timer(AGAIN_S, _thread.interrupt_main, [number])
+        again.daemon = True
+        again.start()
+
+    sys.unraisablehook = unraisable
     try:
         yield
     finally:
+        sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)

@@ -1,0 +1,46 @@
+"""Ctrl-C in a command is never lost, also where Python itself would print it and go on."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+import pytest
+
+from lasso_motion_ros.core.signals import Terminated, interruptible
+
+PATIENCE_S = 20.0
+
+
+class Interrupted:
+    """An object in whose finaliser a signal comes: Python has nobody to raise the interrupt to."""
+
+    def __init__(self, number: signal.Signals) -> None:
+        self.number = number
+
+    def __del__(self) -> None:
+        signal.raise_signal(self.number)
+
+
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_signal_within_a_finaliser_comes_once_more(
+    number: signal.Signals, kind: type[KeyboardInterrupt], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(kind) as raised, interruptible():
+        Interrupted(number)
+        deadline = time.monotonic() + PATIENCE_S
+        while time.monotonic() < deadline:
+            time.sleep(0.01)
+    assert raised.type is kind
+    assert capsys.readouterr().err == ""
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_what_is_no_signal_is_reported_as_ever() -> None:
+    class Broken:
+        def __del__(self) -> None:
+            raise ValueError("broken")
+
+    with interruptible():
+        Broken()
+        time.sleep(0.1)  # nothing comes
