@@ -1,6 +1,6 @@
 """Child process of the live benchmark: publishes a biplane stream at a steady rate and notes the times.
 
-`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_SUBSCRIBERS CALIBRATION_SUBSCRIBERS NOTES.json MOST_AHEAD`
+`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_TAKERS CALIBRATION_TAKERS NOTES.json MOST_AHEAD`
 """
 
 from __future__ import annotations

@@ -22,15 +22,20 @@ class Interrupted:
         signal.raise_signal(self.number)
 
 
+def work_through_a_signal(number: signal.Signals) -> None:
+    """Goes on for long, as a command does that has not noticed."""
+    Interrupted(number)
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        time.sleep(0.01)
+
+
 @pytest.mark.parametrize(("number", "kind"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
 def test_a_signal_within_a_finaliser_comes_once_more(
     number: signal.Signals, kind: type[KeyboardInterrupt], capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(kind) as raised, interruptible():
-        Interrupted(number)
-        deadline = time.monotonic() + PATIENCE_S
-        while time.monotonic() < deadline:
-            time.sleep(0.01)
+        work_through_a_signal(number)
     assert raised.type is kind
     assert capsys.readouterr().err == ""
 
