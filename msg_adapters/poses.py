@@ -60,12 +60,19 @@ def decode_covariance(message: Any) -> Array | None:
     covariance = np.array(message.pose.covariance, dtype=np.float64).reshape(6, 6)
     if not np.any(covariance):
         return None
+    if fault := covariance_fault(covariance):
+        raise MessageError(f"pose.covariance: {fault}")
+    return covariance
+
+
+def covariance_fault(covariance: Array) -> str:
+    """What keeps a matrix (6, 6) from being a covariance, in words; empty where nothing does."""
     scale = np.max(np.abs(covariance))
     if not (np.isfinite(scale) and np.allclose(covariance, covariance.T, atol=1e-6 * scale)):
-        raise MessageError("pose.covariance: expected a symmetric matrix of finite values")
+        return "expected a symmetric matrix of finite values"
     if np.linalg.eigvalsh(covariance)[0] < -1e-6 * scale:
-        raise MessageError("pose.covariance: expected a covariance, found a negative variance")
-    return covariance
+        return "expected a covariance, found a negative variance"
+    return ""
 
 
 def decode_pose(message: Any) -> Array:
@@ -84,6 +91,11 @@ def decode_pose(message: Any) -> Array:
     length = math.hypot(*quaternion)
     if not 1e-6 <= length <= 1e6:
         raise MessageError(f"pose.orientation: expected a quaternion of length 1, found {length:g}")
+    return transform_from(position, quaternion)
+
+
+def transform_from(position: Array, quaternion: Array) -> Array:
+    """The (4, 4) transform of a position (3,), metres, and a quaternion (4,): x, y, z, w, of any length but zero."""
     transform = np.eye(4)
     transform[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
     transform[:3, 3] = position

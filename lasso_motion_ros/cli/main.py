@@ -53,6 +53,7 @@ COMMANDS = (
     Command("evaluate", "tracking against truth: errors, losses, the share of the motion removed", "evaluate"),
     Command("render", "the overlay offline: a video or frames from a recording and a result", "render"),
     Command("suite", "many random phantom sequences: render, track, score", "suite"),
+    Command("benchmark", "recordings and truth as files for any tracker to enter; score what it answers", "benchmark"),
     Command("bench", "speed of the tracker, stage by stage, on one thread", "bench"),
 )
 

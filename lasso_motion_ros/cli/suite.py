@@ -161,7 +161,7 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
     drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
     drawn = tuple(drawn[number] for number in args.only) if args.only else drawn
     results = run_clinic(drawn, configs, args.cache, quiet=args.quiet)
-    found = {name: class_measures(of_config) for name, of_config in results.items()}
+    found = {name: class_measures([one.judged for one in of_config]) for name, of_config in results.items()}
     text = f"clinic, seed {args.seed}\n{format_clinic(found)}"
     print(text)
     if not args.quiet:

@@ -134,7 +134,7 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_directory(path: Path, owned: Sequence[str] = ()) -> Iterator[Path]:
-    """Write the files of a directory, all or none.
+    """Write the files of a directory, all or none; a folder among them takes the place of one of its name.
 
     Args:
         path: the directory; made if need be, and taken away again after an error.
@@ -223,10 +223,12 @@ def _move_all(staged: Path, path: Path, owned: Sequence[str]) -> None:
     """Move files into a directory, all or none: what they replace, and what is owned, is out of the way meanwhile."""
     files = sorted(staged.iterdir())
     new = {file.name for file in files}
+    folders = {file.name for file in files if file.is_dir()}
     earlier = [
         old
         for old in path.iterdir()
-        if old.is_file() and (old.name in new or any(fnmatchcase(old.name, pattern) for pattern in owned))
+        if (old.is_file() and (old.name in new or any(fnmatchcase(old.name, pattern) for pattern in owned)))
+        or (old.is_dir() and old.name in folders)
     ]
     aside = _unfinished(path / "earlier")
     moved: list[tuple[Path, Path]] = []

@@ -136,7 +136,8 @@ class _Calibrations:
 def read_estimates(path: str | Path, remap: Mapping[str, str] | None = None) -> list[PairEstimate]:
     """Read what a tracker published, offline or recorded from a live graph, in order of time.
 
-    State and reference carry no stamp of the pair: those in force when the pose was logged are its own.
+    State and reference carry no stamp of the pair: those in force when the pose was logged are its own. A file without
+    `motion_raw` is another tracker's: its `motion` is scored, or else the pose of `motion_with_covariance`.
 
     Raises:
         RecordingError: it cannot be read, or holds none of the tracker's topics.
@@ -170,8 +171,13 @@ def read_estimates(path: str | Path, remap: Mapping[str, str] | None = None) -> 
             pair["motion"] = decode_pose(message)
         elif topic == MOTION_WITH_COVARIANCE.recorded_name:
             pair["covariance"] = np.array(message.pose.covariance, dtype=np.float64).reshape(6, 6)
+            if MOTION.recorded_name not in reader.topics:
+                pair["motion"] = decode_pose(message)
         elif message.action != DELETE:
             pair["loop"] = decode_points(message)
+    if MOTION_RAW.recorded_name not in reader.topics:
+        for pair in fields.values():
+            pair["motion_raw"] = pair.get("motion")
     return [
         PairEstimate(
             stamp_ns,

@@ -5,22 +5,20 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Any
 
 from lasso_motion_ros.core.errors import ScenarioError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.phantom import Scenario, SimulatedPair, Simulator, available_scenarios, load_scenario
-from msg_adapters import topics
-from msg_adapters.calibrations import encode_camera_info
-from msg_adapters.images import encode_image
-from msg_adapters.markers import encode_line_strip, encode_points
-from msg_adapters.messages import header_fields
-from msg_adapters.poses import encode_pose_stamped
+from lasso_motion_ros.tools.sequence_messages import (
+    image_messages,
+    r_peak_messages,
+    reference_truth_messages,
+    seed_messages,
+    truth_messages,
+    write_messages,
+)
 from msg_adapters.recordings.writer import RecordingWriter
-from msg_adapters.seeds import encode_polygon
-
-WORLD_FRAME = "patient_table"
 
 
 def synthesise(
@@ -110,49 +108,16 @@ def write_recording(path: Path, simulator: Simulator, pairs: Iterable[SimulatedP
         RecordingError: the file exists, or cannot be written.
     """
     peaks = simulator.r_peaks_ns()
+    start_ns = {plane: simulator.stamp_ns(0, plane) for plane in PLANES}
     # B of one pair is exposed before A of the next: messages leave pair by pair, sorted within.
     with RecordingWriter(path, compression="zstd", overwrite=overwrite, whole=True) as writer:
         for pair in pairs:
-            messages = _pair_messages(pair)
+            stamp_ns = pair.images.stamp_ns
+            messages = image_messages(pair.images)
+            messages += truth_messages(stamp_ns, pair.motion, pair.respiratory, pair.centrelines)
             if pair.index == 0:
-                messages += _first_messages(simulator)
-            before = [peak for peak in peaks if peak <= pair.images.stamp_ns]
+                messages += seed_messages(simulator.seeds(), start_ns)
+                messages += reference_truth_messages(start_ns["a"], simulator.reference_loop, simulator.targets)
+            before = [peak for peak in peaks if peak <= stamp_ns]
             peaks = peaks[len(before) :]
-            messages += [(peak, topics.R_PEAK, header_fields(peak, "ecg")) for peak in before]
-            for stamp_ns, topic, fields in sorted(messages, key=lambda message: message[0]):
-                writer.write(topic.recorded_name, topic.type_name, fields, stamp_ns, latched=topic.latched)
-
-
-def _pair_messages(pair: SimulatedPair) -> list[tuple[int, topics.Topic, dict[str, Any]]]:
-    messages: list[tuple[int, topics.Topic, dict[str, Any]]] = []
-    stamp_ns = pair.images.stamp_ns
-    for plane, frame in pair.images.frames.items():
-        header = header_fields(frame.stamp_ns, f"plane_{plane}")
-        # The calibration first: whoever takes messages in order then has it with the image.
-        messages.append((frame.stamp_ns, topics.camera_info_topic(plane), encode_camera_info(frame.projection, header)))
-        messages.append((frame.stamp_ns, topics.image_topic(plane), encode_image(frame.pixels, header)))
-    world = header_fields(stamp_ns, WORLD_FRAME)
-    messages.append((stamp_ns, topics.TRUE_MOTION, encode_pose_stamped(pair.motion, world)))
-    respiratory = encode_pose_stamped(pair.respiratory, world)
-    messages.append((stamp_ns, topics.TRUE_RESPIRATORY_MOTION, respiratory))
-    for plane, line in pair.centrelines.items():
-        header = header_fields(stamp_ns, f"plane_{plane}")
-        messages.append((stamp_ns, topics.true_centreline_topic(plane), encode_polygon(line, header)))
-    return messages
-
-
-def _first_messages(simulator: Simulator) -> list[tuple[int, topics.Topic, dict[str, Any]]]:
-    """Seeds in both planes' first pictures, and the truth that does not change."""
-    seeds = simulator.seeds()
-    messages: list[tuple[int, topics.Topic, dict[str, Any]]] = []
-    for plane in PLANES:
-        stamp_ns = simulator.stamp_ns(0, plane)
-        header = header_fields(stamp_ns, f"plane_{plane}")
-        messages.append((stamp_ns, topics.seed_topic(plane), encode_polygon(seeds[plane], header)))
-    start_ns = simulator.stamp_ns(0, "a")
-    world = header_fields(start_ns, WORLD_FRAME)
-    loop = encode_line_strip(simulator.reference_loop, world, "catheter")
-    targets = encode_points(simulator.targets, world, "targets")
-    messages.append((start_ns, topics.TRUE_CATHETER, loop))
-    messages.append((start_ns, topics.TRUE_TARGETS, targets))
-    return messages
+            write_messages(writer, messages + r_peak_messages(before))

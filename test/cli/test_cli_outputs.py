@@ -10,17 +10,17 @@ import time
 from pathlib import Path
 
 import pytest
-from support.command_inputs import command_parser
+from support.command_inputs import command_names, command_parser
 from support.drawn_recording import write_input, write_result
 
-from lasso_motion_ros.cli.main import COMMANDS, main
+from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import bundled_recording
 
 FILE_WORDS = ("FILE", "DIR", "mcap", "dcm", "OUT")
 STATES = ["TRACKING"] * 3
 
 
-@pytest.mark.parametrize("name", [command.name for command in COMMANDS])
+@pytest.mark.parametrize("name", command_names())
 def test_what_a_command_reads_and_writes_is_declared(name: str) -> None:
     """What is not declared is not looked at: an output could replace an input."""
     parser = command_parser(name)
@@ -29,7 +29,7 @@ def test_what_a_command_reads_and_writes_is_declared(name: str) -> None:
     assert named == set(parser.inputs) | set(parser.outputs)
 
 
-OUTPUTS = [(name, output) for name in (one.name for one in COMMANDS) for output in command_parser(name).outputs]
+OUTPUTS = [(name, output) for name in command_names() for output in command_parser(name).outputs]
 
 
 @pytest.mark.parametrize(("name", "output"), OUTPUTS)

@@ -78,6 +78,20 @@ def test_a_directory_is_written_as_a_whole_or_not_at_all(tmp_path: Path) -> None
     assert {path.name: path.read_text() for path in directory.iterdir()} == {"mine": "mine", "page_1": "new"}
 
 
+def test_a_folder_of_a_directory_takes_the_place_of_one_of_its_name(tmp_path: Path) -> None:
+    (tmp_path / "part").mkdir()
+    (tmp_path / "part" / "old.txt").write_text("old")
+    (tmp_path / "other").mkdir()
+    with whole_directory(tmp_path, ("other",)) as staged:
+        (staged / "part").mkdir()
+        (staged / "part" / "new.txt").write_text("new")
+    assert sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")) == [
+        "other",
+        "part",
+        "part/new.txt",
+    ]
+
+
 def test_a_file_of_a_directory_that_cannot_be_replaced_leaves_all_as_they_were(tmp_path: Path) -> None:
     for name in ("a.txt", "old.txt"):
         (tmp_path / name).write_text(name)

@@ -28,9 +28,31 @@ class DeclaredParser(CommandParser):
         return argparse.Namespace(**{**defaults, **values, "overwrite": True})
 
 
+def command_names() -> list[str]:
+    """Every command as it is typed: of one with parts, each part (`benchmark export`)."""
+    names = []
+    for command in COMMANDS:
+        parts = _parts(_parser(command.name))
+        names += [f"{command.name} {part}" for part in parts] or [command.name]
+    return names
+
+
 def command_parser(name: str) -> DeclaredParser:
-    """The parser of a command."""
-    module = importlib.import_module(f"lasso_motion_ros.cli.{next(one.module for one in COMMANDS if one.name == name)}")
-    parser = DeclaredParser(prog=name)
-    module.add_arguments(parser)
+    """The parser of a command, or of its part."""
+    command, _, part = name.partition(" ")
+    parser = _parser(command)
+    return _parts(parser)[part] if part else parser
+
+
+def _parser(command: str) -> DeclaredParser:
+    module = next(one.module for one in COMMANDS if one.name == command)
+    parser = DeclaredParser(prog=command)
+    importlib.import_module(f"lasso_motion_ros.cli.{module}").add_arguments(parser)
     return parser
+
+
+def _parts(parser: DeclaredParser) -> dict[str, DeclaredParser]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            return dict(action.choices)
+    return {}

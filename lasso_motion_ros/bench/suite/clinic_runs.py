@@ -2,22 +2,19 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 
 from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario
+from lasso_motion_ros.bench.suite.judged_scores import JudgedScores, is_plain
 from lasso_motion_ros.bench.suite.sequence import SequenceResult, run_sequence
+from lasso_motion_ros.bench.suite.workers import in_turn
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.progress import progress
-from lasso_motion_ros.evaluation.measures import PairTruth
-from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.phantom.shown_poles import EVIDENCE
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 
@@ -34,6 +31,11 @@ class ClinicResult:
     drawn: ClinicScenario
     result: SequenceResult
     plain: tuple[bool, ...]
+
+    @property
+    def judged(self) -> JudgedScores:
+        """What the table counts."""
+        return JudgedScores(self.drawn.since, self.result.scores, self.plain, bool(self.result.refused))
 
 
 def run_clinic(
@@ -56,24 +58,11 @@ def run_clinic(
         By configuration, sequence by sequence.
     """
     results: dict[str, list[ClinicResult]] = {name: [] for name in configs}
-    done = _in_turn(drawn, configs, cache, workers or os.cpu_count() or 1)
+    done = in_turn(partial(run_drawn, configs=configs, cache=cache), drawn, workers)
     for of_sequence in progress(done, len(drawn), "clinic", quiet):
         for name, one in of_sequence.items():
             results[name].append(one)
     return results
-
-
-def _in_turn(
-    drawn: Sequence[ClinicScenario], configs: Mapping[str, StreamConfig], cache: Path | None, workers: int
-) -> Iterator[dict[str, ClinicResult]]:
-    """The results in the order of the sequences."""
-    if workers == 1:
-        yield from (run_drawn(one, configs, cache) for one in drawn)
-        return
-    # A fork would copy OpenCV's threads in whatever state they are.
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(run_drawn, one, configs, cache) for one in drawn]
-        yield from (future.result() for future in waiting)
 
 
 def run_drawn(
@@ -87,8 +76,3 @@ def run_drawn(
             name: ClinicResult(drawn, run_sequence(sequence, create_tracker(config)), plain)
             for name, config in configs.items()
         }
-
-
-def is_plain(true: PairTruth) -> bool:
-    """Whether both planes plainly show the ring at its true electrodes."""
-    return all(true.evidence.get(plane, 0.0) >= EVIDENCE.plain for plane in PLANES)

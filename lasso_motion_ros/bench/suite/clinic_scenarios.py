@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from lasso_motion_ros.bench.suite.clinic_classes import CLASSES
+from lasso_motion_ros.bench.suite.judged_scores import begun_classes
 from lasso_motion_ros.bench.suite.moderate import altered
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg
 from lasso_motion_ros.bench.suite.vectors import as_vector, direction
@@ -51,8 +52,7 @@ class ClinicScenario:
 
     def classes(self, pair: int) -> frozenset[str]:
         """The event classes that a pair counts for: those that have begun; before the first one, the plain core."""
-        begun = frozenset(name for name, first in self.since.items() if pair >= first)
-        return begun or frozenset({"core"})
+        return begun_classes(self.since, pair)
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from lasso_motion_ros.bench.suite.clinic_classes import CLASSES
 from lasso_motion_ros.bench.suite.clinic_runs import ClinicResult
+from lasso_motion_ros.bench.suite.judged_scores import JudgedScores, begun_classes
 from lasso_motion_ros.bench.suite.suite_measures import measures
 from lasso_motion_ros.bench.suite.suite_tables import percent, table_cell, text_table
 from lasso_motion_ros.evaluation.measures import PairScore
@@ -51,19 +52,19 @@ class ClassMeasures:
     target_mm: float | None
 
 
-def class_measures(results: Sequence[ClinicResult]) -> dict[str, ClassMeasures]:
+def class_measures(results: Sequence[JudgedScores]) -> dict[str, ClassMeasures]:
     """Measures by event class, in the table's order, and of all pairs."""
     rows = {}
     for name in (*CLASSES, ALL):
         pairs = [
             (score, plain)
             for one in results
-            for score, plain in zip(one.result.scores, one.plain, strict=True)
-            if not score.is_reference and (name == ALL or name in one.drawn.classes(score.index))
+            for score, plain in zip(one.scores, one.plain, strict=True)
+            if not score.is_reference and (name == ALL or name in begun_classes(one.since, score.index))
         ]
-        having = [one for one in results if name == ALL or name in one.drawn.since]
+        having = [one for one in results if name == ALL or name in one.since]
         if pairs:
-            rows[name] = _measured(pairs, len(having), sum(bool(one.result.refused) for one in having))
+            rows[name] = _measured(pairs, len(having), sum(one.refused for one in having))
     return rows
 
 
@@ -88,9 +89,17 @@ def _measured(pairs: Sequence[tuple[PairScore, bool]], sequences: int, refused: 
     )
 
 
-def format_clinic(found: Mapping[str, Mapping[str, ClassMeasures]]) -> str:
-    """The table for people: a line for every class and configuration; `found` is by configuration and class."""
-    head = ["class", "config", "seq.", "pairs", "plain", "poses", "wrong", "missing", "in 68", "in 95", "NEES"]
+def format_clinic(
+    found: Mapping[str, Mapping[str, ClassMeasures]], kind: str = "config", unstarted: str = "seeds refused"
+) -> str:
+    """The table for people: a line for every class and configuration.
+
+    Args:
+        found: measures by configuration and class.
+        kind: what is compared, the column's title.
+        unstarted: what is said of sequences in which the tracker did not start.
+    """
+    head = ["class", kind, "seq.", "pairs", "plain", "poses", "wrong", "missing", "in 68", "in 95", "NEES"]
     lines = [[*head, "centre", "TRE", ""]]
     names = [name for name in (*CLASSES, ALL) if any(name in of for of in found.values())]
     for name in names:
@@ -98,7 +107,7 @@ def format_clinic(found: Mapping[str, Mapping[str, ClassMeasures]]) -> str:
             one = by_class[name]
             counts = [one.sequences, one.pairs, one.plain, one.poses, one.wrong, one.missing]
             label = CLASSES[name].label if name in CLASSES else ""
-            refused = f"; {one.refused} seeds refused" if one.refused else ""
+            refused = f"; {one.refused} {unstarted}" if one.refused else ""
             nees = "–" if one.nees is None else f"{one.nees:.3g}"
             cells = [name, config, *map(str, counts), percent(one.inside_68), percent(one.inside_95), nees]
             cells += [table_cell(one.centre_mm), table_cell(one.target_mm)]
@@ -109,7 +118,7 @@ def format_clinic(found: Mapping[str, Mapping[str, ClassMeasures]]) -> str:
 def clinic_record(results: Sequence[ClinicResult]) -> dict[str, Any]:
     """Everything measured with one configuration, as JSON values."""
     return {
-        "classes": {name: asdict(one) for name, one in class_measures(results).items()},
+        "classes": {name: asdict(one) for name, one in class_measures([one.judged for one in results]).items()},
         "sequences": [
             {
                 "name": one.drawn.scenario.name,

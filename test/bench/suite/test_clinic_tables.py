@@ -39,7 +39,7 @@ def test_measures_by_class_by_hand() -> None:
         score(4, pose=False),
         plain=(True, True, True, True, False),
     )
-    found = class_measures([one])
+    found = class_measures([one.judged])
     assert set(found) == {"core", "slide", ALL}
     slide = found["slide"]
     assert (slide.sequences, slide.pairs, slide.plain, slide.poses) == (1, 3, 1, 1)
@@ -54,7 +54,7 @@ def test_measures_by_class_by_hand() -> None:
 
 def test_the_table() -> None:
     refused = result({"core": 0}, score(0, pose=False), score(1, pose=False), plain=(True, True), refused="no")
-    lines = format_clinic({"tracker": class_measures([refused])}).splitlines()
+    lines = format_clinic({"tracker": class_measures([refused.judged])}).splitlines()
     assert lines[0].split()[:8] == ["class", "config", "seq.", "pairs", "plain", "poses", "wrong", "missing"]
     assert lines[1].split()[:8] == ["core", "tracker", "1", "1", "1", "0", "0", "1"]
     assert lines[1].endswith("; 1 seeds refused")
@@ -67,7 +67,7 @@ def test_runs_keep_the_order_of_the_sequences(monkeypatch: pytest.MonkeyPatch) -
     found = run_clinic(drawn, {"here": StreamConfig()}, workers=1)
     assert [one.drawn.scenario.name for one in found["here"]] == ["x", "y"]
     assert found["here"][0].plain == (True, True, True)
-    assert class_measures(found["here"])["core"].pairs == 4
+    assert class_measures([one.judged for one in found["here"]])["core"].pairs == 4
 
 
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,0 +1,79 @@
+"""A benchmark's page: one HTML file with the entries' table, ready to be published.
+
+The page's words and order are in `templates/benchmark_report.html.j2`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jinja2
+
+from lasso_motion_ros.core.output_files import write_text
+from lasso_motion_ros.reports.report_tables import Row
+
+BENCHMARK_PAGE = "benchmark.html"
+TEMPLATE = "benchmark_report.html.j2"
+
+
+@dataclass(frozen=True)
+class PageTable:
+    """A table of measures.
+
+    Attributes:
+        titles: of its columns, that of the rows' names first.
+        rows: in order.
+    """
+
+    titles: Sequence[str]
+    rows: Sequence[Row]
+
+
+@dataclass(frozen=True)
+class BenchmarkPage:
+    """What the page shows.
+
+    Attributes:
+        identity: of the benchmark: name, version, seed.
+        sequences: how many it has.
+        pairs: how many pairs.
+        entries: a row for each entry, over all pairs.
+        classes: a row for each event class and entry.
+        labels: each event class in words, by its name.
+        remarks: what entries lack.
+        rendered_with: versions of what rendered the benchmark, by name.
+        scored_with: versions of what scored it.
+    """
+
+    identity: str
+    sequences: int
+    pairs: int
+    entries: PageTable
+    classes: PageTable
+    labels: Sequence[tuple[str, str]]
+    remarks: Sequence[str]
+    rendered_with: Mapping[str, str]
+    scored_with: Mapping[str, str]
+
+
+def write_benchmark_page(directory: Path, page: BenchmarkPage) -> Path:
+    """Write the page into a directory.
+
+    Returns:
+        The page's path.
+
+    Raises:
+        RecordingError: it cannot be written.
+    """
+    templates = jinja2.Environment(
+        loader=jinja2.PackageLoader("lasso_motion_ros.reports"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    path = directory / BENCHMARK_PAGE
+    write_text(path, templates.get_template(TEMPLATE).render(page=page))
+    return path
