@@ -25,6 +25,7 @@ class OutputArgument:
         owned: of a directory, patterns of the names that are written there.
         ignored: of a directory, names whose loss is none.
         unless: an argument that, where it is given, makes this one no output.
+        many: of an archive's run, where it is a directory, patterns of the names that are written there.
     """
 
     name: str
@@ -32,6 +33,16 @@ class OutputArgument:
     owned: Sequence[str]
     ignored: Sequence[str]
     unless: str
+    many: Sequence[str]
+
+    def place(self, options: argparse.Namespace) -> OutputPlace | None:
+        """Where the command writes it, or None where it does not."""
+        path = getattr(options, self.name)
+        if path is None or (self.unless and getattr(options, self.unless)):
+            return None
+        if self.many and is_archive(options):
+            return OutputPlace(path, True, self.many, resumed=True)
+        return OutputPlace(path, self.is_directory(path), self.owned, self.ignored)
 
 
 class CommandParser(argparse.ArgumentParser):
@@ -77,6 +88,7 @@ class CommandParser(argparse.ArgumentParser):
         owned: Sequence[str] = (),
         ignored: Sequence[str] = (),
         unless: str = "",
+        many: Sequence[str] = (),
         group: Any = None,
         **settings: Any,
     ) -> None:
@@ -88,6 +100,7 @@ class CommandParser(argparse.ArgumentParser):
             owned: of a directory, patterns of the names that are written there.
             ignored: of a directory, names whose loss is none.
             unless: name of an argument that, where it is given, makes this one no output.
+            many: of a command that takes an archive, patterns of what is then written into the directory that this is.
             group: argparse's group to which it belongs.
             settings: of `add_argument`.
         """
@@ -95,7 +108,7 @@ class CommandParser(argparse.ArgumentParser):
             self.add_argument("--overwrite", action="store_true", help="replace outputs that exist")
         added = (group or self).add_argument(*names, type=Path, **settings)
         is_directory = directory if callable(directory) else lambda path: bool(directory)
-        self._outputs.append(OutputArgument(added.dest, is_directory, owned, ignored, unless))
+        self._outputs.append(OutputArgument(added.dest, is_directory, owned, ignored, unless, many))
 
     def check_files(self, options: argparse.Namespace) -> None:
         """Check what the command is about to read and write.
@@ -103,11 +116,7 @@ class CommandParser(argparse.ArgumentParser):
         Raises:
             RecordingError: an output that may not be written, see `check_outputs`.
         """
-        places = [
-            OutputPlace(path, one.is_directory(path), one.owned, one.ignored)
-            for one in self._outputs
-            if (path := getattr(options, one.name)) is not None and not (one.unless and getattr(options, one.unless))
-        ]
+        places = [place for one in self._outputs if (place := one.place(options)) is not None]
         given = [getattr(options, name) for name in self._inputs]
         files = [one for value in given for one in (value if isinstance(value, list) else [value]) if one]
         check_outputs(places, map(Path, files), bool(self._outputs) and options.overwrite)
@@ -130,6 +139,11 @@ class CommandParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say in one line what is wrong; `--help` shows the usage."""
         self.exit(2, f"{self.prog}: {message} (--help shows the usage)\n")
+
+
+def is_archive(options: argparse.Namespace) -> bool:
+    """Whether the command is to work on many recordings, into a directory."""
+    return getattr(options, "workers", None) is not None or getattr(options, "scheduler", None) is not None
 
 
 def tie_values(arguments: Sequence[str], several: Mapping[str, Callable[[str], bool]]) -> list[str]:

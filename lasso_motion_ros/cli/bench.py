@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from lasso_motion_ros.bench.memory_growth import format_memory, measure_memory
-from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.overlay_times import format_overlay, measure_overlay
 from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
 from lasso_motion_ros.bench.stage_times import format_benchmark, measure, summarise
@@ -19,6 +18,7 @@ from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import busy
 from lasso_motion_ros.core.share import bundled_recording, share_file

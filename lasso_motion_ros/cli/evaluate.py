@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
-from lasso_motion_ros.cli.arguments import CommandParser
+from lasso_motion_ros.cli.archives import add_workers, worker_pool
+from lasso_motion_ros.cli.arguments import CommandParser, is_archive
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.share import share_file
-from lasso_motion_ros.evaluation.evaluated import mean_groups, row_names
+from lasso_motion_ros.evaluation.evaluated import Evaluated, mean_groups, row_names
 from lasso_motion_ros.evaluation.measures import DETECTOR_M
 from lasso_motion_ros.evaluation.summary import evaluation_record, format_table, summarise
 from lasso_motion_ros.reports.evaluation_report import REPORT_FILES
+from lasso_motion_ros.tools.archive_evaluation import archived_results, is_result_folder, score_archive
+from lasso_motion_ros.tools.archive_rows import write_table
 from lasso_motion_ros.tools.evaluation_runs import evaluate_recordings, write_evaluation_report
 
-HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline.
+HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline; a
+folder that track has filled with an archive's results is scored against the recordings that they were made of.
 Millimetres are at the loop's depth; the reference pair gives the model error and is left out of the means."""
 
 FOOTNOTE = """
@@ -32,7 +38,9 @@ DEFAULT_WORST = 3
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
-    parser.add_input("recordings", nargs="*", metavar="IN.mcap", help="recording with truth")
+    parser.add_input(
+        "recordings", nargs="*", metavar="IN.mcap", help="recording with truth, or a folder of an archive's results"
+    )
     parser.add_input(
         "--result",
         fits=lambda word: True,
@@ -49,7 +57,9 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_argument(
         "--automatic", action="store_true", help="track without clicks: the ring is found, as in track --automatic"
     )
+    add_workers(parser)
     parser.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
+    parser.add_output("--csv", metavar="FILE", help="write the summary, a row a result")
     parser.add_output(
         "--report",
         directory=True,
@@ -76,6 +86,13 @@ def add_arguments(parser: CommandParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate; returns the exit status (0, or 3 where a recording was read in part, or left out)."""
     _check(args)
+    if any(is_result_folder(path) for path in args.recordings):
+        return _archive(args)
+    if is_archive(args):
+        raise LassoMotionError(
+            "--workers and --scheduler are for results of an archive: lasso-motion track IN … -o OUTDIR --workers N,"
+            " then lasso-motion evaluate OUTDIR --workers N"
+        )
     results, complete = evaluate_recordings(
         args.recordings,
         args.result,
@@ -91,11 +108,37 @@ def run(args: argparse.Namespace) -> int:
         print(FOOTNOTE)
     if args.json is not None:
         write_json(args.json, evaluation_record(scores))
-    if args.report is not None:
-        page = write_evaluation_report(args.report, results, args.worst, quiet=args.quiet)
-        if not args.quiet:
-            print(f"\nreport: {page}")
+    if args.csv is not None:
+        write_table(args.csv, [{"name": name, **asdict(summarise(pairs))} for name, pairs in scores.items()])
+    _report(args, results)
     return EXIT_DONE if complete else EXIT_PART
+
+
+def _archive(args: argparse.Namespace) -> int:
+    """Score the results of an archive."""
+    if args.result or args.config or args.automatic:
+        raise LassoMotionError("--result, --config and --automatic: an archive's results are scored as they are")
+    results = archived_results(args.recordings, args.sid)
+    scored = score_archive(results, worker_pool(args), _say, quiet=args.quiet)
+    scores = {one.archived.name: one.scores for one in scored if one.scores}
+    print(format_table({name: summarise(pairs) for name, pairs in scores.items()}))
+    if not args.quiet:
+        print(FOOTNOTE)
+    if args.json is not None:
+        write_json(args.json, evaluation_record(scores))
+    if args.csv is not None:
+        write_table(args.csv, [one.cells() for one in scored])
+    if args.report is not None:
+        _report(args, [one.evaluated() for one in scored if one.scores])
+    return EXIT_PART if any(one.failure or one.damage for one in scored) else EXIT_DONE
+
+
+def _report(args: argparse.Namespace, results: Sequence[Evaluated]) -> None:
+    if args.report is None:
+        return
+    page = write_evaluation_report(args.report, results, args.worst, quiet=args.quiet)
+    if not args.quiet:
+        print(f"\nreport: {page}")
 
 
 def names_recording(word: str) -> bool:

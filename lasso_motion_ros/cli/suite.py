@@ -21,13 +21,15 @@ from lasso_motion_ros.bench.suite.suite_tables import format_suite, format_sweep
 from lasso_motion_ros.bench.suite.sweeps import SWEEPS
 from lasso_motion_ros.bench.suite.trap_measures import format_traps, traps_record
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
-from lasso_motion_ros.cli.arguments import CommandParser
+from lasso_motion_ros.cli.archives import add_workers, worker_pool
+from lasso_motion_ros.cli.arguments import CommandParser, is_archive
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import whole_directory, write_json, write_text
 from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.core.worker_pool import processors
 
 SWEEP_SEQUENCES = 4
 SUITE_FILES = ("suite_*.txt", "suite.png")
@@ -105,6 +107,7 @@ def add_arguments(parser: CommandParser) -> None:
         action="store_true",
         help=f"sequences as wide as a lab instead (default {CLINIC_SEQUENCES}), told per event class; all processors",
     )
+    add_workers(parser, "sequences")
     parser.add_argument(
         "--model-experiment",
         type=int,
@@ -145,7 +148,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files: Mapping[str, str]) -> None:
     scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
-    results = run_suite(scenarios, configs, SequenceCache(args.cache), args.quiet)
+    results = run_suite(scenarios, configs, args.cache, worker_pool(args), args.quiet)
     for name, of_config in results.items():
         print(f"{files[name]}, seed {args.seed}\n{format_suite(of_config)}\n")
     if not args.quiet:
@@ -160,7 +163,8 @@ def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files
 def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
     drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
     drawn = tuple(drawn[number] for number in args.only) if args.only else drawn
-    results = run_clinic(drawn, configs, args.cache, quiet=args.quiet)
+    pool = worker_pool(args) if is_archive(args) else processors()
+    results = run_clinic(drawn, configs, args.cache, pool, args.quiet)
     found = {name: class_measures([one.judged for one in of_config]) for name, of_config in results.items()}
     text = f"clinic, seed {args.seed}\n{format_clinic(found)}"
     print(text)
@@ -226,6 +230,8 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     """Options that cannot both be meant, and values that are not allowed."""
     if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
+    if is_archive(args) and any(one is not None for one in (args.sweep, args.ablation, args.traps)):
+        raise LassoMotionError("--workers and --scheduler: for the random sequences and --clinic")
     elsewhere = (args.sweep, args.ablation, args.traps, args.model_experiment)
     if args.clinic and any(option is not None for option in elsewhere):
         raise LassoMotionError("--clinic: not together with --sweep, --ablation, --traps or --model-experiment")
@@ -250,7 +256,18 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     if args.model_experiment is not None:
         if args.model_experiment < 1:
             raise LassoMotionError(f"--model-experiment must be at least 1, found {args.model_experiment}")
-        others = ("sequences", "only", "config", "sweep", "ablation", "traps", "cache", "report")
+        others = (
+            "sequences",
+            "only",
+            "config",
+            "sweep",
+            "ablation",
+            "traps",
+            "cache",
+            "report",
+            "workers",
+            "scheduler",
+        )
         if any(getattr(args, other) is not None for other in others):
             raise LassoMotionError("--model-experiment: with --seed and --json only")
 

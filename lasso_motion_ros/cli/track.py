@@ -5,10 +5,17 @@ from __future__ import annotations
 import argparse
 import sys
 
-from lasso_motion_ros.cli.arguments import CommandParser, add_remap, parse_remap
+from lasso_motion_ros.cli.archives import ARCHIVE_HELP, add_workers, archive_files, only_recording, run_over_archive
+from lasso_motion_ros.cli.arguments import CommandParser, add_remap, is_archive, parse_remap
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
+from lasso_motion_ros.config.parameters import load_configuration
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.core.output_files import write_json
+from lasso_motion_ros.core.share import share_file
+from lasso_motion_ros.tools.archive_tracking import TrackingWork
 from lasso_motion_ros.tools.offline_tracking import DEFAULT_CONFIG, counts, describe, track_recording
+from msg_adapters.recordings.recording_search import find_recordings
 from msg_adapters.seeds import CALIBRATION_HELP, SEEDS_HELP
 
 HELP = """Follow the lasso through a recording, offline: the node's own tracker, without DDS and without a clock.
@@ -18,9 +25,19 @@ Writes the topics that the node would publish, at plane A's stamps; two runs wri
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = f"{SEEDS_HELP}\n{CALIBRATION_HELP}"
-    parser.add_input("recording", metavar="IN.mcap", help="recording: MCAP file or bag directory")
-    parser.add_output("-o", "--output", required=True, metavar="OUT.mcap", help="file to write")
+    parser.epilog = f"{SEEDS_HELP}\n{CALIBRATION_HELP}\n{ARCHIVE_HELP}"
+    parser.add_input(
+        "recordings", nargs="+", metavar="IN.mcap", help="recording: MCAP file or bag directory; folders with --workers"
+    )
+    parser.add_output(
+        "-o",
+        "--output",
+        many=archive_files(".mcap"),
+        required=True,
+        metavar="OUT.mcap",
+        help="file to write; with --workers or --scheduler a folder",
+    )
+    add_workers(parser)
     parser.add_input("--config", metavar="FILE", help=f"parameters (default: {DEFAULT_CONFIG})")
     parser.add_input("--seeds", metavar="FILE", help="clicks, for a recording without (or instead)")
     parser.add_argument(
@@ -35,8 +52,11 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track; returns the exit status (3 where the recording could be read in part only)."""
+    recording = only_recording(args, args.recordings)
+    if is_archive(args):
+        return _archive(args)
     summary = track_recording(
-        args.recording,
+        recording,
         args.output,
         args.config,
         seeds=args.seeds,
@@ -57,3 +77,20 @@ def run(args: argparse.Namespace) -> int:
     if args.json is not None:
         write_json(args.json, counts(summary))
     return EXIT_DONE if summary.damage is None else EXIT_PART
+
+
+def _archive(args: argparse.Namespace) -> int:
+    if args.automatic and args.seeds is not None:
+        raise ConfigurationError("clicks from a file and a ring that is found without them exclude each other")
+    config = load_configuration(args.config or share_file(DEFAULT_CONFIG), StreamConfig)
+    seeds, calibration = (None if path is None else path.absolute() for path in (args.seeds, args.calibration))
+    remap = parse_remap(args.remap)
+    named = [
+        (
+            TrackingWork(found.path, config, seeds, calibration, remap, args.automatic),
+            str(found.path),
+            f"{found.name}.mcap",
+        )
+        for found in find_recordings(args.recordings, without=[args.output])
+    ]
+    return run_over_archive(args, named, "tracking")

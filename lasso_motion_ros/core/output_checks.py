@@ -24,12 +24,14 @@ class OutputPlace:
         is_directory: which of the two.
         owned: of a directory, patterns of the names that are written there.
         ignored: of a directory, names whose loss is none (logs).
+        resumed: of a directory, whether what is there is gone on with: whoever writes looks at each file itself.
     """
 
     path: Path
     is_directory: bool = False
     owned: Sequence[str] = ()
     ignored: Sequence[str] = ()
+    resumed: bool = False
 
     def replaced_files(self) -> list[Path]:
         """The files that are there now and would be replaced."""
@@ -61,7 +63,7 @@ def check_outputs(outputs: Sequence[OutputPlace], inputs: Iterable[Path], overwr
             for path in output.replaced_files():
                 if (known := _identity(path)) is not None and known in read and not is_device(path):
                     raise RecordingError(f"{path} is an input, and no input is overwritten: choose another name")
-            check_free(output.path, overwrite, output.ignored)
+            check_free(output.path, overwrite or output.resumed, output.ignored)
             _check_place(output, outputs)
         except OSError as error:
             raise cannot_write(output.path, error) from error

@@ -33,7 +33,7 @@ def parsed(command: object, *words: str) -> argparse.Namespace:
 )
 def test_a_recording_behind_remap_is_the_recording(words: list[str]) -> None:
     options = parsed(track, *words)
-    assert (options.recording, options.output, options.remap) == (Path("IN"), Path("OUT"), RULES)
+    assert (options.recordings, options.output, options.remap) == ([Path("IN")], Path("OUT"), RULES)
 
 
 def test_without_the_option_there_are_no_values() -> None:
@@ -69,7 +69,7 @@ def test_results_take_all_that_follows_and_that_is_said(capsys: pytest.CaptureFi
 def test_the_first_word_behind_an_option_is_its_value_right_or_wrong() -> None:
     """So that a misspelt rule is called one, and not an unknown argument."""
     options = parsed(track, "--remap", "a=b", "c:=d", "IN", "-o", "OUT")
-    assert (options.remap, options.recording) == (["a=b", "c:=d"], Path("IN"))
+    assert (options.remap, options.recordings) == (["a=b", "c:=d"], [Path("IN")])
 
 
 @pytest.mark.parametrize("words", [["--remap"], ["IN", "--remap", "-o", "OUT"]])

@@ -38,8 +38,14 @@ WITHOUT_KEY = {
     "threadpoolctl": ("python3-threadpoolctl", "threadpoolctl"),
 }
 BROUGHT_BY_MCAP = {"lz4": "lz4", "zstandard": "zstandard"}
-# Of the extras `volume`, `igtl` and `dicom`: said when one is missing.
-OPTIONAL = {"SimpleITK": "SimpleITK", "vtkmodules": "vtk", "pyigtl": "pyigtl", "pydicom": "pydicom"}
+# Of the extras `volume`, `igtl`, `dicom` and `cluster`: said when one is missing.
+OPTIONAL = {
+    "SimpleITK": "SimpleITK",
+    "vtkmodules": "vtk",
+    "pyigtl": "pyigtl",
+    "pydicom": "pydicom",
+    "distributed": "distributed",
+}
 PIP_NAMES = {name: pip for name, (_, pip) in (FROM_APT | BY_PIP_KEY | WITHOUT_KEY).items()} | BROUGHT_BY_MCAP | OPTIONAL
 # ROS packages that a Python module, or an executable in a launch file, comes from.
 ROS_PACKAGES = {"tf2_ros": {"tf2_ros", "tf2_ros_py"}}

@@ -24,14 +24,14 @@ from lasso_motion_ros.bench.benchmark.manifest import (
     start_ns,
 )
 from lasso_motion_ros.bench.benchmark.truth_files import truth_paths, write_truth
-from lasso_motion_ros.bench.one_thread import one_thread
+from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario, clinic_scenario
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence
-from lasso_motion_ros.bench.suite.workers import in_turn
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.output_files import whole_directory, write_json, write_text
 from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.worker_pool import in_order, processors
 from lasso_motion_ros.geometry.frames import PLANES, FramePair
 from lasso_motion_ros.phantom import Simulator
 from lasso_motion_ros.tools.evaluation_runs import versions
@@ -88,7 +88,7 @@ def export_benchmark(
     with whole_directory(directory, OWNED) as staged:
         for folder in (RECORDINGS, TRUTH):
             (staged / folder).mkdir()
-        done = in_turn(partial(_export, directory=staged, seed=seed, cache=cache), tasks, workers)
+        done = in_order(processors(workers).run(partial(_export, directory=staged, seed=seed, cache=cache), tasks))
         written = tuple(progress(done, len(tasks), "rendering", quiet))
         manifest = Manifest(VERSION, seed, written, {}, versions())
         write_text(staged / LICENCE_FILE, LICENCE_TEXT)

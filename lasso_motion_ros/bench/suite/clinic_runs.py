@@ -1,4 +1,4 @@
-"""Runs of the clinic suite: each sequence is rendered once and tracked with each configuration, by all processors."""
+"""Runs of the clinic suite: each sequence is rendered once and tracked with each configuration."""
 
 from __future__ import annotations
 
@@ -7,14 +7,13 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario
 from lasso_motion_ros.bench.suite.judged_scores import JudgedScores, is_plain
 from lasso_motion_ros.bench.suite.sequence import SequenceResult, run_sequence
-from lasso_motion_ros.bench.suite.workers import in_turn
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.worker_pool import Pool, ThisProcess, in_order
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 
 
@@ -42,7 +41,7 @@ def run_clinic(
     drawn: Sequence[ClinicScenario],
     configs: Mapping[str, StreamConfig],
     cache: Path | None = None,
-    workers: int | None = None,
+    pool: Pool | None = None,
     quiet: bool = True,
 ) -> dict[str, list[ClinicResult]]:
     """Render, track and score sequences.
@@ -51,14 +50,14 @@ def run_clinic(
         drawn: the sequences.
         configs: the trackers' parameters, by name.
         cache: directory that keeps what was rendered; None keeps nothing.
-        workers: processes at a time; None: one a processor; 1: this one.
+        pool: who does it; None: this process.
         quiet: no progress bar.
 
     Returns:
         By configuration, sequence by sequence.
     """
     results: dict[str, list[ClinicResult]] = {name: [] for name in configs}
-    done = in_turn(partial(run_drawn, configs=configs, cache=cache), drawn, workers)
+    done = in_order((pool or ThisProcess()).run(partial(run_drawn, configs=configs, cache=cache), drawn))
     for of_sequence in progress(done, len(drawn), "clinic", quiet):
         for name, one in of_sequence.items():
             results[name].append(one)
@@ -69,10 +68,9 @@ def run_drawn(
     drawn: ClinicScenario, configs: Mapping[str, StreamConfig], cache: Path | None = None
 ) -> dict[str, ClinicResult]:
     """Render one sequence, or read it from the cache, and track it with every configuration."""
-    with one_thread():
-        sequence = SequenceCache(cache).sequence(drawn.scenario)
-        plain = tuple(is_plain(true) for true in sequence.truth.pairs)
-        return {
-            name: ClinicResult(drawn, run_sequence(sequence, create_tracker(config)), plain)
-            for name, config in configs.items()
-        }
+    sequence = SequenceCache(cache).sequence(drawn.scenario)
+    plain = tuple(is_plain(true) for true in sequence.truth.pairs)
+    return {
+        name: ClinicResult(drawn, run_sequence(sequence, create_tracker(config)), plain)
+        for name, config in configs.items()
+    }

@@ -6,8 +6,9 @@ Results are by the configuration's name, as the caller names it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
 
-from lasso_motion_ros.bench.one_thread import one_thread
 from lasso_motion_ros.bench.suite.ablation import Outcome, run_ablation
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.ideas import Idea
@@ -17,7 +18,9 @@ from lasso_motion_ros.bench.suite.sweeps import Sweep, sweep_scenarios
 from lasso_motion_ros.bench.suite.trap_measures import TrapMeasures, trap_measures
 from lasso_motion_ros.bench.suite.traps import TRAPS, Trap, trap_scenarios
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.core.progress import progress
+from lasso_motion_ros.core.worker_pool import Pool, ThisProcess, in_order
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.phantom import Scenario
 from lasso_motion_ros.stream.tracker_factory import create_tracker
@@ -26,25 +29,36 @@ Configurations = Mapping[str, StreamConfig]
 
 
 def run_suite(
-    scenarios: Sequence[Scenario], configs: Configurations, rendered: SequenceCache, quiet: bool = True
+    scenarios: Sequence[Scenario],
+    configs: Configurations,
+    cache: Path | None = None,
+    pool: Pool | None = None,
+    quiet: bool = True,
 ) -> dict[str, list[SequenceResult]]:
     """Track random sequences.
 
     Args:
         scenarios: what is rendered.
         configs: the trackers' parameters, by name.
-        rendered: renders, or reads what was rendered before.
+        cache: directory that keeps what was rendered; None keeps nothing.
+        pool: who does it; None: this process.
         quiet: no progress bar.
 
     Returns:
         By configuration, sequence by sequence.
     """
     results: dict[str, list[SequenceResult]] = {name: [] for name in configs}
-    for scenario in progress(scenarios, len(scenarios), "suite", quiet):
-        sequence = rendered.sequence(scenario)
-        for name, config in configs.items():
-            results[name].append(run_sequence(sequence, create_tracker(config)))
+    done = in_order((pool or ThisProcess()).run(partial(run_scenario, configs=configs, cache=cache), scenarios))
+    for of_sequence in progress(done, len(scenarios), "suite", quiet):
+        for name, one in of_sequence.items():
+            results[name].append(one)
     return results
+
+
+def run_scenario(scenario: Scenario, configs: Configurations, cache: Path | None = None) -> dict[str, SequenceResult]:
+    """Render one sequence, or read it from the cache, and track it with every configuration."""
+    sequence = SequenceCache(cache).sequence(scenario)
+    return {name: run_sequence(sequence, create_tracker(config)) for name, config in configs.items()}
 
 
 def run_sweep(

@@ -64,7 +64,7 @@ def test_the_table() -> None:
 def test_runs_keep_the_order_of_the_sequences(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: short())
     drawn = [ClinicScenario(dataclasses.replace(STILL, name=name), {"core": 0}) for name in ("x", "y")]
-    found = run_clinic(drawn, {"here": StreamConfig()}, workers=1)
+    found = run_clinic(drawn, {"here": StreamConfig()})
     assert [one.drawn.scenario.name for one in found["here"]] == ["x", "y"]
     assert found["here"][0].plain == (True, True, True)
     assert class_measures([one.judged for one in found["here"]])["core"].pairs == 4

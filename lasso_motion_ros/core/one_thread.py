@@ -1,4 +1,4 @@
-"""Single-threaded measurements: a time means the same whatever the number of cores."""
+"""One thread for arithmetic: a time means the same whatever the number of cores, and processes share them evenly."""
 
 from __future__ import annotations
 

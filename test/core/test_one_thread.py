@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from threadpoolctl import threadpool_info
 
-from lasso_motion_ros.bench.one_thread import one_thread
+from lasso_motion_ros.core.one_thread import one_thread
 
 
 def test_thread_pools_are_held_at_one_and_let_go() -> None:
