@@ -61,7 +61,7 @@ setup(
         # By this, and not by package.xml, `colcon test` knows that pytest is to be run.
         "test": ["pytest"],
         "igtl": ["pyigtl>=0.3"],
-        "cluster": ["distributed>=2024.1"],
+        "cluster": ["distributed>=2024.1", "dask-jobqueue>=0.8"],
         "dev": [
             "colcon-common-extensions",
             "cyclonedds",

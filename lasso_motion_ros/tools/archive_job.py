@@ -23,7 +23,6 @@ from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, R
 from lasso_motion_ros.core.output_files import cannot_write, make_directory
 from lasso_motion_ros.core.share import version
 from lasso_motion_ros.tools.archive_rows import DONE, FAILED, ArchiveRow, Figure, read_row, row_file, write_row
-from msg_adapters.recordings.bag_files import recording_files
 
 _STAGED = re.compile(r"\.(?P<result>.+)@(?P<host>[^@]*)@(?P<pid>\d+)\.unfinished")
 
@@ -191,11 +190,8 @@ def _peak_memory_mb() -> float:
 
 
 def _files(path: Path) -> Iterable[Path]:
-    """The files of an input: of a bag directory its recordings and what says which they are."""
-    if path.is_file():
-        return [path]
-    metadata = path / "metadata.yaml"
-    return [*recording_files(path), *([metadata] if metadata.is_file() else [])]
+    """The files of an input: of a bag directory, or a folder with a DICOM series, all that are in it."""
+    return sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else [path]
 
 
 def _needed_digest(path: Path) -> str:

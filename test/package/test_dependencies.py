@@ -45,6 +45,7 @@ OPTIONAL = {
     "pyigtl": "pyigtl",
     "pydicom": "pydicom",
     "distributed": "distributed",
+    "dask_jobqueue": "dask-jobqueue",
 }
 PIP_NAMES = {name: pip for name, (_, pip) in (FROM_APT | BY_PIP_KEY | WITHOUT_KEY).items()} | BROUGHT_BY_MCAP | OPTIONAL
 # ROS packages that a Python module, or an executable in a launch file, comes from.

@@ -24,11 +24,11 @@ from lasso_motion_ros.bench.benchmark.manifest import (
     start_ns,
 )
 from lasso_motion_ros.bench.benchmark.truth_files import truth_paths, write_truth
-from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario, clinic_scenario
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
+from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.core.output_files import whole_directory, write_json, write_text
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.worker_pool import in_order, processors
