@@ -28,10 +28,11 @@ class ArchiveRow:
         status: `done` or `failed`.
         reason: why it failed; of a done one what is to be known, such as a recording that is cut short.
         seconds: wall time it took.
+        processor_s: processor time it took: other programs on the machine do not count.
         peak_memory_mb: largest memory of its process until then, megabytes.
         host: on which machine.
         key: hash of input, configuration and version.
-        sha256: of the result; empty where there is none.
+        digest: of the result; empty where there is none.
         figures: what the command tells of it, by column.
     """
 
@@ -40,10 +41,11 @@ class ArchiveRow:
     status: str
     reason: str = ""
     seconds: float = 0.0
+    processor_s: float = 0.0
     peak_memory_mb: float = 0.0
     host: str = ""
     key: str = ""
-    sha256: str = ""
+    digest: str = ""
     figures: Mapping[str, Figure] = field(default_factory=dict)
 
     def cells(self) -> dict[str, Figure]:
