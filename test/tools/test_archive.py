@@ -85,6 +85,7 @@ def killing_whoever_is_at(result: str, folder: Path) -> Iterator[list[int]]:
         thread.join()
 
 
+@pytest.mark.slow
 def test_processes_write_what_one_writes_though_one_is_killed(
     archive: Path, serial: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,6 +148,7 @@ def _scored(archive: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     assert "are for results of an archive" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_cluster_writes_what_one_process_writes_though_a_worker_is_killed(
     archive: Path, serial: dict[str, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
