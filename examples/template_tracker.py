@@ -86,11 +86,11 @@ def answers(recording: Path) -> Iterator[PoseRow]:
             first = meeting_point(pair.frames, {plane: one.corner + one.centre for plane, one in templates.items()})
         found = {plane: templates[plane].find(frame) for plane, frame in pair.frames.items()}
         if min(correlation for _, correlation in found.values()) < LEAST_CORRELATION:
-            yield PoseRow(0, pair.stamp_ns, state="LOST")
+            yield PoseRow(pair.stamp_ns, state="LOST")
             continue
         moved = meeting_point(pair.frames, {plane: place for plane, (place, _) in found.items()}) - first
         took_ms = 1e3 * (time.perf_counter() - began)
-        yield PoseRow(0, pair.stamp_ns, rigid((0, 0, 0), moved), state="TRACKING", latency_ms=round(took_ms, 2))
+        yield PoseRow(pair.stamp_ns, rigid((0, 0, 0), moved), state="TRACKING", latency_ms=round(took_ms, 2))
 
 
 def main(benchmark: str, output: str) -> None:

@@ -33,20 +33,20 @@ class PoseRow:
     """One line.
 
     Attributes:
-        line: its number in the file, from 1.
         stamp_ns: of plane A's image.
         transform: (4, 4) rigid, metres; None where the line tells of no pose.
         covariance: (6, 6) in ROS order (m, rad), or None.
         state: the tracker's own word, or empty.
         latency_ms: how long the answer took, or None.
+        line: its number in the file it was read from, from 1.
     """
 
-    line: int
     stamp_ns: int
     transform: Array | None = None
     covariance: Array | None = None
     state: str = ""
     latency_ms: float | None = None
+    line: int = 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,12 +138,12 @@ def _row(where: str, line: int, names: Sequence[str], cells: Sequence[str]) -> P
     if latency is not None and latency[0] < 0.0:
         raise RecordingError(f"{where}: latency_ms: expected none below zero, found {latency[0]:g}")
     return PoseRow(
-        line,
         _stamp_ns(where, values["stamp"]),
         None if pose is None else _transform(where, pose),
         None if covariance is None or pose is None else covariance.reshape(6, 6),
         values.get("state", ""),
         None if latency is None else float(latency[0]),
+        line,
     )
 
 

@@ -32,6 +32,7 @@ COMMANDS = [
     "bench --bag WRONG",
     "bench --config WRONG",
     "suite --config WRONG",
+    "benchmark score WRONG --result RESULT",
 ]
 LIVE = ["play WRONG", "demo --bag WRONG --out FRAMES", "demo --config WRONG --out FRAMES"]
 SUFFIXES = [".mcap", ".yaml", ".stl", ".ply", ".obj", ".vtp", ".nii.gz", ".nrrd", ".mha", ".dcm", ".png", ""]

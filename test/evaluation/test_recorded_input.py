@@ -14,6 +14,7 @@ from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.markers import encode_delete, encode_line_strip
 from msg_adapters.messages import header_fields
+from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
 from msg_adapters.recordings.writer import RecordingWriter
 from msg_adapters.seeds import encode_polygon
 
@@ -97,6 +98,20 @@ def test_a_loss_between_the_pairs_is_none_of_them(tmp_path: Path) -> None:
             writer.write("/state", topics.STATE.type_name, {"data": state}, at)
             writer.write(name.recorded_name, name.type_name, fields, at)
     assert [(estimate.stamp_ns, estimate.state) for estimate in read_estimates(path)] == [(stamp(0), "TRACKING")]
+
+
+@pytest.mark.parametrize("topic", [topics.MOTION, topics.MOTION_WITH_COVARIANCE])
+def test_another_trackers_poses_are_scored_without_motion_raw(topic: topics.Topic, tmp_path: Path) -> None:
+    header = header_fields(stamp(1), "patient_table")
+    fields = encode_pose_stamped(shift(3.0), header)
+    if topic is topics.MOTION_WITH_COVARIANCE:
+        fields = encode_pose_with_covariance_stamped(shift(3.0), 1e-6 * np.eye(6), header)
+    with RecordingWriter(tmp_path / "foreign.mcap") as writer:
+        writer.write(topic.recorded_name, topic.type_name, fields, stamp(1))
+    (estimate,) = read_estimates(tmp_path / "foreign.mcap")
+    np.testing.assert_allclose(estimate.motion_raw, shift(3.0), atol=1e-12)
+    np.testing.assert_allclose(estimate.motion, shift(3.0), atol=1e-12)
+    assert (estimate.covariance is None) == (topic is topics.MOTION)
 
 
 def test_an_input_is_no_result(tmp_path: Path) -> None:

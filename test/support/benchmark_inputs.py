@@ -55,7 +55,7 @@ def true_rows(directory: Path) -> list[PoseRow]:
     for sequence in manifest.sequences:
         truth = read_sequence_truth(directory, manifest, sequence).truth
         for pair in truth.pairs[: PAIRS - 1]:
-            rows.append(PoseRow(0, pair.stamp_ns, pair.motion, covariance, "TRACKING", 4.0))
+            rows.append(PoseRow(pair.stamp_ns, pair.motion, covariance, "TRACKING", 4.0))
     return rows
 
 

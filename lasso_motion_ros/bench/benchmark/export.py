@@ -28,7 +28,6 @@ from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario, clinic_scenario
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
-from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.core.output_files import whole_directory, write_json, write_text
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.core.worker_pool import in_order, processors
@@ -119,14 +118,13 @@ def _export(task: _Exported, directory: Path, seed: int, cache: Path | None) -> 
     """Render one sequence and write its files; in a process of its own."""
     name = f"{task.index:03d}"
     scenario = task.drawn.scenario
-    with one_thread():
-        rendered = SequenceCache(cache).sequence(scenario)
-        later_ns = start_ns(VERSION, seed, task.index) - rendered.pairs[0].stamp_ns
-        sequence = _moved(rendered, later_ns)
-        recording = f"{RECORDINGS}/{name}.mcap"
-        peaks = [peak + later_ns for peak in Simulator(scenario).r_peaks_ns()]
-        _write_recording(directory / recording, sequence, peaks)
-        write_truth(directory, name, sequence)
+    rendered = SequenceCache(cache).sequence(scenario)
+    later_ns = start_ns(VERSION, seed, task.index) - rendered.pairs[0].stamp_ns
+    sequence = _moved(rendered, later_ns)
+    recording = f"{RECORDINGS}/{name}.mcap"
+    peaks = [peak + later_ns for peak in Simulator(scenario).r_peaks_ns()]
+    _write_recording(directory / recording, sequence, peaks)
+    write_truth(directory, name, sequence)
     return BenchmarkSequence(
         name,
         scenario.description,

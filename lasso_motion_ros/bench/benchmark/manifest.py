@@ -140,6 +140,8 @@ def read_manifest(directory: Path) -> Manifest:
             )
             for one in found["sequences"]
         )
+        if not sequences or not all(one.stamps_ns for one in sequences):
+            raise ValueError("a sequence without pairs, or none at all")
         return Manifest(VERSION, int(found["seed"]), sequences, dict(found["files"]), dict(found["made_with"]))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise RecordingError(f"{path}: damaged: {type(error).__name__}: {error}") from error

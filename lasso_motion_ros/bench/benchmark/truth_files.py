@@ -104,9 +104,12 @@ def read_sequence_truth(directory: Path, manifest: Manifest, sequence: Benchmark
             raise RecordingError(f"{path}: not the file that was exported: its SHA-256 differs from the manifest's")
     recording, asked = truth_paths(sequence.name)
     truth = read_truth(directory / recording).truth
-    pairs = json.loads((directory / asked).read_text(encoding="utf-8"))["pairs"]
-    judged = tuple(
-        dataclasses.replace(true, due=one["due"], displaced=one["displaced"])
-        for true, one in zip(truth.pairs, pairs, strict=True)
-    )
-    return SequenceTruth(dataclasses.replace(truth, pairs=judged), tuple(one["plain"] for one in pairs))
+    try:
+        pairs = json.loads((directory / asked).read_text(encoding="utf-8"))["pairs"]
+        judged = tuple(
+            dataclasses.replace(true, due=bool(one["due"]), displaced=bool(one["displaced"]))
+            for true, one in zip(truth.pairs, pairs, strict=True)
+        )
+        return SequenceTruth(dataclasses.replace(truth, pairs=judged), tuple(bool(one["plain"]) for one in pairs))
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordingError(f"{directory / asked}: damaged: {type(error).__name__}: {error}") from error

@@ -10,16 +10,22 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.benchmark_inputs import PAIRS, export_tiny, true_rows, write_rows
+from support.benchmark_inputs import PAIRS, breathing, export_tiny, true_rows, write_rows
 from support.paths import ROOT
 
 from lasso_motion_ros.bench.benchmark.entries import entry_files
 from lasso_motion_ros.bench.benchmark.manifest import read_manifest
 from lasso_motion_ros.bench.benchmark.score import EntryScore, score_benchmark
-from lasso_motion_ros.bench.suite.clinic_tables import ALL, ClassMeasures
+from lasso_motion_ros.bench.suite.clinic_tables import ALL, ClassMeasures, class_measures
+from lasso_motion_ros.bench.suite.judged_scores import JudgedScores, is_plain
+from lasso_motion_ros.bench.suite.sequence import run_sequence
 from lasso_motion_ros.cli.main import main
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.evaluation.recorded_input import read_truth
 from lasso_motion_ros.geometry.transforms import rigid
+from lasso_motion_ros.stream.tracker_factory import create_tracker
+from lasso_motion_ros.tools.offline_tracking import track_recording
 from msg_adapters import topics
 from msg_adapters.messages import header_fields
 from msg_adapters.pose_table import PoseRow
@@ -83,7 +89,7 @@ def test_wrong_missing_and_covariance_by_hand(exported: Path, tmp_path: Path) ->
     true = true_rows(exported)
     hidden = read_manifest(exported).sequences[0].stamps_ns[PAIRS - 1]
     # Three millimetres off; none for a plain pair; one for a ring that is hidden.
-    rows = [true[0], off(true[1], 3.0), true[2], true[3], true[5], PoseRow(0, hidden, np.eye(4))]
+    rows = [true[0], off(true[1], 3.0), true[2], true[3], true[5], PoseRow(hidden, np.eye(4))]
     every = measured(exported, write_rows(tmp_path / "some.csv", rows))
     assert (every.poses, every.wrong, every.missing) == (4, 2, 1)
     # The hidden ring's pose is compared with nothing; of three errors one is 3 mm.
@@ -94,8 +100,6 @@ def test_wrong_missing_and_covariance_by_hand(exported: Path, tmp_path: Path) ->
 
 
 def loop_centre(exported: Path) -> np.ndarray:
-    from lasso_motion_ros.evaluation.recorded_input import read_truth
-
     loop = read_truth(exported / "truth" / "000.mcap").truth.loop
     assert loop is not None
     return loop.mean(axis=0)
@@ -275,6 +279,36 @@ def test_the_command_table_json_and_page(exported: Path, tmp_path: Path, capsys:
     assert "<td>bad&amp;</td>" in page
     assert '<td class="bad">1</td>' in page
     assert main(["benchmark", "score", str(exported), "--result", str(good), *outputs]) == 2  # no --overwrite
+
+
+def test_our_tracker_is_worth_what_the_suite_says(exported: Path, tmp_path: Path) -> None:
+    """From files, by way of messages, as in memory."""
+    drawn = read_manifest(exported).sequences[0]
+    result = run_sequence(breathing(), create_tracker(StreamConfig()))
+    plain = tuple(is_plain(true) for true in breathing().truth.pairs)
+    in_memory = class_measures([JudgedScores(drawn.since, result.scores, plain)])[ALL]
+    track_recording(exported / "recordings" / "000.mcap", tmp_path / "ours.mcap")
+    judged = only_score(exported, tmp_path / "ours.mcap").sequences["000"]
+    from_files = class_measures([judged])[ALL]
+    assert (from_files.wrong, from_files.missing) == (0, 0)
+    assert from_files.poses >= 1
+    # The clicks are single precision in a message.
+    assert dataclasses.astuple(from_files) == pytest.approx(dataclasses.astuple(in_memory), rel=0.05)
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap", ""])
+@pytest.mark.parametrize(
+    "data", [b"", b"Just a text\n", b"\x89PNG\r\n\x1a\n\x00\xff"], ids=["empty", "text", "picture"]
+)
+def test_another_kind_of_file_is_one_line(
+    data: bytes, suffix: str, exported: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / f"result{suffix}"
+    path.write_bytes(data)
+    assert main(["benchmark", "score", str(exported), "--result", str(path)]) == 2
+    said = capsys.readouterr().err
+    assert str(path) in said
+    assert said.count("\n") == 1
 
 
 def test_the_example_enters_a_template_matcher(exported: Path, tmp_path: Path) -> None:
