@@ -12,7 +12,7 @@ from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import whole_directory, write_json
-from lasso_motion_ros.reports.benchmark_report import BENCHMARK_PAGE, write_benchmark_page
+from lasso_motion_ros.reports.benchmark_report import BENCHMARK_FILES, write_benchmark_page
 from lasso_motion_ros.tools.evaluation_runs import versions
 
 HELP = "A benchmark that any tracker can enter: recordings without truth, truth apart, and a score."
@@ -51,7 +51,7 @@ def add_arguments(parser: CommandParser) -> None:
     score.add_input("directory", metavar="DIR", help="an exported benchmark, with its truth")
     score.add_input("--result", fits=lambda word: True, metavar="FILES", help="files or folders; DIR stands before it")
     score.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
-    score.add_output("--report", directory=True, owned=(BENCHMARK_PAGE,), metavar="DIR", help="write the page")
+    score.add_output("--report", directory=True, owned=BENCHMARK_FILES, metavar="DIR", help="write the page")
     for part, run_part in ((export, _export), (score, _score)):
         part.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
         part.set_defaults(run_part=run_part, parser=part)
@@ -90,8 +90,8 @@ def _score(args: argparse.Namespace) -> int:
     if args.json is not None:
         write_json(args.json, score_record(score))
     if args.report is not None:
-        with whole_directory(args.report, (BENCHMARK_PAGE,)) as report:
-            write_benchmark_page(report, score_page(score, versions()))
+        with whole_directory(args.report, BENCHMARK_FILES) as report:
+            page = write_benchmark_page(report, score_page(score, versions()))
         if not args.quiet:
-            print(f"\nreport: {args.report / BENCHMARK_PAGE}")
+            print(f"\nreport: {args.report / page.name}")
     return EXIT_DONE if score.complete else EXIT_PART

@@ -1,4 +1,4 @@
-"""A benchmark's page: one HTML file with the entries' table, ready to be published.
+"""A benchmark's page: one HTML file with the entries' tables and a figure, ready to be published.
 
 The page's words and order are in `templates/benchmark_report.html.j2`.
 """
@@ -12,9 +12,14 @@ from pathlib import Path
 import jinja2
 
 from lasso_motion_ros.core.output_files import write_text
+from lasso_motion_ros.reports.comparison_figures import failures_figure
+from lasso_motion_ros.reports.figure_panels import save_figure
+from lasso_motion_ros.reports.picture_files import embedded_png
 from lasso_motion_ros.reports.report_tables import Row
 
-BENCHMARK_PAGE = "benchmark.html"
+BENCHMARK_PAGE, BENCHMARK_FIGURE = "benchmark.html", "benchmark.png"
+BENCHMARK_FILES = (BENCHMARK_PAGE, BENCHMARK_FIGURE)
+"""What a benchmark's report consists of."""
 TEMPLATE = "benchmark_report.html.j2"
 
 
@@ -41,6 +46,7 @@ class BenchmarkPage:
         pairs: how many pairs.
         entries: a row for each entry, over all pairs.
         classes: a row for each event class and entry.
+        shares: by entry and class, the share of wrong poses and of plain pairs without one, see `failures_figure`.
         labels: each event class in words, by its name.
         remarks: what entries lack.
         rendered_with: versions of what rendered the benchmark, by name.
@@ -52,6 +58,7 @@ class BenchmarkPage:
     pairs: int
     entries: PageTable
     classes: PageTable
+    shares: Mapping[str, Mapping[str, tuple[float | None, float | None]]]
     labels: Sequence[tuple[str, str]]
     remarks: Sequence[str]
     rendered_with: Mapping[str, str]
@@ -59,7 +66,7 @@ class BenchmarkPage:
 
 
 def write_benchmark_page(directory: Path, page: BenchmarkPage) -> Path:
-    """Write the page into a directory.
+    """Write the page and its figure into an empty directory.
 
     Returns:
         The page's path.
@@ -74,6 +81,8 @@ def write_benchmark_page(directory: Path, page: BenchmarkPage) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    path = directory / BENCHMARK_PAGE
-    write_text(path, templates.get_template(TEMPLATE).render(page=page))
+    path, drawn = directory / BENCHMARK_PAGE, directory / BENCHMARK_FIGURE
+    save_figure(failures_figure(page.shares), drawn)
+    figure = embedded_png(drawn, "Shorter is better; a wrong pose is worse than none.")
+    write_text(path, templates.get_template(TEMPLATE).render(page=page, figure=figure))
     return path

@@ -55,6 +55,43 @@ def comparison_figure(summaries: Mapping[tuple[str, str], Summary]) -> Any:
     return figure
 
 
+def failures_figure(shares: Mapping[str, Mapping[str, tuple[float | None, float | None]]]) -> Any:
+    """How often each entry of a benchmark is wrong, and how often it says nothing, by event class.
+
+    Args:
+        shares: by entry and class, the share of its poses that are wrong, and of the plain pairs without a pose; None:
+            there are none. Every entry has the same classes.
+
+    Returns:
+        A matplotlib Figure, wrong poses to the left, missing ones to the right.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    classes = list(next(iter(shares.values()), {}))
+    figure = Figure(figsize=(8.0, max(2.4, 1.0 + len(classes) * (0.1 + 0.14 * len(shares)))), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    step = 0.8 / max(len(shares), 1)
+    coloured = list(zip(shares.items(), RESULT_COLOURS * len(shares), strict=False))
+    titles = ("wrong, % of its poses", "missing, % of plain pairs")
+    for side, (axis, title) in enumerate(zip(axes, titles, strict=True)):
+        for number, ((name, by_class), colour) in enumerate(coloured):
+            at = np.arange(len(classes)) - 0.4 + step * (number + 0.5)
+            values = [by_class[one][side] for one in classes]
+            heights = [0.0 if value is None else 100.0 * value for value in values]
+            axis.barh(at, heights, height=0.9 * step, color=colour, label=name)
+        axis.set_xlabel(title)
+        axis.grid(axis="x", alpha=0.25)
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[0].set_xlim(0.0, 100.0)
+    axes[0].set_yticks(np.arange(len(classes)), classes)
+    axes[0].margins(y=0.01)
+    axes[0].invert_yaxis()
+    legend_above(axes[1], columns=3)
+    return figure
+
+
 def timing_figure(milliseconds: Mapping[str, Array], *, title: str) -> Any:
     """The time that each pair took.
 

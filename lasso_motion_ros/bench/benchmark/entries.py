@@ -114,7 +114,7 @@ def read_entry(name: str, files: Sequence[Path], manifest: Manifest) -> Entry:
             of_file = _recorded_answers(file, latencies, damage)
         _check_benchmark(file, of_file, manifest)
         answers += of_file
-    return Entry(name, _by_sequence(answers, manifest), np.array(latencies), tuple(damage))
+    return Entry(name, _by_sequence(name, answers, manifest), np.array(latencies), tuple(damage))
 
 
 def _table_answers(path: Path, manifest: Manifest, latencies: list[float]) -> list[Answer]:
@@ -136,7 +136,6 @@ def _recorded_answers(path: Path, latencies: list[float], damage: list[str]) -> 
     answers = []
     for estimate in read_estimates(path):
         where = f"{path}: stamp {estimate.stamp_ns} ns"
-        _check_state(where, estimate.state, estimate.motion_raw is not None)
         unknown = estimate.covariance is not None and not np.any(estimate.covariance)
         answers.append(Answer(where, replace(estimate, covariance=None) if unknown else estimate))
     latencies += read_latencies_ms(path).tolist()
@@ -184,7 +183,7 @@ def _check_benchmark(path: Path, answers: Sequence[Answer], manifest: Manifest) 
         )
 
 
-def _by_sequence(answers: Iterable[Answer], manifest: Manifest) -> dict[str, list[PairEstimate]]:
+def _by_sequence(entry: str, answers: Iterable[Answer], manifest: Manifest) -> dict[str, list[PairEstimate]]:
     places = _Places(manifest)
     taken: dict[tuple[str, int], Answer] = {}
     found: dict[str, list[PairEstimate]] = {}
@@ -199,20 +198,24 @@ def _by_sequence(answers: Iterable[Answer], manifest: Manifest) -> dict[str, lis
             )
         taken[place] = one
         found.setdefault(sequence, []).append(one.estimate)
-        _check_reference(one, found[sequence][0], sequence, places)
-    return found
+    return {
+        name: _on_one_reference(f"{entry}: sequence {name}", name, estimates, places)
+        for name, estimates in found.items()
+    }
 
 
-def _check_reference(one: Answer, first: PairEstimate, sequence: str, places: _Places) -> None:
-    """A tracker whose reference were no pair, or each pair anew, would never be off."""
-    reference_ns = one.estimate.reference_ns
-    if reference_ns is None and first.reference_ns is None:
-        return
-    place = None if reference_ns is None else places.of(reference_ns)
-    if place is None or place[0] != sequence:
-        raise RecordingError(f"{one.where}: its reference, {reference_ns} ns, is no pair of sequence {sequence}")
-    if reference_ns != first.reference_ns:
-        raise RecordingError(f"{one.where}: the reference changes within sequence {sequence}: expected one")
+def _on_one_reference(where: str, name: str, estimates: Sequence[PairEstimate], places: _Places) -> list[PairEstimate]:
+    """The estimates of a sequence with its one reference, which a live recording may have heard after the first pose.
+
+    A tracker whose reference were no pair, or each pair anew, would never be off.
+    """
+    told = {one.reference_ns for one in estimates if one.reference_ns is not None}
+    of_sequence = {stamp: place for stamp in told if (place := places.of(stamp)) is not None and place[0] == name}
+    if told and not of_sequence:
+        raise RecordingError(f"{where}: its reference, {min(told)} ns, is the stamp of none of its pairs")
+    if len(set(of_sequence.values())) > 1:
+        raise RecordingError(f"{where}: the reference changes, to {max(of_sequence)} ns: expected one")
+    return [replace(one, reference_ns=min(of_sequence, default=None)) for one in estimates]
 
 
 class _Places:

@@ -66,11 +66,17 @@ def score_page(score: BenchmarkScore, versions: dict[str, str]) -> BenchmarkPage
         pairs=manifest.pairs,
         entries=PageTable(("entry", *COLUMNS, "ms", "ms, 95 %"), entries),
         classes=PageTable(("class", "entry", *COLUMNS), classes),
+        shares={one.entry.name: {name: _shares(one.classes[name]) for name in names} for one in score.entries},
         labels=[(name, CLASSES[name].label) for name in names],
         remarks=[f"{one.entry.name}: {text}" for one in score.entries for text in _gaps(one)],
         rendered_with=dict(manifest.made_with),
         scored_with=versions,
     )
+
+
+def _shares(one: ClassMeasures) -> tuple[float | None, float | None]:
+    """Wrong ones of the poses, and missing ones of the plain pairs."""
+    return (one.wrong / one.poses if one.poses else None, one.missing / one.plain if one.plain else None)
 
 
 def _cells(one: ClassMeasures) -> list[Cell]:
