@@ -8,11 +8,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from lasso_motion_ros.bench.archive_rate import format_archive, measure_archive
 from lasso_motion_ros.bench.memory_growth import format_memory, measure_memory
 from lasso_motion_ros.bench.overlay_times import format_overlay, measure_overlay
 from lasso_motion_ros.bench.scaling import format_scaling, measure_scaling
 from lasso_motion_ros.bench.stage_times import format_benchmark, measure, summarise
 from lasso_motion_ros.bench.undecoded import read_undecoded
+from lasso_motion_ros.cli.archives import count
 from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
@@ -49,6 +51,13 @@ def add_arguments(parser: CommandParser) -> None:
         "--memory", action="store_true", help="instead: resident memory of one tracker over the pairs (10000, say)"
     )
     parser.add_argument(
+        "--archive",
+        type=count,
+        nargs="+",
+        metavar="N",
+        help="instead: copies of the recording as an archive, by N processes each: pairs a second, memory",
+    )
+    parser.add_argument(
         "--live", action="store_true", help="latency over DDS between processes, on a drawn ring, beside bare transport"
     )
     parser.add_argument(
@@ -69,6 +78,8 @@ def run(args: argparse.Namespace) -> int:
         return _run_live(args, configuration)
     recording = args.bag or bundled_recording()
     config = load_configuration(configuration, StreamConfig)
+    if args.archive is not None:
+        return _run_archive(args, recording, config)
     messages = read_undecoded(recording)
     if args.scaling or args.memory:
         return _run_growth(args, config, messages)
@@ -81,6 +92,15 @@ def run(args: argparse.Namespace) -> int:
     print(format_overlay(overlay))
     if args.json is not None:
         write_json(args.json, asdict(benchmark) | {"overlay": asdict(overlay)})
+    return EXIT_DONE
+
+
+def _run_archive(args: argparse.Namespace, recording: Path, config: StreamConfig) -> int:
+    """Whole recordings, by several processes."""
+    rates = measure_archive(recording, config, args.archive, quiet=args.quiet)
+    print(format_archive(rates))
+    if args.json is not None:
+        write_json(args.json, [asdict(one) | {"rate_hz": one.rate_hz} for one in rates])
     return EXIT_DONE
 
 

@@ -63,7 +63,7 @@ class ArchiveSummary:
 
 
 def run_archive(
-    named: Iterable[tuple[Work, str, str]],
+    todo: Iterable[tuple[Work, str, str]],
     folder: Path,
     pool: Pool,
     say: Callable[[str], None],
@@ -75,7 +75,7 @@ def run_archive(
     """Do something with every recording of an archive.
 
     Args:
-        named: the work on each, what its row calls it, and the result's path in the folder.
+        todo: the work on each, what its row calls it, and the result's path in the folder.
         folder: for the results; made if need be.
         pool: who does it.
         say: takes a line for the user: a recording that failed, or is damaged.
@@ -87,7 +87,7 @@ def run_archive(
         RecordingError: a result would replace an input, or the folder cannot be written.
     """
     folder = folder.absolute()
-    jobs = [ArchiveJob(work, name, folder, result, code_version(), overwrite) for work, name, result in named]
+    jobs = [ArchiveJob(work, name, folder, result, code_version(), overwrite) for work, name, result in todo]
     _check_inputs(jobs)
     make_directory(folder)
     clear_abandoned(folder, ())
@@ -102,7 +102,7 @@ def run_archive(
                 new = 0 if finished.before else int(row.figures.get("pairs") or 0)
                 pairs += new
                 if row.reason:
-                    say(f"{row.recording}: {row.reason}")
+                    say(named(row.recording, row.reason))
                 tally(Tally(failed=row.status != DONE, pairs=new))
     finally:
         clear_abandoned(folder, {jobs[number].result for number in rows})
@@ -110,6 +110,11 @@ def run_archive(
         write_table(folder / TABLE, [there[result].cells() for result in sorted(there)])
     in_order = tuple(rows[number] for number in sorted(rows))
     return ArchiveSummary(in_order, before, pairs, time.monotonic() - begun, folder / TABLE)
+
+
+def named(recording: str, reason: str) -> str:
+    """A line on a recording that names it, once."""
+    return reason if recording in reason else f"{recording}: {reason}"
 
 
 def _answers(pool: Pool, jobs: Sequence[ArchiveJob]) -> Generator[tuple[int, Finished], None, None]:

@@ -14,6 +14,7 @@ from lasso_motion_ros.evaluation.evaluated import Evaluated
 from lasso_motion_ros.evaluation.measures import PairScore, score_pairs
 from lasso_motion_ros.evaluation.recorded_input import read_estimates, read_truth
 from lasso_motion_ros.evaluation.summary import summarise
+from lasso_motion_ros.tools.archive import named
 from lasso_motion_ros.tools.archive_rows import DONE, FAILED, Figure, needed_rows, read_rows
 
 
@@ -118,7 +119,7 @@ def score_archive(
         for number, answer in answers:
             one = ScoredResult(results[number], failure=answer.reason) if isinstance(answer, Lost) else answer
             if one.failure or one.damage:
-                say(f"{one.archived.recording}: {one.failure or one.damage}")
+                say(named(str(one.archived.recording), one.failure or one.damage))
             scored[number] = one
             tally(Tally(pairs=len(one.scores), failed=bool(one.failure)))
     if all(one.failure for one in scored.values()):

@@ -96,7 +96,7 @@ def test_processes_write_what_one_writes_though_one_is_killed(
     assert len(killed) == 1
     assert results(out) == serial
     assert "2 of 3 recordings done, 1 failed; 6 pairs" in said.out
-    assert said.err.startswith(f"lasso-motion track: {archive / 'p' / 'none.mcap'}: ")
+    assert said.err.startswith(f"lasso-motion track: {archive / 'p' / 'none.mcap'} is not an MCAP recording")
     assert said.err.count("\n") == 1
     rows = table(out)
     assert {name: row["status"] for name, row in rows.items()} == {
@@ -137,7 +137,7 @@ def _scored(archive: Path, out: Path, tmp_path: Path, capsys: pytest.CaptureFixt
     summary = tmp_path / "summary.csv"
     assert main(["evaluate", str(out), "--csv", str(summary)]) == 3
     said = capsys.readouterr()
-    assert f"{archive}/p/none.mcap: " in said.err
+    assert f"lasso-motion evaluate: {archive}/p/none.mcap is not an MCAP recording" in said.err
     assert "p/b " in said.out
     with summary.open(encoding="utf-8", newline="") as file:
         rows = {row["name"]: row for row in csv.DictReader(file)}
