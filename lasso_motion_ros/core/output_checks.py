@@ -10,7 +10,7 @@ from itertools import combinations
 from pathlib import Path
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.core.output_files import cannot_write, is_device
+from lasso_motion_ros.core.output_files import STAGED, cannot_write, is_device
 
 FileId = tuple[int, int]
 
@@ -80,7 +80,7 @@ def check_free(path: Path, overwrite: bool, ignored: Sequence[str] = ()) -> None
     """
     if overwrite or not path.exists() or is_device(path):
         return
-    if path.is_dir() and all(one.name in ignored for one in path.iterdir()):
+    if path.is_dir() and all(one.name in ignored or fnmatchcase(one.name, STAGED) for one in path.iterdir()):
         return
     raise RecordingError(f"{path} exists: choose another name or add --overwrite")
 

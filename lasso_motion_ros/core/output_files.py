@@ -18,6 +18,9 @@ from typing import Any
 
 from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 
+STAGED = ".files.*.unfinished"
+"""Where the files of a directory are written, within it, until all of them are moved into place."""
+
 
 class UnfinishedFile:
     """A file that is being written; if it is neither finished nor discarded it goes when nobody refers to it any more.
@@ -149,6 +152,7 @@ def whole_directory(path: Path, owned: Sequence[str] = ()) -> Iterator[Path]:
     """
     made: list[Path] = []
     staged = _unfinished(path / "files")
+    _remove_abandoned(path)
     try:
         made = [parent for parent in (path, *path.parents) if not parent.exists()]
         make_directory(path)
@@ -207,6 +211,17 @@ def cannot_write(path: Path, error: OSError) -> RecordingError:
 def is_device(path: Path) -> bool:
     """Whether a path names something that is written as it goes and cannot be replaced (/dev/stdout, a pipe)."""
     return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _remove_abandoned(path: Path) -> None:
+    """Take away what processes that were killed had begun to write into a directory."""
+    for staged in path.glob(STAGED):
+        try:
+            os.kill(int(staged.name.split(".")[2]), 0)
+        except ProcessLookupError:
+            shutil.rmtree(staged, ignore_errors=True)
+        except (OSError, ValueError, OverflowError):
+            continue
 
 
 def _unfinished(place: Path) -> Path:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from lasso_motion_ros.core.errors import RecordingError
-from lasso_motion_ros.core.output_checks import OutputPlace, check_outputs
+from lasso_motion_ros.core.output_checks import OutputPlace, check_free, check_outputs
 from lasso_motion_ros.core.output_files import (
     EarlierFile,
     UnfinishedFile,
@@ -90,6 +92,23 @@ def test_a_folder_of_a_directory_takes_the_place_of_one_of_its_name(tmp_path: Pa
         "part",
         "part/new.txt",
     ]
+
+
+def test_what_a_killed_process_had_begun_is_no_loss_and_is_taken_away(tmp_path: Path) -> None:
+    directory = tmp_path / "report"
+    words = f"with whole_directory(Path({str(directory)!r})) as staged: os._exit(0)"
+    code = (
+        f"import os; from pathlib import Path; from lasso_motion_ros.core.output_files import whole_directory\n{words}"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)
+    (left,) = directory.iterdir()
+    at_work = directory / f".files.{os.getppid()}.unfinished"
+    at_work.mkdir()
+    check_free(directory, overwrite=False)
+    with whole_directory(directory) as staged:
+        (staged / "page").write_text("new")
+    assert not left.exists()
+    assert sorted(path.name for path in directory.iterdir()) == [at_work.name, "page"]
 
 
 def test_a_file_of_a_directory_that_cannot_be_replaced_leaves_all_as_they_were(tmp_path: Path) -> None:
