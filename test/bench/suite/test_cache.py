@@ -11,6 +11,8 @@ from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.sequence import RenderedSequence, run_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import RecordingError
+from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.phantom.settings import Scenario
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 
@@ -47,3 +49,22 @@ def test_what_was_rendered_is_read_back_to_the_last_bit(tmp_path: Path, monkeypa
         path.write_bytes(b"cut")
     with pytest.raises(RecordingError, match="not a rendered sequence"):
         SequenceCache(tmp_path).sequence(EVENTFUL)
+
+
+def test_with_a_cache_and_without_one_sees_the_same_matrices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    random = np.random.default_rng(1)
+    drawn = (Projection(random.normal(size=(3, 4)), 8, 8) for _ in range(1000))
+    # One that is another in its last bit when it is normalised once more.
+    odd = next(one for one in drawn if not np.array_equal(Projection(one.matrix, 8, 8).matrix, one.matrix))
+    frame = Frame(0, np.zeros((8, 8), np.uint8), odd)
+    sequence = dataclasses.replace(
+        eventful(),
+        pairs=(FramePair(0, frame, None),),
+        truth=dataclasses.replace(eventful().truth, pairs=eventful().truth.pairs[:1]),
+    )
+    monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: sequence)
+    seen = [
+        cache.sequence(EVENTFUL) for cache in (SequenceCache(None), SequenceCache(tmp_path), SequenceCache(tmp_path))
+    ]
+    matrices = [one.pairs[0].a.projection.matrix.tobytes() for one in seen]
+    assert len(set(matrices)) == 1
