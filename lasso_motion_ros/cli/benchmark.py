@@ -53,7 +53,9 @@ def add_arguments(parser: CommandParser) -> None:
     score.add_output("--json", metavar="FILE", help="write every measure, pair by pair")
     score.add_output("--report", directory=True, owned=BENCHMARK_FILES, metavar="DIR", help="write the page")
     for part, run_part in ((export, _export), (score, _score)):
-        part.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help=argparse.SUPPRESS)
+        part.add_argument(
+            "--quiet", action="store_true", default=argparse.SUPPRESS, help="print results and errors only"
+        )
         part.set_defaults(run_part=run_part, parser=part)
 
 
