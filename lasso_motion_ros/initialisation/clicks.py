@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.ring.loop_curve import fit_curve, snap
@@ -18,10 +21,33 @@ CLICKS = 20
 ALONG = np.linspace(0.0, 2.0 * np.pi, 96)
 
 
-def clicks_on(
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """The lines beside a circle.
+
+    Attributes:
+        curve: (L, 3) in space, along which both planes show them, world metres.
+        lift: (3,) metres by which plane B sees it moved.
+    """
+
+    curve: Array
+    lift: Array
+
+    def pixels(self, plane: Plane, projection: Projection) -> Array:
+        """(L, 2) where a plane's image shows it."""
+        return projection.project(self.curve + self.lift if plane == "b" else self.curve)
+
+    def seed(self, frames: dict[Plane, Frame]) -> Seed:
+        """Clicks along it."""
+        places = np.linspace(0, len(self.curve) - 1, CLICKS + 1).astype(int)[:-1]
+        a, b = (self.pixels(plane, frames[plane].projection)[places] for plane in PLANES)
+        return Seed(a, b)
+
+
+def outline_of(
     circle: Circles, frames: dict[Plane, Frame], grid: EpipolarGrid, *, bright: bool, line_sigma_mm: float
-) -> Seed:
-    """Clicks on the lines beside one circle.
+) -> Outline:
+    """The lines beside one circle.
 
     Args:
         circle: one.
@@ -33,12 +59,10 @@ def clicks_on(
     centre, points = circle.centres[0], circle.points(np.array([0.0, 0.5 * np.pi]))[0]
     ellipse = Ellipse3D(centre, points[0] - centre, points[1] - centre)
     projections = {plane: frames[plane].projection for plane in PLANES}
-    lift = projections["b"].jacobian(centre) @ (grid.upward * circle.lifts[0])
-    projections["b"] = projections["b"].shifted(*lift)
+    lift = grid.upward * circle.lifts[0]
+    projections["b"] = projections["b"].shifted(*(projections["b"].jacobian(centre) @ lift))
     curve = circle.points(ALONG)[0]
     for _ in range(ROUNDS):
         found = {plane: snap(curve, frames[plane], projections[plane], bright, line_sigma_mm) for plane in PLANES}
         curve = fit_curve(ellipse, ALONG, projections, found)(ALONG)
-    places = np.linspace(0, len(ALONG) - 1, CLICKS + 1).astype(int)[:-1]
-    a, b = (projections[plane].project(curve)[places] for plane in PLANES)
-    return Seed(a, b)
+    return Outline(curve, lift)

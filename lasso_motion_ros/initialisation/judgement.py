@@ -7,6 +7,7 @@ same again, moved by one rigid motion.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.electrodes import RingEvidence
+from lasso_motion_ros.ring.working_image import Image
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +36,10 @@ class _Tuning:
     rival_covered: float = 0.6
     rival_roundness: float = 0.65
     diameter_mm: tuple[float, float] = (12.5, 33.0)
-    slow_points: float = 10.0  # standard deviation, of 120 points
+    slow_points: float = 10.0  # standard deviation, of some hundred points along the arc
+    # Of the lines beside a circle, before a model is made and followed: less than the mean of several pairs shows.
+    glance_covered: float = 0.6
+    glance_agreement: float = 0.1
 
 
 TUNING = _Tuning()
@@ -50,7 +55,7 @@ class Judgement:
         agreement: correlation of what the two planes show.
         comb: score of equally spaced poles.
         roundness: nearest by farthest point of the curve from its middle.
-        support: what the planes show of it in the last pair.
+        support: what the planes usually show of it, by the tracker's own measure.
         diameter_mm: of the ring.
         followed: whether every later pair showed it, too.
     """
@@ -95,6 +100,34 @@ class Judgement:
         )
 
 
+@dataclass(frozen=True)
+class Glance:
+    """What both planes have in common along a curve.
+
+    Attributes:
+        covered: see `Judgement`.
+        agreement: likewise.
+    """
+
+    covered: float
+    agreement: float
+
+    @property
+    def is_worth_following(self) -> bool:
+        """Whether it may be a ring's, by one pair."""
+        return self.covered >= TUNING.glance_covered and self.agreement >= TUNING.glance_agreement
+
+    @classmethod
+    def at(cls, shown: Mapping[Plane, Image]) -> Glance:
+        """Of what each plane shows (L,) along a curve."""
+        a, b = (np.asarray(shown[plane], dtype=np.float64) for plane in PLANES)
+        lesser = np.maximum(np.minimum(a, b), 0.0)
+        means = np.add.reduceat(lesser, _starts(len(lesser))) * (TUNING.segments / len(lesser))
+        a, b = _without_slow(a), _without_slow(b)
+        scale = float(np.linalg.norm(a) * np.linalg.norm(b))
+        return cls(float((means > TUNING.shown).mean()), float(a @ b) / max(scale, 1e-9))
+
+
 def judge(evidence: RingEvidence, weights: Array, *, roundness: float, support: float, followed: bool) -> Judgement:
     """Judge a ring by what the planes show along its curve.
 
@@ -102,28 +135,28 @@ def judge(evidence: RingEvidence, weights: Array, *, roundness: float, support: 
         evidence: of both planes, mean of the pairs.
         weights: (L,) where the electrodes are, of sum 1.
         roundness: of its curve.
-        support: in the last pair.
+        support: what the planes usually show of it.
         followed: whether every later pair showed it.
     """
-    shown: dict[Plane, Array] = {plane: np.asarray(evidence.shown[plane], dtype=np.float64) for plane in PLANES}
-    lesser = np.maximum(np.minimum(*shown.values()), 0.0)
-    starts = np.arange(TUNING.segments) * len(lesser) // TUNING.segments
-    means = np.add.reduceat(lesser, starts) * (TUNING.segments / len(lesser))
-    shares = np.add.reduceat(weights, starts)
+    glance = Glance.at(evidence.shown)
+    shares = np.add.reduceat(weights, _starts(len(weights)))
     spread = -float((shares * np.log(np.maximum(shares, 1e-9))).sum()) / float(np.log(TUNING.segments))
-    fast = [_without_slow(shown[plane]) for plane in PLANES]
-    scale = float(np.linalg.norm(fast[0]) * np.linalg.norm(fast[1]))
     comb = evidence.comb
     return Judgement(
-        covered=float((means > TUNING.shown).mean()),
+        covered=glance.covered,
         spread=spread,
-        agreement=float(fast[0] @ fast[1]) / max(scale, 1e-9),
+        agreement=glance.agreement,
         comb=0.0 if comb is None else comb.score,
         roundness=roundness,
         support=support,
         diameter_mm=evidence.diameter_mm,
         followed=followed,
     )
+
+
+def _starts(length: int) -> npt.NDArray[np.intp]:
+    """Where each segment of an arc of some points begins."""
+    return np.arange(TUNING.segments) * length // TUNING.segments
 
 
 def _without_slow(values: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -33,7 +34,6 @@ class _Tuning:
     outlier: float = 4.0  # in units of the local rms: what is denser counts no more
     floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
     ceiling: float = 2.8
-    spot_sigma_cells: float = 0.6
     widest_mm: float = 200.0
 
 
@@ -49,15 +49,47 @@ class LineMaps:
     Attributes:
         responses: (DIRECTIONS, H, W) float32 in [0, 1], for a line's tangent at angle k·180°/DIRECTIONS from the
             columns' axis towards the rows'.
-        spots: (H, W) float32, what is dark against all that is about it, in units of the local rms: electrodes.
         left: of the first column, metres in the grid.
         top: of the first row, metres in the grid.
     """
 
     responses: Image
-    spots: Image
     left: float
     top: float
+
+    @cached_property
+    def _widened(self) -> Image:
+        return np.stack([cv2.dilate(one, np.ones((3, 3), np.uint8)) for one in self.responses])
+
+    def at(self, columns: Array, rows: Array, direction: npt.NDArray[np.intp], *, widened: bool = False) -> Image:
+        """The responses (...) at columns and rows (...), metres, zero outside.
+
+        Args:
+            columns: in the grid.
+            rows: likewise.
+            direction: from `nearest_direction`, of a shape that broadcasts.
+            widened: the strongest within a cell.
+        """
+        values = self._widened if widened else self.responses
+        _, height, width = values.shape
+        x = np.rint((columns - self.left) / (1e-3 * CELL_MM)).astype(np.intp)
+        y = np.rint((rows - self.top) / (1e-3 * CELL_MM)).astype(np.intp)
+        is_inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+        index = (direction * height + np.where(is_inside, y, 0)) * width + np.where(is_inside, x, 0)
+        return np.asarray(values.reshape(-1)[index] * is_inside)
+
+
+def tangents(columns: Array, rows: Array) -> tuple[Array, Array, Array]:
+    """(N, P) closed curves' unit tangents along columns and rows, and their lengths from neighbour to neighbour."""
+    along, down = (np.roll(one, -1, axis=1) - np.roll(one, 1, axis=1) for one in (columns, rows))
+    length = np.maximum(np.hypot(along, down), 1e-12)
+    return along / length, down / length, length
+
+
+def nearest_direction(columns: Array, rows: Array) -> npt.NDArray[np.intp]:
+    """(N, P) the direction of the maps that is nearest to closed curves' tangents at points (N, P)."""
+    along, down, _ = tangents(columns, rows)
+    return np.asarray(np.rint(np.arctan2(down, along) * (DIRECTIONS / np.pi)).astype(np.intp) % DIRECTIONS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +150,6 @@ def curvature(frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float,
 def line_maps(seen: Curvature, *, bright: bool) -> LineMaps:
     """The maps of lines that are darker, or brighter, than what is behind them."""
     xx, yy, xy = (-one if bright else one for one in (seen.xx, seen.yy, seen.xy))
-    spots = cv2.GaussianBlur(0.5 * (xx + yy), (0, 0), TUNING.spot_sigma_cells)
     height, width = xx.shape
     responses = np.zeros((DIRECTIONS, height, width), np.float32)
     weights = np.exp(-0.5 * (np.array(TUNING.along_steps) / TUNING.along_cells) ** 2)
@@ -135,7 +166,7 @@ def line_maps(seen: Curvature, *, bright: bool) -> LineMaps:
     responses -= np.float32(TUNING.floor)
     responses *= np.float32(1.0 / (TUNING.ceiling - TUNING.floor))
     np.clip(responses, 0.0, 1.0, out=responses)
-    return LineMaps(responses, spots, seen.left, seen.top)
+    return LineMaps(responses, seen.left, seen.top)
 
 
 def row_range(frames: dict[Plane, Frame], grid: EpipolarGrid) -> tuple[float, float]:

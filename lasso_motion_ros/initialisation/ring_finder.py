@@ -11,12 +11,14 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.initialisation.circles import Circles, find_circles
-from lasso_motion_ros.initialisation.clicks import clicks_on
+from lasso_motion_ros.initialisation.circle_fit import find_circles
+from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.initialisation.clicks import Outline, outline_of
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.judgement import Judgement, judge
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, judge
 from lasso_motion_ros.initialisation.line_maps import LineMaps, curvature, line_maps, row_range
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.working_image import WorkingImage, working_image
 
 Array = npt.NDArray[np.float64]
 
@@ -26,9 +28,11 @@ class _Tuning:
     """How many circles are followed."""
 
     pairs: int = 3  # that have to show a ring
-    tried: int = 6  # circles of a look whose curve is built and followed
-    smallest_score: float = 0.8
-    rival_score: float = 0.75  # of the circle that led to a ring; with less another leads to no rival
+    glanced: int = 20  # circles of a look that are drawn along the lines beside them
+    tried: int = 4  # of those, whose model is built and followed
+    agreement_share: float = 0.5  # of the planes' agreement in a circle's worth
+    smallest_score: float = 0.5
+    rival_share: float = 0.75  # of the worth of the circle that led to a ring; with less another leads to no rival
     smallest_field_m: float = 0.02  # that both planes have in common
     same_m: float = 4e-3  # rings whose centres are closer are one
 
@@ -103,17 +107,20 @@ def find_rings(
     between_s = 1e-9 * (frames["b"].stamp_ns - frames["a"].stamp_ns)
     circles = find_circles(maps, grid, between_s)
     decided = replace(config, polarity="bright" if bright else "dark")
+    images = {
+        plane: working_image(frame, grid.centre, bright=bright, shift=np.zeros(2)) for plane, frame in frames.items()
+    }
     tried: list[Proposal] = []
-    believed = 0.0  # score of the best circle that has led to a ring
-    for k in range(min(TUNING.tried, len(circles))):
-        if circles.scores[k] < max(TUNING.smallest_score, TUNING.rival_score * believed):
+    believed = 0.0  # worth of the best circle that has led to a ring
+    for one in _worth_following(circles, frames, images, grid, decided, go_on)[: TUNING.tried]:
+        if one.worth < TUNING.rival_share * believed:
             break
         _check(go_on)
-        ring = _followed(circles[k : k + 1], pairs, grid, decided, go_on)
+        ring = _followed(one.outline.seed(frames), pairs, decided, go_on)
         if ring is not None:
             tried.append(ring)
             if ring.judgement.is_ring:
-                believed = max(believed, float(circles.scores[k]))
+                believed = max(believed, one.worth)
     tried.sort(key=lambda one: -one.judgement.comb)
     found: list[Proposal] = []
     for ring in tried:
@@ -130,16 +137,53 @@ def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
     return len(others)
 
 
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A circle drawn along the lines beside it.
+
+    Attributes:
+        outline: the lines.
+        worth: what speaks for it: lines all along the circle, and the same electrodes in both planes.
+    """
+
+    outline: Outline
+    worth: float
+
+
+def _worth_following(
+    circles: Circles,
+    frames: dict[Plane, Frame],
+    images: Mapping[Plane, WorkingImage],
+    grid: EpipolarGrid,
+    config: TrackerConfig,
+    go_on: Callable[[], bool],
+) -> list[_Candidate]:
+    """The best circles beside which both planes show something of a ring, best first."""
+    bright, sigma_mm = config.polarity == "bright", config.path.line_sigma_mm
+    candidates = []
+    for k in range(min(TUNING.glanced, len(circles))):
+        if circles.scores[k] < TUNING.smallest_score:
+            break
+        _check(go_on)
+        try:
+            outline = outline_of(circles[k : k + 1], frames, grid, bright=bright, line_sigma_mm=sigma_mm)
+        except (LassoMotionError, ValueError, np.linalg.LinAlgError):
+            continue
+        shown = {plane: image.evidence_at(outline.pixels(plane, image.projection)) for plane, image in images.items()}
+        glance = Glance.at(shown)
+        if glance.is_worth_following:
+            worth = float(circles.scores[k]) + TUNING.agreement_share * glance.agreement
+            candidates.append(_Candidate(outline, worth))
+    return sorted(candidates, key=lambda one: -one.worth)
+
+
 def _followed(
-    circle: Circles, pairs: Sequence[FramePair], grid: EpipolarGrid, config: TrackerConfig, go_on: Callable[[], bool]
+    seed: Seed, pairs: Sequence[FramePair], config: TrackerConfig, go_on: Callable[[], bool]
 ) -> Proposal | None:
-    """What a circle leads to, once its curve has been followed through the pairs; None where there is no ring."""
+    """What clicks lead to, once their model has been followed through the pairs; None where there is no ring."""
     first = pairs[0]
     tracker = RingTracker(config)
     try:
-        seed = clicks_on(
-            circle, first.frames, grid, bright=config.polarity == "bright", line_sigma_mm=config.path.line_sigma_mm
-        )
         tracker.initialise(first, seed)
         followed = True
         for pair in pairs[1:]:

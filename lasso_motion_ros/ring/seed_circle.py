@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import GeometryError, ReconstructionError
+from lasso_motion_ros.geometry.directions import axes_across, half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
 from lasso_motion_ros.geometry.triangulation import triangulate
 from lasso_motion_ros.ring.working_image import Image, WorkingImage, working_image
@@ -147,12 +148,7 @@ class _View:
 @cache
 def _shapes() -> Array:
     """(K, 3) normals, evenly spread over half a sphere (a Fibonacci lattice), times radii, mm; not to be changed."""
-    index = np.arange(TUNING.normals) + 0.5
-    height = index / TUNING.normals
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * index
-    across = np.sqrt(1.0 - height**2)
-    normals = np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)
-    shapes = np.concatenate([radius * normals for radius in TUNING.radii_mm])
+    shapes = np.concatenate([radius * half_sphere(TUNING.normals) for radius in TUNING.radii_mm])
     shapes.setflags(write=False)
     return shapes
 
@@ -160,12 +156,8 @@ def _shapes() -> Array:
 def _axes(circles: Array) -> tuple[Array, Array]:
     """(K, 3) two of each circle's radii, across each other, metres."""
     radius = np.linalg.norm(circles[:, 3:], axis=1, keepdims=True)
-    normal = circles[:, 3:] / radius
-    # Whichever axis of the world is farther from the normal.
-    start = np.where(np.abs(normal[:, :1]) < 0.6, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))
-    first = np.cross(normal, start)
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return 1e-3 * radius * first, 1e-3 * radius * np.cross(normal, first)
+    first, second = axes_across(circles[:, 3:] / radius)
+    return 1e-3 * radius * first, 1e-3 * radius * second
 
 
 def _projected(circles: Array, matrix: Array) -> Array:

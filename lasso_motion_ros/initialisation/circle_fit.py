@@ -1,0 +1,138 @@
+"""Circles that are moved, tilted and resized until they lie on the lines beside them in both planes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.directions import axes_across
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
+from lasso_motion_ros.initialisation.circles import TURN, Circles, laid
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.line_maps import LineMaps, nearest_direction, tangents
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Round:
+    """One round of refinement.
+
+    Attributes:
+        reach_m: how far beside a circle a line is looked for.
+        step_m: from place to place in there.
+        repeats: how often.
+        kept: of the circles that are distinct afterwards.
+        same_m: see `Circles.distinct`.
+        same_cosine: likewise.
+    """
+
+    reach_m: float
+    step_m: float
+    repeats: int
+    kept: int
+    same_m: float
+    same_cosine: float
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How circles come to lie on lines."""
+
+    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 120, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 2e-3, 0.9))
+    nearer_share: float = 0.6  # standard deviation of where the line is, of the reach
+    beside_m: float = 2e-3  # a ring has nothing there
+    beside_share: float = 0.5  # of it counts against the circle
+    # What keeps a circle where no line says otherwise, in weights of points along it: centre, tilt, radius, lift.
+    inertia: tuple[float, ...] = (0.2, 0.2, 0.2, 2e-5, 2e-5, 0.2)
+    lift_inertia: tuple[float, float] = (2.0, 10.0)  # where plane B is exposed later, and where not
+    later_s: float = 0.01
+    largest_step: tuple[float, ...] = (2e-3, 2e-3, 2e-3, 0.25, 0.25, 1.5e-3, 2e-3)  # m and rad
+    radii_m: tuple[float, float] = (5.5e-3, 17.5e-3)
+    largest_lift_m: float = 5e-3
+
+
+TUNING = _Tuning()
+
+
+def find_circles(maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float) -> Circles:
+    """The best circles that both planes show, refined and distinct, best first.
+
+    Args:
+        maps: both planes'.
+        grid: on which they are laid out.
+        between_s: from plane A's exposure to plane B's.
+    """
+    circles = scored(search_circles(maps, grid, between_s), maps, grid)
+    lift_inertia = TUNING.lift_inertia[0 if abs(between_s) > TUNING.later_s else 1]
+    for one in TUNING.rounds:
+        moved = circles
+        for _ in range(one.repeats):
+            moved = scored(_moved(moved, maps, grid, one, lift_inertia), maps, grid)
+            circles = circles.better_of(moved)
+        circles = circles.distinct(one.kept, one.same_m, one.same_cosine)
+    return circles
+
+
+def scored(circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid) -> Circles:
+    """The circles with the mean response to lines along them, less that beside them: the weaker plane's above all."""
+    larger = 1.0 + (TUNING.beside_m / circles.radii)[:, None]
+    means = []
+    for plane in PLANES:
+        columns, rows = laid(circles, plane, grid)
+        direction = nearest_direction(columns, rows)
+        column, row = (one.mean(axis=1, keepdims=True) for one in (columns, rows))
+
+        def mean(scale: Array | float) -> Array:
+            at = column + scale * (columns - column), row + scale * (rows - row)  # noqa: B023 - called at once
+            return np.asarray(maps[plane].at(*at, direction, widened=True).mean(axis=1), np.float64)  # noqa: B023 - likewise
+
+        means.append(mean(1.0) - 0.5 * TUNING.beside_share * (mean(larger) + mean(2.0 - larger)))
+    return replace(circles, scores=np.minimum(*means) + STRONGER_SHARE * np.maximum(*means))
+
+
+def _moved(
+    circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, one: _Round, lift_inertia: float
+) -> Circles:
+    """The circles after one step towards the lines beside them (weighted least squares of the distances)."""
+    inertia = np.array([*TUNING.inertia, lift_inertia])
+    normal = np.tile(np.diag(inertia), (len(circles), 1, 1))
+    right = np.zeros((len(circles), 7))
+    right[:, 6] = -inertia[6] * circles.lifts
+    offsets = np.arange(-one.reach_m, one.reach_m + 0.5 * one.step_m, one.step_m)
+    nearness = np.exp(-0.5 * (offsets / (TUNING.nearer_share * one.reach_m)) ** 2)
+    first, second = axes_across(circles.normals)
+    out = circles.radii[:, None, None] * circles.normals[:, None]
+    # World metres by which each point moves: a tilt about either axis, and a larger radius.
+    moves = (np.sin(TURN)[:, None] * out, np.cos(TURN)[:, None] * out, circles.spokes())
+    for plane in PLANES:
+        columns, rows = laid(circles, plane, grid)
+        along, down, length = tangents(columns, rows)
+        x, y = -down[..., None], along[..., None]  # across the circle
+        direction = nearest_direction(columns, rows)[..., None]
+        shown = maps[plane].at(columns[..., None] + offsets * x, rows[..., None] + offsets * y, direction)
+        weights = shown**2 * nearness
+        found = (weights * offsets).sum(axis=2) / np.maximum(weights.sum(axis=2), 1e-6)
+        # Where a plane sees the circle's side, its points lie close together.
+        weight = shown.max(axis=2) * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
+        across = x * grid.sideways[plane] + y * grid.upward
+        turned = [np.einsum("npi,npi->np", across, np.broadcast_to(move, across.shape)) for move in moves]
+        lifted = y[..., 0] if plane == "b" else np.zeros_like(length)
+        jacobian = np.concatenate([across, np.stack([*turned, lifted], axis=2)], axis=2)
+        weighted = jacobian * weight[..., None]
+        normal += np.matmul(weighted.transpose(0, 2, 1), jacobian)
+        right += np.einsum("npi,np->ni", weighted, found)
+    step = np.linalg.solve(normal, right[..., None])[..., 0]
+    step = np.clip(step, -np.array(TUNING.largest_step), TUNING.largest_step)
+    normals = circles.normals - step[:, 3:4] * second - step[:, 4:5] * first
+    return Circles(
+        circles.centres + step[:, :3],
+        normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        np.clip(circles.radii + step[:, 5], *TUNING.radii_m),
+        np.clip(circles.lifts + step[:, 6], -TUNING.largest_lift_m, TUNING.largest_lift_m),
+        circles.scores,
+    )

@@ -1,0 +1,171 @@
+"""The best of all circles that a ring can be, everywhere that both planes look, in steps of a millimetre and a half.
+
+A circle's projection is the same curve wherever it lies, nearly: the planes are some ten times farther away than it
+may be moved. So one plane's responses along circles of one shape (tilt and radius), whichever place they have in its
+image, are one sum of shifted images. Both planes show a circle at one height. So of each row of both, at one shape,
+the best place is the best in each plane, and all places in space are tried.
+
+A straight line, a rib or a lead has as much along it as a wire; a catheter's ring has nothing beside it. So what
+circles show that are a little smaller and larger counts against it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.directions import half_sphere
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, laid
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.line_maps import CELL_MM, LineMaps, nearest_direction
+
+Array = npt.NDArray[np.float64]
+Coarse = npt.NDArray[np.uint8]
+Contrast = npt.NDArray[np.int16]
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """How finely shapes and places are tried."""
+
+    fine_cells: int = 3  # of the maps, that make one
+    normals: int = 160  # over half a sphere: 0.2 rad apart, a cell at the end of a radius
+    radii_mm: tuple[float, ...] = (5.2, 6.8, 8.4, 10.2, 12.2, 14.4, 16.8)  # the outermost are beside others only
+    levels: int = 7  # of a response: with 36 points the sum is a byte
+    widened_cells: int = 5  # of the maps: a circle between two that are tried is seen in both
+    reach_m: float = 0.018  # of a shape
+    agreeing_m: float = 1.5e-3  # by which calibrated planes' heights may differ
+    fastest_m_s: float = 0.03  # of breathing: where plane B is exposed later the ring may have moved up or down by then
+    largest_lift_m: float = 5e-3
+    rows: int = 3_000  # of some shape, in which places are looked for
+    kept: int = 400
+    same_m: float = 3e-3
+    same_cosine: float = 0.9
+
+
+TUNING = _Tuning()
+_CELL_M = 1e-3 * CELL_MM * TUNING.fine_cells  # of a coarse cell
+STRONGER_SHARE = 0.3  # of the plane that shows more: a circle is what the weaker one shows of it
+
+
+def search_circles(maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float) -> Circles:
+    """The best circles, distinct, best first.
+
+    Args:
+        maps: both planes'.
+        grid: on which they are laid out.
+        between_s: from plane A's exposure to plane B's.
+    """
+    shapes = _shapes(grid)
+    shown = {plane: _contrasts(maps[plane], shapes, plane, grid) for plane in PLANES}
+    best = {plane: one.max(axis=2) for plane, one in shown.items()}
+    lift = max(TUNING.agreeing_m, min(TUNING.largest_lift_m, TUNING.fastest_m_s * abs(between_s)))
+    steps = round(lift / _CELL_M)
+    rows = [_best_rows(best, step) for step in range(-steps, steps + 1)]
+    of_shape, row, step, scores = (np.concatenate(part) for part in zip(*rows, strict=True))
+    order = np.argsort(-scores, kind="stable")[: TUNING.rows]
+    of_shape, row, step = of_shape[order], row[order], step[order]
+    # In each plane two places of the row: the best may be another thing.
+    a, b = _two_peaks(shown["a"][of_shape, row]), _two_peaks(shown["b"][of_shape, row + step])
+    column: dict[Plane, Indices] = {"a": a[0][:, [0, 0, 1, 1]].reshape(-1), "b": b[0][:, [0, 1, 0, 1]].reshape(-1)}
+    scores = _together(a[1][:, [0, 0, 1, 1]], b[1][:, [0, 1, 0, 1]]).reshape(-1)
+    of_shape, row, step = (np.repeat(one, 4) for one in (of_shape, row, step))
+    middle = 0.5 * (_CELL_M - 1e-3 * CELL_MM)
+    columns = {plane: np.asarray(maps[plane].left + middle + _CELL_M * column[plane], np.float64) for plane in PLANES}
+    centres = grid.places(columns, maps["a"].top + middle + _CELL_M * row)
+    # Nearer to the planes' sources a circle looks larger.
+    depth = (centres - grid.sources["a"]) @ grid.outward / grid.lever
+    inner = shapes[_of_inner(len(shapes))]
+    found = Circles(
+        centres,
+        inner.normals[of_shape],
+        inner.radii[of_shape] * depth,
+        _CELL_M * step.astype(np.float64),
+        scores / (POINTS * TUNING.levels),
+    )
+    return found.distinct(TUNING.kept, TUNING.same_m, TUNING.same_cosine)
+
+
+def _shapes(grid: EpipolarGrid) -> Circles:
+    """A circle of each tilt and radius in the middle of the grid, radius by radius for each tilt."""
+    radii = 1e-3 * np.array(TUNING.radii_mm)
+    count = TUNING.normals * len(radii)
+    return Circles(
+        np.tile(grid.centre, (count, 1)),
+        np.repeat(half_sphere(TUNING.normals), len(radii), axis=0),
+        np.tile(radii, TUNING.normals),
+        np.zeros(count),
+        np.zeros(count),
+    )
+
+
+def _of_inner(count: int) -> Indices:
+    """Which shapes have a smaller and a larger one beside them."""
+    return np.arange(count).reshape(-1, len(TUNING.radii_mm))[:, 1:-1].reshape(-1)
+
+
+def _contrasts(maps: LineMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid) -> Contrast:
+    """(inner shapes, H, W) what a plane shows along each in all places, less half of what it shows beside it."""
+    sums = _sums(_pooled(maps), shapes, plane, grid)
+    on = sums.reshape(-1, len(TUNING.radii_mm), *sums.shape[1:]).astype(np.int16)
+    contrast = on[:, 1:-1] - ((on[:, :-2] + on[:, 2:]) >> 2)
+    return np.maximum(contrast, 0, out=contrast).reshape(-1, *sums.shape[1:])
+
+
+def _pooled(maps: LineMaps) -> Coarse:
+    """(DIRECTIONS, H, W) the strongest response about each coarse cell's middle."""
+    kernel = np.ones((TUNING.widened_cells, TUNING.widened_cells), np.uint8)
+    cells = slice(TUNING.fine_cells // 2, None, TUNING.fine_cells)
+    wide = np.stack([cv2.dilate(one, kernel)[cells, cells] for one in maps.responses])
+    return np.asarray(np.rint(wide * TUNING.levels), np.uint8)
+
+
+def _sums(pooled: Coarse, shapes: Circles, plane: Plane, grid: EpipolarGrid) -> Coarse:
+    """(shapes, H, W) sums of the responses along each shape, by the place of its middle."""
+    columns, rows = laid(shapes, plane, grid)
+    direction = nearest_direction(columns, rows)
+    reach = int(np.ceil(TUNING.reach_m / _CELL_M))
+    count, height, width = pooled.shape
+    padded = np.pad(pooled, ((0, 0), (reach, reach), (reach, reach)))
+    stride = width + 2 * reach
+    # An image in one piece: a shift is an offset in it, and what wraps around comes from the margin.
+    flat = padded.reshape(count, -1)
+    offsets = (np.rint(rows / _CELL_M).astype(np.intp) + reach) * stride
+    offsets += np.rint(columns / _CELL_M).astype(np.intp) + reach
+    length = (height - 1) * stride + width
+    sums = np.zeros((len(shapes), height * stride), np.uint8)
+    for total, starts, directions in zip(sums, offsets.tolist(), direction.tolist(), strict=True):
+        part = total[:length]
+        for start, k in zip(starts, directions, strict=True):
+            np.add(part, flat[k, start : start + length], out=part)
+    return sums.reshape(len(shapes), height, stride)[:, :, :width]
+
+
+def _best_rows(best: Mapping[Plane, Contrast], step: int) -> tuple[Indices, Indices, Indices, Array]:
+    """Shapes, rows of plane A, steps to those of plane B, and scores of the rows that show most in both planes."""
+    height = min(best[plane].shape[1] for plane in PLANES)
+    rows = np.arange(max(0, -step), min(height, height - step))
+    scores = _together(best["a"][:, rows], best["b"][:, rows + step])
+    order = np.argsort(-scores, axis=None, kind="stable")[: TUNING.rows]
+    shape, row = np.unravel_index(order, scores.shape)
+    return shape, rows[row], np.full(len(order), step), scores.reshape(-1)[order]
+
+
+def _two_peaks(rows: Contrast) -> tuple[Indices, Contrast]:
+    """(M, 2) columns and values of the highest in each of some rows (M, W), and of the next that is not beside it."""
+    index = np.arange(len(rows))
+    first = rows.argmax(axis=1)
+    others = rows.copy()
+    for aside in range(-2, 3):
+        others[index, np.clip(first + aside, 0, rows.shape[1] - 1)] = 0
+    second = others.argmax(axis=1)
+    return np.stack([first, second], axis=1), np.stack([rows[index, first], others[index, second]], axis=1)
+
+
+def _together(a: Contrast, b: Contrast) -> Array:
+    return np.asarray(np.minimum(a, b) + STRONGER_SHARE * np.maximum(a, b), dtype=np.float64)

@@ -1,0 +1,66 @@
+"""Of all circles in space the ring's is found, edge-on in a plane and beside long wires too, with plane B late too."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.lasso_inputs import lasso_curve, lasso_image, noisy
+from support.method_inputs import draw_curve
+from support.tracking_inputs import LOOP, VIEWS
+
+from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
+from lasso_motion_ros.initialisation.circle_fit import find_circles
+from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.line_maps import curvature, line_maps, row_range
+
+UP = np.array([0.0, 0.0, 4e-3])
+RADIUS = float(np.linalg.norm(LOOP.semi_major))
+
+
+def _tilted(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lasso's curve (N, 3), turned so that its axis is `normal`, and that axis."""
+    normal = normal / np.linalg.norm(normal)
+    axis = np.cross(LOOP.normal, normal)
+    turn = rotation_from_vector(axis / np.linalg.norm(axis) * np.arccos(np.clip(LOOP.normal @ normal, -1.0, 1.0)))
+    return LOOP.centre + (lasso_curve() - LOOP.centre) @ turn.T, normal
+
+
+def _found(curve: np.ndarray, lift: np.ndarray, between_s: float, *, wires: bool = False) -> Circles:
+    """The circles in two drawn images; plane B sees the curve lifted."""
+    frames = {}
+    for plane, view in VIEWS.items():
+        image = lasso_image(curve + lift if plane == "b" else curve, view)
+        if wires:
+            for x in (190.0, 300.0, 330.0):
+                line = np.array([[x, -20.0], [x + 25.0, 250.0], [x - 15.0, 530.0]])
+                image = draw_curve(line, image.shape, sigma_px=1.6, background=image, depth=45.0)
+        frames[plane] = Frame(0, noisy(image, ord(plane)), view)
+    grid = EpipolarGrid.of(VIEWS)
+    rows = row_range(frames, grid)
+    maps = {plane: line_maps(curvature(frame, plane, grid, rows), bright=False) for plane, frame in frames.items()}
+    return find_circles(maps, grid, between_s)
+
+
+@pytest.mark.parametrize("case", ["open", "edge-on", "wires", "late"])
+def test_the_best_of_all_circles_lies_on_the_ring(case: str) -> None:
+    edge_on = np.cross(VIEWS["b"].source - LOOP.centre, [0.2, 0.1, 1.0])
+    curve, normal = _tilted(edge_on if case == "edge-on" else LOOP.normal + 1e-6)
+    lift = UP if case == "late" else np.zeros(3)
+    circles = _found(curve, lift, 0.17 if case == "late" else 0.0, wires=case == "wires")
+    assert np.linalg.norm(circles.centres[0] - curve.mean(axis=0)) < 1.2e-3
+    assert abs(circles.normals[0] @ normal) > np.cos(np.radians(8.0))
+    assert circles.radii[0] == pytest.approx(RADIUS, rel=0.08)
+    if case == "late":
+        up = EpipolarGrid.of(VIEWS).upward
+        assert circles.lifts[0] == pytest.approx(float(UP @ up), abs=1.2e-3)
+
+
+def test_circles_that_are_told_apart_are_the_best_of_their_neighbours() -> None:
+    normals = np.array([[0.0, 0.0, 1.0]] * 3 + [[1.0, 0.0, 0.0]])
+    centres = np.array([[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [9e-3, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    scores = np.array([0.5, 0.9, 0.4, 0.3])
+    circles = Circles(centres, normals, np.full(4, 0.01), np.zeros(4), scores)
+    assert circles.distinct(4, 3e-3, 0.9).scores.tolist() == [0.9, 0.4, 0.3]
+    assert circles.distinct(2, 3e-3, 0.9).scores.tolist() == [0.9, 0.4]
