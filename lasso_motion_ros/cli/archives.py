@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from lasso_motion_ros.cli.arguments import CommandParser, is_archive
+from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_BAD_INPUT, EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.output_files import write_json
@@ -16,6 +16,7 @@ from lasso_motion_ros.core.worker_pool import DaskCluster, LocalPool, Pool, This
 from lasso_motion_ros.tools.archive import run_archive
 from lasso_motion_ros.tools.archive_job import Work
 from lasso_motion_ros.tools.archive_rows import TABLE
+from msg_adapters.recordings.recording_search import is_collection
 
 ARCHIVE_HELP = """
 Many recordings: name folders, patterns ('data/**/*.mcap', quoted) and files, add --workers N or --scheduler ADDRESS,
@@ -48,15 +49,18 @@ def worker_pool(args: argparse.Namespace) -> Pool:
     return ThisProcess() if args.workers is None else LocalPool(args.workers)
 
 
-def only_recording(args: argparse.Namespace, paths: list[Path]) -> Path:
+def only_recording(paths: Sequence[Path]) -> Path:
     """The recording of a command that is not on an archive.
 
     Raises:
-        LassoMotionError: there are several.
+        LassoMotionError: there are several, or a folder or a pattern that stands for several.
     """
-    if is_archive(args) or len(paths) == 1:
-        return paths[0]
-    raise LassoMotionError(f"found {len(paths)} recordings: --workers N takes several, and -o is a folder then")
+    several = "--workers N takes several, and -o is a folder then"
+    if len(paths) > 1:
+        raise LassoMotionError(f"found {len(paths)} recordings: {several}")
+    if is_collection(paths[0]):
+        raise LassoMotionError(f"{paths[0]} is no recording: {several}")
+    return paths[0]
 
 
 def run_over_archive(args: argparse.Namespace, named: Iterable[tuple[Work, str, str]], label: str) -> int:

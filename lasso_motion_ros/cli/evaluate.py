@@ -21,6 +21,7 @@ from lasso_motion_ros.reports.evaluation_report import REPORT_FILES
 from lasso_motion_ros.tools.archive_evaluation import archived_results, is_result_folder, score_archive
 from lasso_motion_ros.tools.archive_rows import write_table
 from lasso_motion_ros.tools.evaluation_runs import evaluate_recordings, write_evaluation_report
+from msg_adapters.recordings.recording_search import find_recordings, is_collection
 
 HELP = """Score tracking against the truth in recordings. Without --result each recording is tracked first, offline; a
 folder that track has filled with an archive's results is scored against the recordings that they were made of.
@@ -39,7 +40,10 @@ DEFAULT_WORST = 3
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
     parser.add_input(
-        "recordings", nargs="*", metavar="IN.mcap", help="recording with truth, or a folder of an archive's results"
+        "recordings",
+        nargs="*",
+        metavar="IN.mcap",
+        help="recording with truth, a folder or pattern of some, or a folder of results",
     )
     parser.add_input(
         "--result",
@@ -85,6 +89,7 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Evaluate; returns the exit status (0, or 3 where a recording was read in part, or left out)."""
+    args.recordings = [one for path in args.recordings for one in _recordings(path)]
     _check(args)
     if any(is_result_folder(path) for path in args.recordings):
         return _archive(args)
@@ -139,6 +144,13 @@ def _report(args: argparse.Namespace, results: Sequence[Evaluated]) -> None:
     page = write_evaluation_report(args.report, results, args.worst, quiet=args.quiet)
     if not args.quiet:
         print(f"\nreport: {page}")
+
+
+def _recordings(path: Path) -> list[Path]:
+    """What a path stands for: itself, or the recordings of a folder or a pattern."""
+    if is_result_folder(path) or not is_collection(path):
+        return [path]
+    return [found.path for found in find_recordings([path])]
 
 
 def names_recording(word: str) -> bool:

@@ -52,11 +52,10 @@ def add_arguments(parser: CommandParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Track; returns the exit status (3 where the recording could be read in part only)."""
-    recording = only_recording(args, args.recordings)
     if is_archive(args):
         return _archive(args)
     summary = track_recording(
-        recording,
+        only_recording(args.recordings),
         args.output,
         args.config,
         seeds=args.seeds,

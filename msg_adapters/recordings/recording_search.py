@@ -58,6 +58,13 @@ def find_recordings(places: Sequence[Path], without: Sequence[Path] = ()) -> lis
     return list(found.values())
 
 
+def is_collection(path: Path) -> bool:
+    """Whether a path is no recording but stands for several: a pattern, or a folder without an MCAP file of its own."""
+    if path.is_dir():
+        return not is_bag_directory(path) and not any(path.glob("*.mcap"))
+    return not path.exists() and glob.has_magic(str(path))
+
+
 def is_bag_directory(path: Path) -> bool:
     """Whether a folder is one recording, not a collection of some."""
     if not path.is_dir():

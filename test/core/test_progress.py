@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import io
+import re
 import sys
 
 import pytest
 
-from lasso_motion_ros.core.progress import busy, counting, progress
+from lasso_motion_ros.core.progress import Tally, busy, counting, progress, tallying
 
 
 class Terminal(io.StringIO):
@@ -48,3 +49,22 @@ def test_a_count_grows(monkeypatch, stream_type, quiet, visible):
         for count in (1, 5, 9):
             show(count)
     assert ("published" in stream.getvalue()) == visible
+
+
+@CASES
+def test_recordings_are_tallied(monkeypatch, stream_type, quiet, visible):
+    stream = stream_type()
+    monkeypatch.setattr(sys, "stderr", stream)
+    with tallying("tracking", 2, quiet) as tally:
+        tally(Tally(pairs=30))
+        tally(Tally(failed=True))
+    assert ("tracking" in stream.getvalue()) == visible
+
+
+def test_a_log_of_hours_has_a_line_a_minute(monkeypatch):
+    stream = io.StringIO()
+    monkeypatch.setattr(sys, "stderr", stream)
+    monkeypatch.setattr("lasso_motion_ros.core.progress.LOGGED_EVERY_S", 0.0)
+    with tallying("tracking", 2, quiet=False) as tally:
+        tally(Tally(pairs=30))
+    assert re.fullmatch(r"tracking: 1 of 2 recordings, \d+ pairs/s, 0 min left\n", stream.getvalue())

@@ -21,7 +21,9 @@ pytest.importorskip("mcap")
 from support.drawn_recording import write_input
 
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.tools.archive_job import code_version
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.tools.archive_job import ArchiveJob, code_version, run_job
+from lasso_motion_ros.tools.archive_tracking import TrackingWork
 
 NAMES = ("a", "p/b")
 
@@ -167,6 +169,8 @@ def test_a_cluster_writes_what_one_process_writes_though_a_worker_is_killed(
     ("words", "said"),
     [
         ("IN/a.mcap IN/p/b.mcap -o OUT", "found 2 recordings: --workers N takes several, and -o is a folder then"),
+        ("IN/*.mcap -o OUT", "IN/*.mcap is no recording: --workers N takes several"),
+        ("TOP -o OUT", "TOP is no recording: --workers N takes several, and -o is a folder then"),
         ("IN/p/b.mcap IN/.q/b.mcap -o OUT --workers 1", "both results would be called b; name the folder above both"),
         ("IN/nothing -o OUT --workers 1", "IN/nothing: there is no such recording"),
         (
@@ -183,17 +187,28 @@ def test_what_cannot_be_meant_is_said_before_anything_runs(
     words: str, said: str, archive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def there(text: str) -> str:
-        return text.replace("IN", str(archive)).replace("OUT", str(tmp_path / "out"))
+        text = text.replace("TOP", str(archive.parent)).replace("IN", str(archive))
+        return text.replace("OUT", str(tmp_path / "out"))
 
     assert track(*there(words).split()) == 2
     assert there(said) in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
-def test_the_version_knows_the_code() -> None:
-    number, _, digest = code_version().partition("+")
-    assert number
-    assert len(digest) == 12
+def test_a_worker_of_another_version_does_nothing(archive: Path, tmp_path: Path) -> None:
+    work = TrackingWork(archive / "a.mcap", StreamConfig())
+    finished = run_job(ArchiveJob(work, "a", tmp_path, "a.mcap", "0.0.1+abc", overwrite=False))
+    said = f"this worker has lasso_motion_ros {code_version()}, asked for was 0.0.1+abc"
+    assert (finished.row.status, finished.row.reason) == ("failed", said)
+    assert results(tmp_path) == {}
+
+
+def test_evaluate_takes_patterns(archive: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = str(archive / "p" / "none.mcap")
+    assert main(["evaluate", str(archive / "p" / "n*.mcap"), "--result", result]) == 2
+    assert "p/none.mcap is not an MCAP recording" in capsys.readouterr().err
+    assert main(["evaluate", str(archive / "p" / "*.mcap"), "--result", result]) == 2
+    assert "found 1 for 2 recordings" in capsys.readouterr().err
 
 
 def test_results_that_lie_among_the_recordings_are_no_recordings(archive: Path, tmp_path: Path) -> None:
