@@ -21,7 +21,7 @@ _ONES = np.ones(2 * HALF_WIDTH + 1, dtype=np.float32)
 class _Tuning:
     """What counts as noise, as an outlier and as seen."""
 
-    # Working pixels share noise with their neighbours (detector, band-pass); this many count as one.
+    # Working pixels share noise with their neighbours (detector, band-pass); so many count as one (docs/constants.md).
     noise_correlation: float = 8.0
     outlier_sigmas: float = 4.0  # Tukey's weight is zero beyond
     segments: int = 12  # of the loop, each judged by itself

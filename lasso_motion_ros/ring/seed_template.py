@@ -2,26 +2,62 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel, offsets_of
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
-from lasso_motion_ros.ring.working_image import working_image
+from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+
+Array = npt.NDArray[np.float64]
 
 ROUNDS = 4
 # The curve was fitted to this very pair: the ring neither turns nor stretches in it.
 STILL = RingPrior(turn_rad=0.01, stretch=0.005)
+# About the ring, of the seed pair that is kept: an alignment in it goes no further.
+KEPT_MM = 6.0
+
+
+@dataclass(frozen=True, eq=False)
+class SeedView:
+    """What the seed pair shows about the ring, kept to be looked at again.
+
+    All motion is told from where the ring lay in this one pair. What its noise has put the first template off by is an
+    error of every later pose alike; the template that many pairs have made tells that place better.
+
+    Attributes:
+        model: the ring at the seed pair.
+        images: both planes', about the ring.
+        worth: what the planes' evidence is worth.
+    """
+
+    model: LoopModel
+    images: dict[Plane, WorkingImage]
+    worth: DetectionTuning
+
+    def displacement(self, template: RingTemplate) -> Estimate:
+        """Where a template lies in the seed pair, from the model's place, and how well that is known."""
+        at_home = dict.fromkeys(PLANES, self.model.centre)
+        alignment = align(self.images, template, self.model.arms, at_home, STILL)
+        precision, sum_ = np.zeros((3, 3)), np.zeros(3)
+        for fit in alignment.planes.values():
+            weight = np.linalg.inv(fit.covariance + self.worth.systematic_m**2 * np.eye(2))
+            precision += fit.across.T @ weight @ fit.across
+            sum_ += fit.across.T @ weight @ (fit.across @ (fit.centre - self.model.centre))
+        covariance: Array = np.linalg.inv(precision).astype(np.float64)
+        return Estimate(covariance @ sum_, covariance)
 
 
 def seed_template(
     model: LoopModel, frames: dict[Plane, Frame], tuning: TemplateTuning, worth: DetectionTuning
-) -> tuple[LoopModel, RingTemplate, Detection]:
+) -> tuple[SeedView, RingTemplate, Detection]:
     """Build the template, and register it with the seed pair as with any other.
 
     Without that, what the template lies off in the seed pair would be a constant error of every later pose. The planes'
@@ -34,7 +70,7 @@ def seed_template(
         worth: what the planes' evidence is worth.
 
     Returns:
-        The model with its planes' offsets corrected, the template, and the ring as it is seen in the seed pair.
+        The seed pair with the model, its planes' offsets corrected; the template; and the ring as it is seen there.
     """
     projections = {plane: frame.projection for plane, frame in frames.items()}
     shifts = {plane: model.shift(plane, projections[plane]) for plane in PLANES}
@@ -51,4 +87,17 @@ def seed_template(
         for plane, fit in seen.alignment.planes.items():
             project = projections[plane].project
             shifts[plane] = shifts[plane] + np.asarray(project(fit.centre) - project(model.centre))
-    return replace(model, offsets=offsets_of(shifts, projections, model.centre)), template, seen
+    model = replace(model, offsets=offsets_of(shifts, projections, model.centre))
+    return SeedView(model, _about_ring(model, frames), worth), template, seen
+
+
+def _about_ring(model: LoopModel, frames: dict[Plane, Frame]) -> dict[Plane, WorkingImage]:
+    images = {}
+    for plane in PLANES:
+        shift = model.shift(plane, frames[plane].projection)
+        image = working_image(frames[plane], model.centre, bright=model.bright, shift=shift).about(
+            model.points, KEPT_MM
+        )
+        # Its own pixels: a part of the whole would keep the whole.
+        images[plane] = replace(image, values=image.values.copy(), noise=image.noise.copy(), grey=image.grey.copy())
+    return images

@@ -17,6 +17,7 @@ from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
+from lasso_motion_ros.ring.seed_template import SeedView
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.track_state import TrackBelief
 
@@ -24,8 +25,8 @@ Array = npt.NDArray[np.float64]
 
 USUAL_SHARE = 0.1  # of the newest pair, in what is usual
 SMALLEST_CONTRAST = 1e-6
-# Pairs after which the electrodes are looked at anew: each time some twice as many.
-ELECTRODES_AFTER = (2, 4, 8, 16, 24)
+# Pairs after which the electrodes, and the seed pair, are looked at anew: each time some twice as many.
+LOOKED_AT_AFTER = (2, 4, 8, 16, 24)
 
 
 @dataclass(eq=False)
@@ -34,6 +35,7 @@ class Track:
 
     Attributes:
         model: the ring at the seed pair.
+        seed: that pair, about the ring.
         template: what it looks like.
         detector: finds it.
         display: undoes the display's filter over time.
@@ -64,6 +66,7 @@ class Track:
     """
 
     model: LoopModel
+    seed: SeedView
     template: RingTemplate
     detector: RingDetector
     display: DisplayChain
@@ -146,8 +149,12 @@ class Track:
             {plane: fit.shown for plane, fit in fits.items()},
             {plane: fit.correlation for plane, fit in fits.items()},
         )
-        if is_renewed and self.template.count in ELECTRODES_AFTER:
-            self.electrodes = replace(self.electrodes, shown=self.template.shown)
+        if not is_renewed or self.template.count not in LOOKED_AT_AFTER:
+            return
+        self.electrodes = replace(self.electrodes, shown=self.template.shown)
+        if self.reference_ns == self.start_ns:
+            at_seed = self.seed.displacement(self.template)
+            self.reference, self.reference_covariance = at_seed.displacement, at_seed.covariance
 
     def learn_rotation(self, best: Hypothesis, time_s: float) -> None:
         """Learn whether it turns with the breath."""

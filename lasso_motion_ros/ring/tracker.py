@@ -56,7 +56,8 @@ class RingTracker:
         """
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
         model = build_loop_model(pair, seed, self._config, options.points)
-        model, template, seen = seed_template(model, frames, options.template, options.detection)
+        view, template, seen = seed_template(model, frames, options.template, options.detection)
+        model, at_seed = view.model, view.displacement(template)
         require_loop_of_clicks(seed)
         agreement = seed_agreement(model, pair, self._config.judgement).doubted(shape_doubt(model, catheter))
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)
@@ -73,6 +74,7 @@ class RingTracker:
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
         self._track = track = Track(
             model=model,
+            seed=view,
             template=template,
             detector=detector,
             display=DisplayChain(options.display),
@@ -85,6 +87,7 @@ class RingTracker:
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
             reference_ns=pair.stamp_ns,
+            reference_covariance=at_seed.covariance,
         )
         track.display.undone(pair)  # the seed pair is used as it is: its filter's state before is not there
         state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING

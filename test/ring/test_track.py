@@ -25,6 +25,7 @@ def track(late_s=0.0):
     model = SimpleNamespace(centre=CENTRE, arms=ARMS - ARMS.mean(axis=0), depth_directions=(RAY_A, LATERAL))
     return Track(
         model=model,
+        seed=None,
         template=None,
         detector=detector,
         display=DisplayChain(DisplayChainTuning()),
