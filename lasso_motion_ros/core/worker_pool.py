@@ -6,6 +6,7 @@ Items and answers are all that is sent, so both should be small: paths and rows,
 from __future__ import annotations
 
 import os
+import re
 import signal
 import threading
 from collections import deque
@@ -24,6 +25,7 @@ from lasso_motion_ros.core.one_thread import one_thread
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
+_ADDRESS = r"(tcp|tls|ws|wss|ucx)://.+|[^/]+:\d+"
 ATTEMPTS = 2
 """How often an item may cost its process its life: once may be somebody else's doing, a signal or another's memory."""
 
@@ -131,7 +133,7 @@ class DaskCluster:
         say: takes a line for the user.
 
     Raises:
-        LassoMotionError: dask.distributed is not installed.
+        LassoMotionError: dask.distributed is not installed, or no scheduler answers there.
     """
 
     def __init__(self, address: str, say: Callable[[str], None]) -> None:
@@ -141,17 +143,19 @@ class DaskCluster:
             raise LassoMotionError(
                 "--scheduler needs dask.distributed: pip install 'lasso_motion_ros[cluster]'"
             ) from error
+        if re.fullmatch(_ADDRESS, address) is None:
+            raise LassoMotionError(f"--scheduler: expected an address such as tcp://host:8786, found {address!r}")
         self._distributed: Any = distributed
         self._address = address
         self._say = say
+        try:
+            self._client: Any = distributed.Client(address, set_as_default=False)
+        except (OSError, ValueError) as error:
+            raise LassoMotionError(f"--scheduler {address}: no Dask scheduler answers there: {error}") from error
 
     def run(self, function: Callable[[Item], Answer], items: Sequence[Item]) -> Answers[Answer]:
-        """As `Pool.run`; what cannot be done, because the workers lack something, is lost with that reason."""
-        try:
-            client = self._distributed.Client(self._address, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise LassoMotionError(f"--scheduler {self._address}: no Dask scheduler answers there: {error}") from error
-        with client:
+        """As `Pool.run`, once; what cannot be done, because the workers lack something, is lost with that reason."""
+        with self._client as client:
             if not client.scheduler_info()["workers"]:
                 self._say(f"{self._address} has no workers yet: waiting for some")
             numbers = {client.submit(_alone, function, item, pure=False): n for n, item in enumerate(items)}

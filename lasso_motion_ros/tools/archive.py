@@ -107,7 +107,8 @@ def run_archive(
     finally:
         clear_abandoned(folder, {jobs[number].result for number in rows})
         there = {row.result: row for row in (*read_rows(folder), *rows.values())}
-        write_table(folder / TABLE, [there[result].cells() for result in sorted(there)])
+        if there:
+            write_table(folder / TABLE, [there[result].cells() for result in sorted(there)])
     in_order = tuple(rows[number] for number in sorted(rows))
     return ArchiveSummary(in_order, before, pairs, time.monotonic() - begun, folder / TABLE)
 

@@ -156,6 +156,9 @@ def test_a_cluster_writes_what_one_process_writes_though_a_worker_is_killed(
 ) -> None:
     distributed = pytest.importorskip("distributed")
     out = tmp_path / "out"
+    assert track(archive, "-o", out, "--scheduler", "head") == 2
+    assert "expected an address such as tcp://host:8786, found 'head'" in capsys.readouterr().err
+    assert not out.exists()
     cluster = distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
     with cluster, killing_whoever_is_at("b.mcap", out) as killed:
         assert track(archive, "-o", out, "--scheduler", cluster.scheduler_address) == 3
