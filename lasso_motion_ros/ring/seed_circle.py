@@ -117,6 +117,7 @@ class _View:
 
     def __init__(self, frame: Frame, clicks: Array, shift: Array) -> None:
         self._frame, self._shift, self.clicks = frame, shift, clicks
+        self._middle = clicks.mean(axis=0)
         self.projection = frame.projection.shifted(*shift)
         self._shown: tuple[WorkingImage, Image, Array] | None = None
         self._unit = 1.0
@@ -132,9 +133,11 @@ class _View:
 
     def beside(self, circles: Array) -> Array:
         """(K,) mean squared distance of the clicks from each circle, mm²."""
-        pixels = _projected(circles, self.projection.matrix)
-        away = pixels[:, None] - self.clicks[None, :, None]
-        nearest = self._unit * np.sqrt((away**2).sum(axis=-1).min(axis=-1))
+        pixels = _projected(circles, self.projection.matrix) - self._middle
+        clicks = self.clicks - self._middle
+        # |p - c|² = |p|² + |c|² - 2 p · c: one product of matrices, for the many circles that are tried.
+        squared = (pixels**2).sum(axis=-1)[..., None] - 2.0 * pixels @ clicks.T
+        nearest = self._unit * np.sqrt(np.maximum(squared.min(axis=1) + (clicks**2).sum(axis=-1), 0.0))
         return np.asarray((np.minimum(nearest, TUNING.farthest_mm) ** 2).mean(axis=1))
 
     def evidence(self, circles: Array) -> Array:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from numpy.lib.stride_tricks import sliding_window_view
 
 from lasso_motion_ros.geometry.curves import resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
@@ -121,16 +122,17 @@ def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection)
     for direction in (1, -1):
         ordered = angles[::direction]
         cost = np.linalg.norm(outline[:, None] - pixels[None, ::direction], axis=-1)
-        total = cost[0].copy()
+        reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
+        padded = np.full(reach - 1 + len(angles), np.inf)
+        total = padded[reach - 1 :]
+        total[:] = cost[0]
+        # From any earlier angle within the largest step, to this one: (N, reach), the nearest first.
+        window = sliding_window_view(padded, reach)[:, ::-1]
+        here = np.arange(len(angles))
         steps = []
         for row in cost[1:]:
-            # From any earlier angle within the largest step, to this one.
-            reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
-            window = np.full((reach, len(total)), np.inf)
-            for back in range(reach):
-                window[back, back:] = total[: len(total) - back]
-            step = np.argmin(window, axis=0)
-            total = window[step, np.arange(len(total))] + row
+            step = np.argmin(window, axis=1)
+            total[:] = window[here, step] + row
             steps.append(step)
         end = int(np.argmin(total))
         if total[end] < best_cost:
