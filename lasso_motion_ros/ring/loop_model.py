@@ -116,13 +116,18 @@ class LoopModel:
 
 
 def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> LoopModel:
-    """The loop's curve from the clicks.
+    """The loop's curve from the clicks: the first of `build_loop_models`, with its errors."""
+    return build_loop_models(pair, seed, config, points)[0]
+
+
+def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> list[LoopModel]:
+    """All curves that the clicks lead to, the one that the clicked pair shows best first.
 
     Args:
         pair: the clicked images.
         seed: the clicks.
         config: the tracker's parameters.
-        points: of the curve.
+        points: of the curves.
 
     Raises:
         SeedError: clicks that are too few, outside the image or beside any catheter, that make a loop of no lasso's
@@ -131,24 +136,24 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points:
     """
     require_both_planes(pair)
     bright = is_bright(pair, seed, config)
-    model = _build(pair, seed, config, points, bright=bright)
-    contrast = _contrast(pair, model)
+    models = _build(pair, seed, config, points, bright=bright)
+    contrast = _contrast(pair, models[0])
     if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            other = _build(pair, seed, config, points, bright=not bright)
+            others = _build(pair, seed, config, points, bright=not bright)
         except ReconstructionError:
             pass
         else:
-            if _contrast(pair, other) > contrast:
-                model, contrast = other, _contrast(pair, other)
+            if _contrast(pair, others[0]) > contrast:
+                models, contrast = others, _contrast(pair, others[0])
     if contrast < TUNING.smallest_contrast:
         raise SeedError(
             f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
             f"expected at least {TUNING.smallest_contrast}"
         )
-    require_lasso_size(model.radius_mm)
-    return model
+    require_lasso_size(models[0].radius_mm)
+    return models
 
 
 def _contrast(pair: FramePair, model: LoopModel) -> float:
@@ -168,14 +173,13 @@ def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, 
     return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
 
 
-def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool) -> LoopModel:
-    """The model whose planes have most in common along the arc, of all that the clicks allow.
+def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool) -> list[LoopModel]:
+    """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
 
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
     """
-    best: LoopModel | None = None
-    best_worth = -np.inf
+    models: list[tuple[float, LoopModel]] = []
     starts, failure = _starts(pair, seed, config, bright=bright)
     for start in starts:
         try:
@@ -185,11 +189,10 @@ def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, br
             continue
         # What the clicks alone lead to holds, unless the images plainly speak for a circle that was searched.
         worth = _worth(model, pair, seed) - (TUNING.search_penalty if start.is_searched else 0.0)
-        if worth > best_worth:
-            best, best_worth = model, worth
-    if best is None:
+        models.append((worth, model))
+    if not models:
         raise failure or ReconstructionError("no 3-D loop explains the clicks")
-    return best
+    return [model for _, model in sorted(models, key=lambda one: -one[0])]
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,6 +13,7 @@ from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.loop_model import POINTS
+from lasso_motion_ros.ring.seed_choice import ChoiceTuning
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
@@ -31,6 +32,7 @@ class RingOptions:
         curve: how breathing repeats.
         state: what the states ask for.
         validation: what else is asked of a detection.
+        choice: when another of the curves that the clicks allow is tried.
         learning_share: of the seed pair's support: what shows less of the ring may be something else.
         rotation: whether a turning that follows the breath is the atrium's.
         points: of the model's curve.
@@ -44,6 +46,7 @@ class RingOptions:
     curve: CurveTuning = field(default_factory=CurveTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
+    choice: ChoiceTuning = field(default_factory=ChoiceTuning)
     learning_share: float = 0.6
     rotation: bool = True
     points: int = POINTS

@@ -46,6 +46,7 @@ class Track:
         electrodes: what both planes show along its curve.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
+        last_support: what the planes showed at the best place in the last pair; -1 where none was found.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
@@ -80,6 +81,7 @@ class Track:
     contrast: dict[Plane, float]
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
+    last_support: float = -1.0
     last_s: float = 0.0
     interval_s: float = 0.0
     displacement: Array | None = field(default_factory=lambda: np.zeros(3))
@@ -101,6 +103,7 @@ class Track:
         if self.displacement is not None:
             self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
+        self.last_support = -1.0
         return time_s
 
     def way(self, displacement: Array) -> Array:

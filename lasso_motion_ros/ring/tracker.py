@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,9 +19,10 @@ from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
-from lasso_motion_ros.ring.loop_model import build_loop_model
+from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_models
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
+from lasso_motion_ros.ring.seed_choice import SeedChoice
 from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
@@ -45,6 +49,9 @@ class RingTracker:
         self._config = config
         self._stages, self._options = stages, options or RingOptions()
         self._track: Track | None = None
+        # The other curves that the clicks allow, and how to begin with one of them.
+        self._choice: SeedChoice | None = None
+        self._begin: Callable[[LoopModel], tuple[Track, TrackResult]] | None = None
 
     def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
         """Build model and template from the clicks on `pair`; its motion is the identity.
@@ -54,11 +61,19 @@ class RingTracker:
                 more than any usable calibration, or a ring of no lasso's size or shape.
             ReconstructionError: no 3-D loop explains the clicks.
         """
+        first, *others = build_loop_models(pair, seed, self._config, self._options.points)
+        require_loop_of_clicks(seed)
+        # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
+        self._track, result = self._started(pair, first)
+        self._choice = SeedChoice(others, self._options.choice)
+        self._begin = partial(self._started, pair)
+        return result
+
+    def _started(self, pair: FramePair, model: LoopModel) -> tuple[Track, TrackResult]:
+        """A track of a model, begun on the seed pair."""
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
-        model = build_loop_model(pair, seed, self._config, options.points)
         view, template, seen = seed_template(model, frames, options.template, options.detection)
         model, at_seed = view.model, view.displacement(template)
-        require_loop_of_clicks(seed)
         agreement = seed_agreement(model, pair, self._config.judgement).doubted(shape_doubt(model, catheter))
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)
         projections = {plane: frame.projection for plane, frame in frames.items()}
@@ -71,8 +86,7 @@ class RingTracker:
         )
         anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
         require_clicked_place(detector.detect(pair, anywhere, self._config), model)
-        # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
-        self._track = track = Track(
+        track = Track(
             model=model,
             seed=view,
             template=template,
@@ -93,7 +107,7 @@ class RingTracker:
         state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING
         result = without_pose(track, pair, state, agreement.doubt)
         result = with_pose(result, track, track.motion.at_a.covariance, None)
-        return result.with_loop(track.model.points + track.depth_correction)
+        return track, result.with_loop(track.model.points + track.depth_correction)
 
     def track(self, pair: FramePair) -> TrackResult:
         """Find the ring in the next pair.
@@ -101,7 +115,22 @@ class RingTracker:
         Raises:
             TrackingError: no model yet.
         """
-        track, options, config = self._require_track(), self._options, self._config
+        track = self._require_track()
+        result = self._follow(track, pair)
+        choice, begin = self._choice, self._begin
+        if choice is None or begin is None:
+            return result
+        if choice.is_open_after(pair, track):
+            if not choice.is_due:
+                return result
+            if (better := choice.better(begin, self._follow)) is not None:
+                self._track, result = better
+        self._choice = self._begin = None
+        return result
+
+    def _follow(self, track: Track, pair: FramePair) -> TrackResult:
+        """Take a track to the next pair."""
+        options, config = self._options, self._config
         time_s = track.begin(pair.stamp_ns)
         pair = track.display.undone(pair)
         if planes := track.display.too_strong:
@@ -121,6 +150,7 @@ class RingTracker:
             departure = self._believe(track, association, time_s)
             reason = refusal(track, association, pair, config.judgement, options.validation, options.state)
         best = association.best
+        track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)
         if reason := fading(track, best, options.validation):
@@ -193,7 +223,7 @@ class RingTracker:
 
     def reset(self) -> None:
         """Forget model and motion."""
-        self._track = None
+        self._track = self._choice = self._begin = None
 
     def reconfigure(self, config: TrackerConfig) -> None:
         """Go on with other tuning parameters; the model is kept."""
@@ -208,6 +238,7 @@ class RingTracker:
         track = self._require_track()
         if track.displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
+        self._choice = self._begin = None  # another curve would begin at the seed pair again
         track.refer_to_now()
         if track.belief.elsewhere > self._options.state.displaced:
             # It belongs where and as it lies now; what was learned of the breathing, but not of its place, still holds.
