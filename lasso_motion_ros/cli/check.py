@@ -89,8 +89,8 @@ def _sources(args: argparse.Namespace) -> Mapping[Plane, PlaneSource] | None:
 
 def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, TopicFacts], list[Issue]]:
     require_ros()
+    from lasso_motion_ros.core.signals import held_signals
     from lasso_motion_ros.tools.examiner import examine
-    from lasso_motion_ros.tools.processes import held_signals
 
     namespace = f"/{args.namespace.strip('/')}" if args.namespace.strip("/") else ""
     with held_signals() as interrupted:

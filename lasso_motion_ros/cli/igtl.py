@@ -8,8 +8,9 @@ from lasso_motion_ros.cli.arguments import CommandParser, positive
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED
 from lasso_motion_ros.config.igtl import IgtlConfig
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.signals import held_signals
 from lasso_motion_ros.nodes.ros_start import require_ros
-from lasso_motion_ros.tools.processes import held_signals, stay_on_this_machine
+from lasso_motion_ros.tools.processes import stay_on_this_machine
 from msg_adapters.openigtlink import IgtlMessages, server_address
 
 HELP = """Send the motion to an OpenIGTLink server, 3D Slicer's or Plus', as a TRANSFORM in RAS and millimetres, and the

@@ -11,8 +11,9 @@ from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_INTERRUPTED, EXIT_PART
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.output_files import write_json
 from lasso_motion_ros.core.progress import counting
+from lasso_motion_ros.core.signals import held_signals
 from lasso_motion_ros.nodes.ros_start import require_ros
-from lasso_motion_ros.tools.processes import held_signals, stay_on_this_machine
+from lasso_motion_ros.tools.processes import stay_on_this_machine
 from msg_adapters.recordings.reader import RecordingReader
 
 DEFAULT_WAIT_S = 20.0

@@ -14,9 +14,9 @@ from lasso_motion_ros.core.errors import LassoMotionError, RecordingError
 from lasso_motion_ros.core.output_checks import check_free
 from lasso_motion_ros.core.output_files import EarlierFile, write_json
 from lasso_motion_ros.core.progress import busy, counting
+from lasso_motion_ros.core.signals import held_signals
 from lasso_motion_ros.nodes.ros_start import require_ros
 from lasso_motion_ros.tools.listened_topics import lacking_topics, live_topics, stand_ins
-from lasso_motion_ros.tools.processes import held_signals
 from msg_adapters.recordings.repair import repair_recording
 from msg_adapters.recordings.writer import RecordingWriter
 

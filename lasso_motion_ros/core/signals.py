@@ -61,3 +61,20 @@ def interruptible() -> Iterator[None]:
     finally:
         sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)
+
+
+@contextmanager
+def held_signals() -> Iterator[threading.Event]:
+    """SIGINT and SIGTERM as an event, to be looked at where it is safe to stop.
+
+    A KeyboardInterrupt may come between the start of a child and the note that it exists, or while children are being
+    stopped; either would leave a process behind.
+    """
+    interrupted = threading.Event()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, lambda *_: interrupted.set()) for number in numbers]
+    try:
+        yield interrupted
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

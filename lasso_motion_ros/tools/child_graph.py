@@ -10,7 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.tools.processes import Processes, held_signals
+from lasso_motion_ros.core.signals import held_signals
+from lasso_motion_ros.tools.processes import Processes
 
 START_WAIT_S = 60.0
 """How long nodes may take to come up: on a busy machine half a minute is no fault."""

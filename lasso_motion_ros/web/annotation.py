@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -13,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import MessageError, RecordingError
+from lasso_motion_ros.core.signals import held_signals
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.server import WebServer
@@ -205,17 +205,15 @@ def annotate(
     Raises:
         LassoMotionError: nothing readable, or the port or the copy cannot be had.
     """
-    stopped = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stopped.set())
-    source = Annotation(AnnotatedRecording(recording, output, remap, overwrite))
-    server = WebServer(source, host, port, names)
-    server.start()
-    try:
-        print(f"the page is at {server.url} – Ctrl-C ends it", flush=True)  # noqa: T201 - the command's own output
-        stopped.wait()
-    finally:
-        server.stop()
+    with held_signals() as stopped:
+        source = Annotation(AnnotatedRecording(recording, output, remap, overwrite))
+        server = WebServer(source, host, port, names)
+        server.start()
+        try:
+            print(f"the page is at {server.url} – Ctrl-C ends it", flush=True)  # noqa: T201 - the command's own output
+            stopped.wait()
+        finally:
+            server.stop()
     if source.unsaved:
         text = source.save()
         if not quiet:

@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.signals import held_signals
 from lasso_motion_ros.tools import processes
-from lasso_motion_ros.tools.processes import Processes, free_domain, held_signals
+from lasso_motion_ros.tools.processes import Processes, free_domain
 
 DEAF = "import signal, sys, time; signal.signal(signal.SIGINT, signal.SIG_IGN); print('up', flush=True); time.sleep(60)"
 
