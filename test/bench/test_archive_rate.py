@@ -15,6 +15,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import RecordingError
 
 
+@pytest.mark.slow
 def test_copies_of_a_recording_are_tracked_and_timed(tmp_path: Path) -> None:
     recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0], truth=False)
     (rate,) = measure_archive(recording, StreamConfig(), [1], 2)

@@ -18,10 +18,12 @@ from lasso_motion_ros.stream.automatic_start import only_ring
 CONFIG = TrackerConfig(polarity="dark")
 
 
+@pytest.mark.slow
 def test_without_a_ring_nothing_is_proposed() -> None:
     assert find_rings([lasso_pair(index, None) for index in range(3)], CONFIG) == []
 
 
+@pytest.mark.slow
 def test_of_two_lassos_both_are_proposed_and_none_is_started_with() -> None:
     other = CURVE + np.array([0.004, 0.006, 0.034])
     images = {plane: np.minimum(lasso_image(CURVE, view), lasso_image(other, view)) for plane, view in VIEWS.items()}
@@ -44,6 +46,7 @@ def test_a_look_that_is_overtaken_gives_up() -> None:
         find_rings([pair(index) for index in range(3)], CONFIG, go_on=lambda: False)
 
 
+@pytest.mark.slow
 def test_images_too_small_or_blank_propose_nothing() -> None:
     small = {plane: Frame(0, np.full((32, 32), 100, np.uint8), projection(plane)) for plane in ("a", "b")}
     assert find_rings([FramePair(0, small["a"], small["b"])] * 3, CONFIG) == []

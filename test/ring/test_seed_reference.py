@@ -33,6 +33,7 @@ def tracked(start):
     return tracker.known, first, np.array(errors)
 
 
+@pytest.mark.slow
 def test_what_the_seed_pairs_noise_has_put_off_is_found_as_the_template_gets_clearer():
     before, after, sigmas = [], [], []
     for start in (0, 100, 200):

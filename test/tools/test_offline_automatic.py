@@ -50,6 +50,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_the_ring_is_found_and_followed(recording: Path, tmp_path: Path) -> None:
     output = tmp_path / "tracked.mcap"
     summary = track_recording(recording, output, CONFIG, automatic=True)
