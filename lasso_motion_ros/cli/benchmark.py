@@ -8,6 +8,8 @@ from lasso_motion_ros.bench.benchmark.export import DEFAULT_SEED, DEFAULT_SEQUEN
 from lasso_motion_ros.bench.benchmark.manifest import MANIFEST_FILE, OWNED, RECORDINGS
 from lasso_motion_ros.bench.benchmark.score import score_benchmark
 from lasso_motion_ros.bench.benchmark.score_tables import format_score, score_page, score_record
+from lasso_motion_ros.bench.suite.clinic_tables import CLINIC_NOTE
+from lasso_motion_ros.cli.archives import count
 from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE, EXIT_PART
 from lasso_motion_ros.core.errors import LassoMotionError
@@ -24,13 +26,6 @@ SCORE_HELP = """Score what trackers answered on a benchmark: MCAP with motion_wi
 results), or CSV (docs/benchmark.md). A folder is one tracker's, as are files of one folder that are named after
 sequences (003.mcap); any other file is a tracker by itself. Exit status 3: something was answered in part."""
 
-FOOTNOTE = """
-mm; a pair of two classes counts in both, one before its class has begun for the core; plain: due pairs in which both
-planes plainly show the true electrodes; wrong: poses more than 2 mm off, or with the ring hidden, gone or displaced;
-missing: plain pairs without a pose; in 68/95: centre errors inside that ellipsoid of the covariance; NEES: mean of
-the centre's normalised error squared, 3 if the covariance is true; centre: of the ring in 3-D; TRE: target
-registration error."""
-
 
 def add_arguments(parser: CommandParser) -> None:
     """Declare the command's own arguments."""
@@ -41,7 +36,7 @@ def add_arguments(parser: CommandParser) -> None:
         "--sequences", type=int, default=DEFAULT_SEQUENCES, metavar="N", help="how many (default %(default)s)"
     )
     export.add_argument("--seed", type=int, default=DEFAULT_SEED, metavar="S", help="default %(default)s")
-    export.add_argument("--workers", type=int, metavar="N", help="processes at a time (default: one a processor)")
+    export.add_argument("--workers", type=count, metavar="N", help="processes at a time (default: one a processor)")
     export.add_input(
         "--cache",
         metavar="DIR",
@@ -66,8 +61,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _export(args: argparse.Namespace) -> int:
-    if args.workers is not None and args.workers < 1:
-        raise LassoMotionError(f"--workers must be at least 1, found {args.workers}")
     manifest = export_benchmark(
         args.directory,
         seed=args.seed,
@@ -88,7 +81,7 @@ def _score(args: argparse.Namespace) -> int:
     score = score_benchmark(args.directory, args.result, quiet=args.quiet)
     print(format_score(score))
     if not args.quiet:
-        print(FOOTNOTE)
+        print(CLINIC_NOTE)
     if args.json is not None:
         write_json(args.json, score_record(score))
     if args.report is not None:

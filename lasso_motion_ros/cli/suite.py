@@ -12,7 +12,7 @@ from lasso_motion_ros.bench.suite.ablation import ablation_record, format_ablati
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_runs import run_clinic
 from lasso_motion_ros.bench.suite.clinic_scenarios import CLINIC_SEQUENCES, clinic_scenarios
-from lasso_motion_ros.bench.suite.clinic_tables import class_measures, clinic_record, format_clinic
+from lasso_motion_ros.bench.suite.clinic_tables import CLINIC_NOTE, class_measures, clinic_record, format_clinic
 from lasso_motion_ros.bench.suite.ideas import IDEAS
 from lasso_motion_ros.bench.suite.random_scenarios import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
 from lasso_motion_ros.bench.suite.suite_report import write_suite_report, write_sweeps_report
@@ -56,14 +56,6 @@ mm; silent: poses more than 2 mm off or without a lasso in its place; missing: n
 TRACKING where doubt is due; false poses: among the pairs with the lasso hidden, gone or displaced; centre: of the
 ring in 3-D, mean and maximum; TRE: target registration error; in 95: centre errors inside that ellipsoid of the
 covariance; then pairs by state."""
-
-
-CLINIC_NOTE = """
-mm; a pair of two classes counts in both, one before its class has begun for the core; plain: due pairs in which both
-planes plainly show the true electrodes; wrong: poses more than 2 mm off, or with the ring hidden, gone or displaced;
-missing: plain pairs without a pose; in 68/95: centre errors inside that ellipsoid of the covariance; NEES: mean of
-the centre's normalised error squared, 3 if the covariance is true; centre: of the ring in 3-D; TRE: target
-registration error."""
 
 
 def add_arguments(parser: CommandParser) -> None:

@@ -9,11 +9,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import jinja2
-
 from lasso_motion_ros.core.output_files import write_text
 from lasso_motion_ros.reports.comparison_figures import failures_figure
 from lasso_motion_ros.reports.figure_panels import save_figure
+from lasso_motion_ros.reports.page_templates import page_template
 from lasso_motion_ros.reports.picture_files import embedded_png
 from lasso_motion_ros.reports.report_tables import Row
 
@@ -74,15 +73,8 @@ def write_benchmark_page(directory: Path, page: BenchmarkPage) -> Path:
     Raises:
         RecordingError: it cannot be written.
     """
-    templates = jinja2.Environment(
-        loader=jinja2.PackageLoader("lasso_motion_ros.reports"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     path, drawn = directory / BENCHMARK_PAGE, directory / BENCHMARK_FIGURE
     save_figure(failures_figure(page.shares), drawn)
     figure = embedded_png(drawn, "Shorter is better; a wrong pose is worse than none.")
-    write_text(path, templates.get_template(TEMPLATE).render(page=page, figure=figure))
+    write_text(path, page_template(TEMPLATE).render(page=page, figure=figure))
     return path

@@ -12,7 +12,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +24,7 @@ from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.evaluation.summary import BLOCKS, Columns, mean_row, summarise
 from lasso_motion_ros.reports.comparison_figures import comparison_figure, timing_figure
 from lasso_motion_ros.reports.figure_panels import save_figure, share_scale
+from lasso_motion_ros.reports.page_templates import page_template
 from lasso_motion_ros.reports.picture_files import EmbeddedPicture, embedded_jpeg, embedded_png, write_png
 from lasso_motion_ros.reports.report_tables import PAPER_ROW, Row, axis_rows, key_figures, table_row
 from lasso_motion_ros.reports.sequence_figures import (
@@ -78,16 +78,9 @@ def write_report(
     Raises:
         RecordingError: something cannot be written.
     """
-    templates = jinja2.Environment(
-        loader=jinja2.PackageLoader("lasso_motion_ros.reports"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     page = directory / PAGE
     contents = _Contents(directory, results, worst).all(versions, show)
-    write_text(page, templates.get_template(TEMPLATE).render(contents))
+    write_text(page, page_template(TEMPLATE).render(contents))
     return page
 
 

@@ -120,12 +120,12 @@ class RingTracker:
         choice, begin = self._choice, self._begin
         if choice is None or begin is None:
             return result
-        if choice.is_open_after(pair, track):
-            if not choice.is_due:
-                return result
-            if (better := choice.better(begin, self._follow)) is not None:
-                self._track, result = better
-        self._choice = self._begin = None
+        is_open = choice.is_open_after(pair, track)
+        if is_open and not choice.is_due:
+            return result
+        self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
+        if is_open and (better := choice.better(begin, self._follow)) is not None:
+            self._track, result = better
         return result
 
     def _follow(self, track: Track, pair: FramePair) -> TrackResult:

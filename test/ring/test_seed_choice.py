@@ -113,3 +113,18 @@ def test_a_reference_that_was_chosen_stays():
     for index in range(2, 6):
         tracker.track(lasso_pair(index, moved(index)))
     assert tracker.known is known
+
+
+def test_what_fails_while_other_curves_are_tried_is_not_tried_again_with_every_pair():
+    tracker = RingTracker(TrackerConfig())
+    tracker.initialise(lasso_pair(0, moved(0)), lasso_seed())
+    known = tracker.known
+    known.seed_support = 9.0  # so that no pair is as plain
+    tracker._choice = SeedChoice(
+        [replace(known.model, points=np.full_like(known.model.points, np.nan))], ChoiceTuning()
+    )
+    for index in (1, 2):
+        tracker.track(lasso_pair(index, moved(index)))
+    with pytest.raises((ValueError, ArithmeticError, np.linalg.LinAlgError, IndexError)):
+        tracker.track(lasso_pair(3, moved(3)))
+    assert tracker.track(lasso_pair(4, moved(4))).motion is not None

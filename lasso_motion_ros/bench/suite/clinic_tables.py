@@ -18,6 +18,14 @@ from lasso_motion_ros.evaluation.summary import pair_record
 
 ALL = "all pairs"
 
+CLINIC_NOTE = """
+mm; a pair of two classes counts in both, one before its class has begun for the core; plain: due pairs in which both
+planes plainly show the true electrodes; wrong: poses more than 2 mm off, or with the ring hidden, gone or displaced;
+missing: plain pairs without a pose; in 68/95: centre errors inside that ellipsoid of the covariance; NEES: mean of
+the centre's normalised error squared, 3 if the covariance is true; centre: of the ring in 3-D; TRE: target
+registration error."""
+"""What stands under such a table."""
+
 
 @dataclass(frozen=True)
 class ClassMeasures:
