@@ -1,1 +1,1 @@
-"""What every room may use: errors, the package's own files, progress, plain YAML. Imports no other room."""
+"""What every room may use: errors, files, progress, signals, worker processes, plain YAML. Imports no other room."""
