@@ -156,6 +156,10 @@ class TrackerWord:
     def _lacking(self, state: str) -> str:
         """The alarm about planes without images; empty where both have them, or never had."""
         silent = {plane: age for plane in PLANES if (age := self._health.silence_s(plane)) is not None}
+        if state == TrackerState.TRACKING.value:
+            # Where its last pose is as old as the images, nobody knows yet who lacks them: the next word tells.
+            pose_age_s = self.pose_age_s
+            silent = {plane: age for plane, age in silent.items() if pose_age_s is None or pose_age_s < age - _APART_S}
         if not silent:
             return ""
         which = "" if len(silent) == len(PLANES) else f" of plane {next(iter(silent)).upper()}"

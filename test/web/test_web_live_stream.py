@@ -319,6 +319,22 @@ def test_images_that_end_and_come_again_are_one_alarm(bench: Bench) -> None:
     assert bench.said() == ("TRACKING", True)
 
 
+def test_images_that_end_in_one_plane_a_moment_earlier_are_one_alarm(bench: Bench) -> None:
+    bench.stream.add_state("TRACKING")
+    alarms = []
+    for step in range(250):  # of 10 ms
+        bench.now += 0.01
+        for plane, last in (("a", 100), ("b", 103)):
+            if step % 10 == last % 10 and step <= last:
+                bench.image(plane, step // 10)
+        if step % 10 == 4 and step <= 104:
+            bench.motion(step // 10, 0.0)
+        bench.diagnostics("/lasso_tracker: tracker", "TRACKING")  # which has not noticed yet
+        status = bench.stream.status()
+        alarms += [status["alarm"]] if status["alarm"] not in ("", *alarms[-1:]) else []
+    assert alarms == ["No images. What is on the screen is old."]
+
+
 @pytest.mark.parametrize(
     ("planes", "state", "alarm"),
     [
