@@ -124,6 +124,23 @@ class RespiratoryMotion:
         """The displacement expected at a later time, nothing being changed."""
         return self._mixed(DISPLACEMENT, *self._propagated(time_s))
 
+    def sideways_sigmas(self, time_s: float, found: Estimate) -> float:
+        """How far a displacement is from what was foretold, in standard deviations, whatever breath was drawn since.
+
+        A breath, a cough or a sigh goes any way along the direction of breathing: of all of them the one is taken that
+        explains the displacement best. What is left is sideways, where only a hand takes the ring far at once.
+
+        Args:
+            time_s: of the displacement, not before what was last taken in.
+            found: the displacement, not taken in yet.
+        """
+        foretold = self.predict(time_s)
+        precision = np.linalg.inv(foretold.covariance + found.covariance)
+        off = found.displacement - foretold.displacement
+        breath = np.linalg.eigh(self.spread)[1][:, -1]
+        explained = float(breath @ precision @ off) ** 2 / float(breath @ precision @ breath)
+        return math.sqrt(max(float(off @ precision @ off) - explained, 0.0))
+
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
         return self._mixed(SINCE_B, *self._propagated(time_s))

@@ -29,6 +29,7 @@ class StateTuning:
     appears_per_s: float = 0.5
     elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place
     largest_sigmas: float = 6.0  # no one pair may say more
+    surprise_sigmas: float = 1.8  # of the filter's, sideways, count for one: hearts surprise it more than normally
     # Of being in place, and the detection being the ring:
     tracking: float = 0.97  # with less a pose is DEGRADED
     pose: float = 0.9  # with less there is none

@@ -13,6 +13,7 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Association, Hypothesis, associate
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
@@ -160,6 +161,7 @@ class RingTracker:
         if track.belief.elsewhere > options.state.displaced:
             return self._displaced(track, pair, best, departure)
         if track.belief.in_place < options.state.pose:
+            track.curve.see_aside(time_s, best.displacement)
             return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
         if best.probability * (1.0 - best.alike) < options.state.pose:
             return self._lost(track, pair, "it is far from where it was foretold: something else that looks like it?")
@@ -188,6 +190,8 @@ class RingTracker:
             sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1] + track.motion.heartbeat_m**2))
             is_away = track.belief.elsewhere > self._options.state.displaced
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
+            sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
+            departure = max(departure, sideways / self._options.state.surprise_sigmas)
             if is_away and len(best.detection.planes) < len(PLANES):
                 # That a displaced ring is back, both planes have to show.
                 departure = max(departure, self._options.state.elsewhere_sigmas)

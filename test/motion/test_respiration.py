@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.respiration_inputs import INTERVAL_S, SIGHT, SIGMA_M, breathing, observation, run, step
 
-from lasso_motion_ros.motion.motion_model import TUNING
+from lasso_motion_ros.motion.motion_model import TUNING, Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
 
@@ -91,6 +91,22 @@ def test_prediction_follows_the_motion():
     assert foreseen < 0.5 * held
     sizes = [np.trace(motion.predict(now + t).covariance) for t in (0.0, 0.1, 0.3, 1.0, 3.0)]
     assert sizes == sorted(sizes)
+
+
+def test_a_surprise_is_what_no_breath_explains():
+    motion, _, _ = run(20, 0.0)
+    later_s = 21 * INTERVAL_S
+    foretold, surely = motion.predict(later_s), 1e-12 * np.eye(3)
+    breath = np.linalg.eigh(motion.spread)[1][:, -1]
+    deep = Estimate(foretold.displacement + 0.030 * breath, surely)
+    assert motion.sideways_sigmas(later_s, deep) == pytest.approx(0.0, abs=1e-3)
+    # By hand: C w / √(wᵀ C w) is one standard deviation away, and nothing of it along the breath, if w is across.
+    across = np.cross(breath, [1.0, 0.0, 0.0])
+    sigma = foretold.covariance @ across / np.sqrt(across @ foretold.covariance @ across)
+    aside = Estimate(foretold.displacement + 5.0 * sigma + 0.010 * breath, surely)
+    assert motion.sideways_sigmas(later_s, aside) == pytest.approx(5.0, rel=1e-3)
+    vague = Estimate(aside.displacement, 3.0 * foretold.covariance)
+    assert motion.sideways_sigmas(later_s, vague) == pytest.approx(2.5, rel=1e-3)
 
 
 def test_prediction_changes_nothing():

@@ -174,6 +174,27 @@ def test_moved_step_by_step_within_the_first_breath_it_has_no_pose_from_the_thir
     assert [result.state for result in results[3:]] == [DISPLACED] * 2
 
 
+def test_a_hand_that_moves_it_aside_right_after_the_seed_is_noticed_at_once():
+    early = RingTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 4):
+        assert_no_pose(early.track(pair(index, ASIDE)), DISPLACED)
+    back = [early.track(pair(index)) for index in range(4, 16)]
+    assert back[-1].state is TRACKING  # where it lay in the seed pair, the only place known of it
+    for index, result in enumerate(back, start=4):
+        if result.motion is not None:
+            assert centre_error_mm(result, moved(index)) < 0.3
+
+
+def test_a_hand_that_moves_it_aside_in_the_first_breath_is_noticed_with_its_first_step():
+    early = RingTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 7):
+        assert early.track(pair(index)).motion is not None
+    step = np.array([0.006, 0.001, 0.004])
+    assert [early.track(pair(index, (index - 6) * step)).motion for index in range(7, 11)] == [None] * 4
+
+
 def test_a_deeper_step_of_the_breath_is_followed_at_once(tracker):
     deeper = np.array([0.0004, -0.0012, -0.0048])
     result = tracker.track(pair(WARM, deeper))
