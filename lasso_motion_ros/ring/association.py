@@ -61,7 +61,7 @@ class Hypothesis:
         detection: where the ring would be.
         motion: the filter after it.
         log_odds: for it, against the ring being out of view.
-        gap_mm: by which the planes disagree on its place, mm; 0 where one plane is alone.
+        gap_mm: by which the planes disagree on its place, mm, signed; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
         claim: the same among several places, of which the ring is one.
         alike: probability that it is something just like the ring, however plain: such is rare, but lies anywhere.
@@ -198,7 +198,7 @@ def _disagreement(
         return 0.0, 0.0
     between = after_a.expected_between(times["b"])
     gap, across = detection.gap(model.centre + between.displacement)
-    return 1e3 * abs(gap), 1e3 * float(np.sqrt(across @ between.covariance @ across))
+    return 1e3 * gap, 1e3 * float(np.sqrt(across @ between.covariance @ across))
 
 
 def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:

@@ -13,6 +13,7 @@ from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.loop_model import POINTS
+from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.seed_choice import ChoiceTuning
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
@@ -30,6 +31,7 @@ class RingOptions:
         detector: where the ring is looked for.
         association: what images and motion are worth.
         curve: how breathing repeats.
+        contradiction: when the planes show two things.
         state: what the states ask for.
         validation: what else is asked of a detection.
         choice: when another of the curves that the clicks allow is tried.
@@ -44,6 +46,7 @@ class RingOptions:
     detector: DetectorTuning = field(default_factory=DetectorTuning)
     association: AssociationTuning = field(default_factory=AssociationTuning)
     curve: CurveTuning = field(default_factory=CurveTuning)
+    contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
     choice: ChoiceTuning = field(default_factory=ChoiceTuning)

@@ -16,6 +16,7 @@ from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.seed_template import SeedView
 from lasso_motion_ros.ring.template import RingTemplate
@@ -43,6 +44,7 @@ class Track:
         curve: where breathing has taken it.
         start_ns: stamp of the seed pair.
         agreement: of the planes at the seed: what the calibration is worth.
+        contradiction: of the planes since: whether one of them shows something else.
         electrodes: what both planes show along its curve.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
@@ -75,6 +77,7 @@ class Track:
     curve: BreathingCurve
     start_ns: int
     agreement: SeedAgreement
+    contradiction: PlaneContradiction
     electrodes: RingEvidence
     seed_support: float
     usual_support: float

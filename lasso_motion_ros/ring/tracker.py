@@ -21,6 +21,7 @@ from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_models
+from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
 from lasso_motion_ros.ring.seed_choice import SeedChoice
@@ -97,6 +98,7 @@ class RingTracker:
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
             agreement=agreement,
+            contradiction=PlaneContradiction(options.contradiction),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             seed_support=seen.support,
             usual_support=seen.support,
@@ -173,10 +175,13 @@ class RingTracker:
         sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         vague = f"its place is known to {sigma_mm:.1f} mm only"
-        if misleads > options.state.misleads_pose:
+        withheld = vague if misleads > options.state.misleads_pose else ""
+        if len(best.detection.planes) == len(PLANES) and track.contradiction.probability > 1.0 - options.state.pose:
+            withheld = track.contradiction.text
+        if withheld:
             # It is seen, and followed and learned on; only no pose rests on it.
             track.displacement = None
-            return without_pose(track, pair, TrackerState.LOST, vague)
+            return without_pose(track, pair, TrackerState.LOST, withheld)
         if misleads > options.state.misleads_tracking and not reason:
             state, reason = TrackerState.DEGRADED, vague
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
@@ -192,8 +197,10 @@ class RingTracker:
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
-            if is_away and len(best.detection.planes) < len(PLANES):
-                # That a displaced ring is back, both planes have to show.
+            if len(best.detection.planes) == len(PLANES):
+                if not is_away and best.probability > association.absent:
+                    track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
+            elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, self._options.state.elsewhere_sigmas)
         track.belief = track.belief.after(track.interval_s, 1.0 - association.absent, departure, self._options.state)
         return departure
@@ -208,7 +215,8 @@ class RingTracker:
             return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
         track.learn_motion(best, time_s)
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
-        if is_plain and best.probability >= self._options.state.tracking:
+        agree = 1.0 - track.contradiction.probability
+        if is_plain and min(best.probability, agree) >= self._options.state.tracking:
             track.learn_template(best)
         if state is TrackerState.TRACKING and self._options.rotation:
             track.learn_rotation(best, time_s)

@@ -41,8 +41,8 @@ def refusal(
     best = association.best
     if best is None or best.probability < states.pose:
         return _unseen(association, pair)
-    if best.gap_mm > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
-        return f"the planes disagree by {best.gap_mm:.1f} mm: {MOVED_C_ARM}"
+    if abs(best.gap_mm) > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
+        return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
     turned_deg = _turned_deg(track, best)
     is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
     if turned_deg > limits.lost_turn_deg and len(best.detection.planes) == len(PLANES) and not is_elsewhere:
@@ -75,8 +75,10 @@ def quality(
         return TrackerState.DEGRADED, f"plane {other.upper()} {why}: depth from the breathing so far"
     if (turned_deg := _turned_deg(track, best)) > limits.degraded_turn_deg:
         return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
-    if best.gap_mm > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
-        return TrackerState.DEGRADED, f"the planes disagree by {best.gap_mm:.1f} mm"
+    if abs(best.gap_mm) > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
+        return TrackerState.DEGRADED, f"the planes disagree by {abs(best.gap_mm):.1f} mm"
+    if track.contradiction.probability > 1.0 - states.tracking:
+        return TrackerState.DEGRADED, track.contradiction.text
     if track.agreement.doubt:
         return TrackerState.DEGRADED, track.agreement.doubt
     if track.belief.in_place < states.tracking:

@@ -25,13 +25,22 @@ HERE = np.array([0.010, -0.020, 0.015])
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
-def track(*, contrast=0.2, home_turn_deg=0.0, belief=TrackBelief(0.999, 0.0, 0.001), doubt="", usual=2.2):  # noqa: B008
+def track(
+    *,
+    contrast=0.2,
+    home_turn_deg=0.0,
+    belief=TrackBelief(0.999, 0.0, 0.001),  # noqa: B008
+    doubt="",
+    usual=2.2,
+    contradicts=0.0,
+):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
         contrast={"a": contrast, "b": contrast},
         home_turn=home_turn,
         belief=belief,
         agreement=SeedAgreement(0.0, doubt),
+        contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other"),
         usual_support=usual,
     )
 
@@ -96,6 +105,11 @@ def test_other_places_that_look_alike_are_said():
 )
 def test_planes_that_disagree_much_are_refused(gap_mm, slack_mm, said):
     assert refused(best(gap_mm=gap_mm, slack_mm=slack_mm)) == said
+
+
+def test_planes_that_disagree_as_the_breath_goes_are_a_doubt():
+    assert judged(best(), of_track=track(contradicts=0.02)) == (TrackerState.TRACKING, "")
+    assert judged(best(), of_track=track(contradicts=0.05)) == (TrackerState.DEGRADED, "they contradict each other")
 
 
 @pytest.mark.parametrize(

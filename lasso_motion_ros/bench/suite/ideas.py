@@ -23,6 +23,7 @@ from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
+from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
@@ -132,6 +133,11 @@ IDEAS: Mapping[str, Idea] = {
             options=_with(validation=ValidationTuning(ghost_contrast=0.0)),
         ),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
+        Idea(
+            "contradiction",
+            "planes that disagree as the breath goes",
+            options=_with(contradiction=ContradictionTuning(odds=-OFF)),
+        ),
         Idea("turn", "limits of the ring's turn", {"judgement.degraded_turn_deg": OFF, "judgement.lost_turn_deg": OFF}),
         Idea("doubtful", "withholding what is known badly", options=_with(state=StateTuning(misleads_pose=1.0))),
     )
