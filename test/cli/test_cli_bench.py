@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from support.drawn_recording import write_input
 
+from lasso_motion_ros.bench import scaling
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
 
@@ -50,8 +51,15 @@ def test_a_recording_without_clicks_is_refused(tmp_path: Path, capsys: pytest.Ca
     ],
 )
 def test_the_cost_is_told_as_sizes_grow(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], config: str, varied: set[str]
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    config: str,
+    varied: set[str],
 ) -> None:
+    for sizes in ("MODEL_POINTS", "ROI_PX", "NEAR_MM"):
+        smallest, *_, largest = getattr(scaling, sizes)
+        monkeypatch.setattr(scaling, sizes, (smallest, largest))
     recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0, 2.0, 1.0])
     figures = tmp_path / "bench.json"
     arguments = ["--config", str(share_file(config)), "--bag", str(recording), "--pairs", "3", "--json", str(figures)]
@@ -59,6 +67,7 @@ def test_the_cost_is_told_as_sizes_grow(
     assert "points of the model" in capsys.readouterr().out
     costs = json.loads(figures.read_text())["scaling"]
     assert {cost["varied"] for cost in costs} == varied
+    assert len(costs) == 4
     for cost in costs:
         assert sum(cost["stages_ms"].values()) < cost["tracking_ms"] < cost["pair_ms"]
 

@@ -51,9 +51,14 @@ def test_a_ring_that_turns_turns_the_motion_with_it() -> None:
     np.testing.assert_allclose(apply(motion, CENTRE[None])[0], CENTRE, atol=1e-4)
 
 
+@pytest.fixture(scope="module")
+def outcomes() -> list[Outcome]:
+    """What becomes of one sequence, whole and without each idea; read only."""
+    return run_ablation(StreamConfig(), [small()], IDEAS.values())
+
+
 @pytest.mark.slow
-def test_every_idea_switched_off_still_tracks() -> None:
-    outcomes = run_ablation(StreamConfig(), [small()], IDEAS.values())
+def test_every_idea_switched_off_still_tracks(outcomes: list[Outcome]) -> None:
     assert outcomes[0].idea is None
     assert [outcome.idea for outcome in outcomes[1:]] == list(IDEAS.values())
     assert all(outcome.pairs == 2 and outcome.ms > 0.0 for outcome in outcomes)
@@ -68,17 +73,17 @@ def test_every_idea_switched_off_still_tracks() -> None:
 
 
 @pytest.mark.slow
-def test_traps_are_counted_by_themselves() -> None:
+def test_traps_are_counted_by_themselves(outcomes: list[Outcome]) -> None:
     ideas = [IDEAS["ghost"], IDEAS["translation"]]
-    outcomes = run_ablation(StreamConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])
-    without = run_ablation(StreamConfig(), [small()], ideas)
-    for one, other in zip(outcomes, without, strict=True):
+    trapped = run_ablation(StreamConfig(), [small()], ideas, [(TRAPS["tilt"], small()), (TRAPS["gantry"], small())])
+    without = [next(one for one in outcomes if one.idea is idea) for idea in (None, *ideas)]
+    for one, other in zip(trapped, without, strict=True):
         assert (one.pairs, one.measures) == (other.pairs, other.measures)
         assert {name: len(results) for name, results in one.trapped.items()} == {"tilt": 1, "gantry": 1}
         # The sequence is the same; TRACKING is only wrong where doubt is due.
         assert (one.traps["tilt"].unsaid, one.traps["gantry"].unsaid) == (0, 2)
     # Each idea is switched off in the traps, too, and only for its own row.
-    targets = [one.traps["tilt"].measures.target_mean_mm for one in outcomes]
+    targets = [one.traps["tilt"].measures.target_mean_mm for one in trapped]
     assert targets[0] is not None
     assert targets[0] == targets[1] < targets[2]
 
