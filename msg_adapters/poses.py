@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from lasso_motion_ros.core.errors import MessageError
-from lasso_motion_ros.geometry.transforms import quaternion_from_rotation
+from lasso_motion_ros.geometry.transforms import quaternion_from_rotation, rotation_from_quaternion
 
 Array = npt.NDArray[np.float64]
 
@@ -97,6 +96,6 @@ def decode_pose(message: Any) -> Array:
 def transform_from(position: Array, quaternion: Array) -> Array:
     """The (4, 4) transform of a position (3,), metres, and a quaternion (4,): x, y, z, w, of any length but zero."""
     transform = np.eye(4)
-    transform[:3, :3] = Rotation.from_quat(quaternion).as_matrix()
+    transform[:3, :3] = rotation_from_quaternion(quaternion)
     transform[:3, 3] = position
     return transform

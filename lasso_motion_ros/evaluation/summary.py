@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.stats import chi2
 
 from lasso_motion_ros.evaluation.measures import PairScore
 from lasso_motion_ros.geometry.frames import Plane
@@ -18,7 +17,7 @@ Values = Mapping[str, float | int | None]
 Columns = tuple[tuple[str, Callable[[Values], str]], ...]
 
 # Below these lies the squared Mahalanobis distance of 68 % and 95 % of normally distributed 3-D errors.
-CHI_SQUARE_68, CHI_SQUARE_95 = (float(chi2.ppf(share, df=3)) for share in (0.68, 0.95))
+CHI_SQUARE_68, CHI_SQUARE_95 = 3.505882355768179, 7.814727903251179
 
 
 @dataclass(frozen=True)

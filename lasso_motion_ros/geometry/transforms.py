@@ -67,7 +67,7 @@ def quaternion_from_rotation(rotation: Array) -> Array:
     """(4,) unit quaternion x, y, z, w with w ≥ 0 of a (3, 3) rotation (Shepperd 1978: largest term first).
 
     SciPy's `Rotation` does the same in several times the time, and in other last bits from version to version. This is
-    what published poses go through; quaternions are read by SciPy's.
+    what published poses go through.
     """
     m = rotation
     trace = np.trace(m)
@@ -84,3 +84,19 @@ def quaternion_from_rotation(rotation: Array) -> Array:
         q[3] = m[k, j] - m[j, k]
     q /= np.linalg.norm(q)
     return q if q[3] >= 0 else -q
+
+
+def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Array:
+    """(3, 3) rotation of a quaternion (4,): x, y, z, w, of any length but zero.
+
+    Not SciPy's `Rotation`: to import it costs a process half a second before it can begin.
+    """
+    q = np.asarray(quaternion, dtype=np.float64)
+    x, y, z, w = (float(component) for component in q / np.linalg.norm(q))
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+            [2.0 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2.0 * (y * z - x * w)],
+            [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+        ]
+    )

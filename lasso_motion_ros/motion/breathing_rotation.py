@@ -10,11 +10,11 @@ other.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import expit
 
 Array = npt.NDArray[np.float64]
 
@@ -130,7 +130,9 @@ class BreathingRotation:
         without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
-        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), float(expit(evidence)))
+        return _Fit(
+            axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), 0.5 + 0.5 * math.tanh(0.5 * float(evidence))
+        )
 
 
 class _Posterior:

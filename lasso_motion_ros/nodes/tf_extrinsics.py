@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from rclpy.node import Node
-from scipy.spatial.transform import Rotation
 
 from lasso_motion_ros.core.errors import MessageError
+from lasso_motion_ros.geometry.transforms import rotation_from_quaternion
 from msg_adapters.calibrations import Extrinsics
 
 
@@ -49,6 +49,6 @@ def decode_transform(message: Any) -> npt.NDArray[np.float64]:
     if not (np.all(np.isfinite(translation)) and abs(np.linalg.norm(rotation) - 1.0) < 1e-3):
         raise MessageError(f"transform: expected finite numbers and a unit quaternion, found {translation}, {rotation}")
     transform = np.eye(4)
-    transform[:3, :3] = Rotation.from_quat(rotation).as_matrix()
+    transform[:3, :3] = rotation_from_quaternion(rotation)
     transform[:3, 3] = translation
     return transform

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial.transform import Rotation
 
 from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.geometry.transforms import rotation_from_quaternion
 
 RIGID_TOLERANCE = 1e-3
 
@@ -57,7 +57,7 @@ def parse_registration(text: str) -> npt.NDArray[np.float64]:
                 f"registration: the quaternion has length {np.linalg.norm(numbers[3:]):.4g}, not 1"
             )
         transform = np.eye(4)
-        transform[:3, :3] = Rotation.from_quat(numbers[3:]).as_matrix()
+        transform[:3, :3] = rotation_from_quaternion(numbers[3:])
         transform[:3, 3] = numbers[:3]
         return transform
     if numbers.size != 16:

@@ -10,6 +10,7 @@ from lasso_motion_ros.geometry.transforms import (
     inverse,
     quaternion_from_rotation,
     rigid,
+    rotation_from_quaternion,
     rotation_from_vector,
 )
 
@@ -80,6 +81,14 @@ def test_quaternions_of_half_turns(axis):
     quaternion = quaternion_from_rotation(rotation)
     np.testing.assert_allclose(np.abs(quaternion), np.eye(4)[axis], atol=1e-12)
     np.testing.assert_allclose(Rotation.from_quat(quaternion).as_matrix(), rotation, atol=1e-12)
+
+
+@given(vectors, st.floats(0.01, 100.0))
+def test_a_quaternion_of_any_length_is_read_as_scipy_reads_it(vector, length):
+    quaternion = length * Rotation.from_rotvec(vector).as_quat()
+    expected = Rotation.from_quat(quaternion).as_matrix()
+    np.testing.assert_allclose(rotation_from_quaternion(quaternion), expected, atol=1e-12)
+    np.testing.assert_allclose(rotation_from_quaternion(-quaternion), expected, atol=1e-12)
 
 
 @given(vectors)

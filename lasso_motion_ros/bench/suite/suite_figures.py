@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
 
 from lasso_motion_ros.bench.suite.sequence import SequenceResult
 from lasso_motion_ros.bench.suite.suite_measures import Measures, measures
@@ -26,6 +25,8 @@ def suite_figure(results: Mapping[str, Sequence[SequenceResult]]) -> Any:
     Returns:
         A matplotlib Figure.
     """
+    from scipy.stats import chi2
+
     figure = _figure(10.0, 7.2)
     places = figure.subplot_mosaic([["each", "each"], ["errors", "calibration"]], height_ratios=[1.1, 1.0])
     each, errors, calibration = (places[name] for name in ("each", "errors", "calibration"))
