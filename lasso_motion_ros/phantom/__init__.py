@@ -6,7 +6,7 @@ message; `lasso-motion synth` writes what the simulator yields into a recording.
 
 from lasso_motion_ros.phantom.scenario import available_scenarios, load_scenario, scenario_directory
 from lasso_motion_ros.phantom.settings import Scenario
-from lasso_motion_ros.phantom.simulator import SimulatedPair, Simulator
+from lasso_motion_ros.phantom.simulator import SimulatedPair, Simulator, scenario_motion
 
 __all__ = [
     "Scenario",
@@ -15,4 +15,5 @@ __all__ = [
     "available_scenarios",
     "load_scenario",
     "scenario_directory",
+    "scenario_motion",
 ]

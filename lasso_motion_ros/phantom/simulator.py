@@ -90,11 +90,7 @@ class Simulator:
 
     def __init__(self, scenario: Scenario, body: Mapping[Plane, BodySource] | None = None) -> None:
         self.scenario = scenario
-        duration = (scenario.pairs + 1) / scenario.rate_hz
-        self.motion = Motion(
-            DisturbedBreathing(scenario.breathing, self._random(_BREATHING), duration, scenario.incidents),
-            Heartbeat(scenario.heart, self._random(_HEART), duration),
-        )
+        self.motion = scenario_motion(scenario)
         self.thorax: Thorax = build_thorax(self._random(_ANATOMY))
         self._bodies: Mapping[Plane, BodySource] = body or {plane: BodyRenderer(self.thorax) for plane in PLANES}
         self.loop: Loop = build_loop(scenario.lasso, SEPTUM)
@@ -270,4 +266,17 @@ class Simulator:
         return any(event.first <= index <= event.end and concerns(event, plane) for event in self._events("drop"))
 
     def _random(self, *purpose: int) -> np.random.Generator:
-        return np.random.default_rng([self.scenario.seed, *purpose])
+        return _random(self.scenario, *purpose)
+
+
+def scenario_motion(scenario: Scenario) -> Motion:
+    """How a scenario's patient moves; to draw the anatomy as well would take a hundred times as long."""
+    duration = (scenario.pairs + 1) / scenario.rate_hz
+    return Motion(
+        DisturbedBreathing(scenario.breathing, _random(scenario, _BREATHING), duration, scenario.incidents),
+        Heartbeat(scenario.heart, _random(scenario, _HEART), duration),
+    )
+
+
+def _random(scenario: Scenario, *purpose: int) -> np.random.Generator:
+    return np.random.default_rng([scenario.seed, *purpose])

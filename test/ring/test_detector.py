@@ -1,5 +1,8 @@
 """What a pair is looked at for: near the prediction first, then everywhere, until the ring is plainly there."""
 
+import copy
+from functools import cache
+
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, lasso_pair, lasso_seed, noisy
@@ -39,12 +42,17 @@ def aligned(monkeypatch):
     return starts
 
 
-@pytest.fixture
-def track():
-    """A track of which the seed pair has been seen."""
+@cache
+def seeded():
     tracker = RingTracker(CONFIG)
     tracker.initialise(lasso_pair(0, np.zeros(3)), lasso_seed())
-    return tracker._track
+    return tracker
+
+
+@pytest.fixture
+def track():
+    """A track of which the seed pair has been seen; each test has its own."""
+    return copy.deepcopy(seeded())._track
 
 
 def detect(track, pair, config=CONFIG, *, tuning=None, **expected):

@@ -37,6 +37,12 @@ def drawn(turns=1.0, rise_m=1e-3, bright=False):
     return FramePair(0, *(Frame(0, 255 - pixels[p] if bright else pixels[p], VIEWS[p]) for p in "ab"))
 
 
+@cache
+def plain_model():
+    """Of the closed loop as it is drawn; built once, so not to be changed."""
+    return build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
+
+
 def one_way_mm(model, curve):
     """Mean distance of the wire's points to the model's curve."""
     return 1e3 * distance_to_curve(curve, model.points).mean()
@@ -56,11 +62,17 @@ def rendered(turns: float, helix_mm: float) -> RenderedSequence:
     )
 
 
+@cache
+def model_of(turns, helix_mm):
+    sequence = rendered(turns, helix_mm)
+    return build_loop_model(sequence.pairs[0], sequence.seed, CONFIG)
+
+
 @pytest.mark.parametrize(("turns", "helix_mm"), [(0.85, 1.0), (1.0, 3.0), (1.25, 2.0)])
 def test_model_error_on_the_phantom_is_under_two_tenths_of_a_millimetre(turns, helix_mm):
     # Open, helical, overlapping: the measure of the recordings, in the images at the loop's depth, both planes' mean.
     sequence = rendered(turns, helix_mm)
-    model = build_loop_model(sequence.pairs[0], sequence.seed, CONFIG)
+    model = model_of(turns, helix_mm)
     errors = []
     for name in "ab":
         view = sequence.pairs[0].frame(name).projection
@@ -73,8 +85,7 @@ def test_model_error_on_the_phantom_is_under_two_tenths_of_a_millimetre(turns, h
 
 @pytest.mark.parametrize(("turns", "helix_mm"), [(0.85, 1.0), (1.0, 3.0)])
 def test_an_open_loop_stays_open_and_a_closed_one_closed(turns, helix_mm):
-    sequence = rendered(turns, helix_mm)
-    truth, points = sequence.truth.loop, build_loop_model(sequence.pairs[0], sequence.seed, CONFIG).points
+    truth, points = rendered(turns, helix_mm).truth.loop, model_of(turns, helix_mm).points
     gaps_mm = [1e3 * np.linalg.norm(curve[0] - curve[-1]) for curve in (truth, points)]
     if turns < 1.0:
         assert gaps_mm[1] == pytest.approx(gaps_mm[0], abs=2.5)
@@ -84,7 +95,7 @@ def test_an_open_loop_stays_open_and_a_closed_one_closed(turns, helix_mm):
 
 
 def test_points_are_even_along_the_loop_and_the_centre_is_the_rings():
-    model = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
+    model = plain_model()
     assert model.points.shape == (POINTS, 3)
     steps = np.diff(arc_length(model.points))
     np.testing.assert_allclose(steps, steps.mean(), rtol=0.05)
@@ -144,7 +155,7 @@ def test_a_shift_between_the_planes_is_absorbed():
     view_b = VIEWS["b"]
     low = view_b.shifted(0.0, -4.0)
     pair = FramePair(0, drawn().a, Frame(0, drawn().b.pixels, low))
-    plain = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
+    plain = plain_model()
     model = build_loop_model(pair, clicks(lasso_curve(1.0)), CONFIG)
     # Half each; together what makes the planes meet again (up and down is across the epipolar lines here).
     apart = (model.shift("b", low) - model.shift("a", VIEWS["a"])) - (
@@ -165,12 +176,12 @@ def test_planes_exposed_one_after_the_other_leave_plane_a_where_it_is():
     late = FramePair(0, drawn().a, dataclasses.replace(drawn().b, stamp_ns=100_000_000))
     model = build_loop_model(late, clicks(lasso_curve(1.0)), CONFIG)
     np.testing.assert_array_equal(model.offsets["a"], 0.0)
-    together = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
+    together = plain_model()
     assert np.linalg.norm(together.offsets["a"]) > 0.0
 
 
 def test_depth_directions_are_as_described():
-    model = build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG)
+    model = plain_model()
     ray, lateral = model.depth_directions
     sight = {n: LOOP.centre - VIEWS[n].source for n in "ab"}
     assert angle_deg(ray, sight["a"]) < 0.2
@@ -182,8 +193,7 @@ def test_depth_directions_are_as_described():
 
 
 def test_bright_catheters_give_the_same_model():
-    seed = clicks(lasso_curve(1.0))
-    dark, bright = build_loop_model(drawn(), seed, CONFIG), build_loop_model(drawn(bright=True), seed, CONFIG)
+    dark, bright = plain_model(), build_loop_model(drawn(bright=True), clicks(lasso_curve(1.0)), CONFIG)
     assert bright.bright
     np.testing.assert_allclose(bright.points, dark.points, atol=1e-4)
 
@@ -224,7 +234,7 @@ def test_clicks_beside_any_catheter_are_refused(away_mm):
 
 def test_scale_sign_and_mirror_mean_nothing():
     seed = clicks(lasso_curve(1.0))
-    here = build_loop_model(drawn(), seed, CONFIG)
+    here = plain_model()
     scaled = FramePair(
         0,
         *(
@@ -244,7 +254,7 @@ def test_scale_sign_and_mirror_mean_nothing():
 
 def test_the_planes_can_be_swapped():
     seed = clicks(lasso_curve(1.0))
-    here = build_loop_model(drawn(), seed, CONFIG)
+    here = plain_model()
     there = build_loop_model(FramePair(0, drawn().b, drawn().a), Seed(seed.points_b, seed.points_a), CONFIG)
     assert distance_to_curve(there.points, here.points).mean() < 1e-4
     np.testing.assert_allclose(there.centre, here.centre, atol=1e-4)
@@ -286,12 +296,12 @@ def test_the_pair_shows_what_the_loop_rose_between_the_exposures():
 
 
 def test_exposed_together_the_planes_show_no_motion():
-    assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).between is None
+    assert plain_model().between is None
 
 
 def test_the_curve_has_as_many_points_as_asked_for() -> None:
     assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG, points=60).points.shape == (60, 3)
-    assert build_loop_model(drawn(), clicks(lasso_curve(1.0)), CONFIG).points.shape == (120, 3)
+    assert plain_model().points.shape == (120, 3)
 
 
 def flattened(normal, angle_deg_, axis_ratio):

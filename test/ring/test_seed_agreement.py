@@ -1,6 +1,8 @@
 """What the planes' disagreement at the seed says: measured, in doubt, refused, swapped; and kept as geometry."""
 
+import copy
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -25,17 +27,22 @@ def seeded(pair, seed=None):
     return tracker, tracker.initialise(pair, lasso_seed() if seed is None else seed)
 
 
+@cache
+def seeded_when_lifted(lift_mm):
+    return seeded(lifted(0, lift_mm))
+
+
 @pytest.mark.parametrize("lift_mm", [0.0, 1.0, 3.0, -5.0])
 def test_the_disagreement_is_measured_in_millimetres_at_the_ring(lift_mm):
-    _, result = seeded(lifted(0, lift_mm))
+    _, result = seeded_when_lifted(lift_mm)
     assert result.seed_gap_mm == pytest.approx(abs(lift_mm), abs=0.25)
 
 
 def test_from_two_millimetres_on_every_pose_says_that_it_is_in_doubt():
-    tracker, result = seeded(lifted(0, 3.0))
+    tracker, result = copy.deepcopy(seeded_when_lifted(3.0))
     assert result.state is DEGRADED
     assert result.reason.startswith("the planes disagree by 3.")
-    plain, _ = seeded(lifted(0, 0.0))
+    plain, _ = copy.deepcopy(seeded_when_lifted(0.0))
     for index in (1, 2, 3):
         result, other = tracker.track(lifted(index, 3.0)), plain.track(lifted(index, 0.0))
         assert result.state is DEGRADED
@@ -69,8 +76,8 @@ def test_swapped_calibrations_are_named(cranial_a, cranial_b):
 
 @pytest.mark.parametrize("binning", [(2, 2), (2, 1)])
 def test_what_was_absorbed_stays_where_it_is_when_the_read_out_changes(binning):
-    tracker, _ = seeded(lifted(0, 1.5))
-    plain, _ = seeded(lifted(0, 0.0))
+    tracker, _ = copy.deepcopy(seeded_when_lifted(1.5))
+    plain, _ = copy.deepcopy(seeded_when_lifted(0.0))
 
     def read_out(pair):
         x, y = binning

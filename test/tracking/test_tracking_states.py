@@ -1,12 +1,17 @@
 """The states, pair by pair, where the lasso is hidden, taken out, or moved to another vein: on rendered pictures."""
 
 import dataclasses
+from collections.abc import Iterator
 
 import pytest
 
 from lasso_motion_ros.bench.suite.sequence import render_sequence, run_sequence
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.evaluation.measures import PairScore
+from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.phantom import Simulator
+from lasso_motion_ros.phantom.imaging import Pixels
 from lasso_motion_ros.phantom.scenario import load_scenario
 from lasso_motion_ros.phantom.settings import Event
 from lasso_motion_ros.stream.tracker_factory import create_tracker
@@ -15,6 +20,23 @@ FIRST = 9  # pair of the event: two and a half seconds after the seed
 PAIRS = 16
 MOVED_MM = (16.0, 6.0, 18.2)  # 25 mm
 TRACKING, LOST, DISPLACED = "TRACKING", "LOST", "DISPLACED"
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _pictures_before_the_event() -> Iterator[None]:
+    """Rendered once: they are the same, whatever the event will be."""
+    expose, known = Simulator._expose, dict[tuple[Plane, int], Pixels]()
+
+    def exposed(self: Simulator, plane: Plane, index: int, projection: Projection) -> Pixels:
+        if index >= FIRST:
+            return expose(self, plane, index, projection)
+        if (plane, index) not in known:
+            known[plane, index] = expose(self, plane, index, projection)
+        return known[plane, index]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Simulator, "_expose", exposed)
+        yield
 
 
 def scores_with(event: Event) -> tuple[PairScore, ...]:

@@ -15,7 +15,7 @@ from lasso_motion_ros.bench.suite.random_scenarios import MOVE_MM
 from lasso_motion_ros.bench.suite.scenario_changes import path_shutters
 from lasso_motion_ros.bench.suite.vectors import as_vector, direction, unit
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.phantom import Simulator
+from lasso_motion_ros.phantom import scenario_motion
 from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.settings import ClickSettings, Event, Scenario
 
@@ -161,7 +161,7 @@ def _sigh(scenario: Scenario, number: int) -> Scenario:
 
 
 def _has_sigh(scenario: Scenario) -> bool:
-    breathing = Simulator(scenario).motion.breathing
+    breathing = scenario_motion(scenario).breathing
     depths = [breathing.depth(pair / scenario.rate_hz) for pair in range(scenario.pairs)]
     half = scenario.pairs // 2
     return max(depths[half:]) > TUNING.sigh_depth * max(depths[:half])

@@ -12,7 +12,7 @@ from lasso_motion_ros.bench.suite.clinic_classes import CLASSES
 from lasso_motion_ros.bench.suite.clinic_scenarios import ClinicScenario, clinic_scenario, clinic_scenarios
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg
 from lasso_motion_ros.bench.suite.scenario_changes import path_shutters
-from lasso_motion_ros.phantom import Simulator
+from lasso_motion_ros.phantom import Simulator, scenario_motion
 from lasso_motion_ros.phantom.scenario import scenario_from_values
 
 
@@ -76,7 +76,7 @@ def test_what_the_classes_put_in() -> None:
         for one in of_class(name):
             assert kinds <= {incident.kind for incident in one.scenario.incidents}
     for one in of_class("sigh"):
-        motion = Simulator(one.scenario).motion.breathing
+        motion = scenario_motion(one.scenario).breathing
         depths = [
             np.linalg.norm(motion.displacement(pair / one.scenario.rate_hz)) for pair in range(one.scenario.pairs)
         ]

@@ -6,7 +6,7 @@ import pytest
 from lasso_motion_ros.bench.suite.place_truth import seed_gap_mm
 from lasso_motion_ros.bench.suite.random_scenarios import edge_on_deg
 from lasso_motion_ros.bench.suite.traps import TRAPS, trap_scenarios
-from lasso_motion_ros.phantom import Simulator
+from lasso_motion_ros.phantom import Simulator, scenario_motion
 from lasso_motion_ros.phantom.settings import Scenario
 
 LAB = list(TRAPS)[list(TRAPS).index("tip_at_ring") :]
@@ -36,7 +36,7 @@ def test_a_tip_is_at_the_ring_in_the_seed_pair() -> None:
 
 def test_cough_apnoea_and_sigh_are_in_this_order() -> None:
     for scenario in scenarios("cough_apnoea_sigh"):
-        breathing = Simulator(scenario).motion.breathing
+        breathing = scenario_motion(scenario).breathing
         times = np.arange(0.0, scenario.pairs / scenario.rate_hz, 0.05)
         path = np.array([breathing.displacement(float(time)) for time in times])
         along = 1e3 * path @ np.array(scenario.breathing.direction) / np.linalg.norm(scenario.breathing.direction)
