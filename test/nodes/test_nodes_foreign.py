@@ -22,7 +22,7 @@ from msg_adapters.messages import stamp_to_ns
 
 pytestmark = pytest.mark.ros
 HEARD = (topics.DIAGNOSTICS, topics.CATHETER, topics.MOTION, topics.STATE)
-PAIRS = 60
+PAIRS = 30
 ATTEMPTS = 3
 
 

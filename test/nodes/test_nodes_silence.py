@@ -20,7 +20,6 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 
 from std_srvs.srv import Trigger
 from support.node_harness import Graph
-from support.paths import ROOT
 from support.ring_stream import HEARD, RingStream, start_tracker
 
 from lasso_motion_ros.geometry.frames import PLANES
@@ -38,7 +37,6 @@ TIMEOUT_S = 1.0
 @pytest.fixture(scope="module")
 def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RingStream]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPATH", f"{ROOT}:{ROOT / 'test'}")
         directory = tmp_path_factory.mktemp("silence")
         patch.setenv("HANG", str(directory / "hang"))
         with Graph((PICTURE, *HEARD), directory) as graph:

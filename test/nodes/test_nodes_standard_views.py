@@ -110,7 +110,7 @@ def test_other_tools_draw_the_catheter_where_the_tracker_does(tmp_path: Path) ->
     listened = [topics.MOTION, topics.CATHETER, *map(topics.tracking_topic, "ab"), topics.TF, *standard]
     with Graph(listened, tmp_path) as graph:
         heard = graph.heard.messages
-        graph.processes.start_node("tracker", "lasso_tracker")
+        graph.processes.start("tracker", "support.brisk_tracker", ["lasso_tracker"])
         graph.wait_until(lambda: all(graph.listener.publishers(topic) for topic in listened))
         recording = write_mirrored(tmp_path / "mirrored.mcap")
         graph.processes.start("player", "lasso_motion_ros.cli.main", ["play", str(recording), "--rate", "0.5"])
@@ -179,7 +179,8 @@ def test_a_camera_whose_pose_is_on_tf_is_tracked_by_while_it_turns(tmp_path: Pat
     with Graph([topics.MOTION, topics.STATE], tmp_path) as graph:
         # What tells the tracker where the camera stands goes out first; the seeds last, once there is a pair.
         send = {topic.name: graph.publisher(topic) for topic in (topics.TF, *inputs, *map(topics.seed_topic, "ab"))}
-        graph.processes.start_node("tracker", "lasso_tracker", ["--ros-args", "-p", "publish_tf:=false"])
+        arguments = ["lasso_tracker", "--ros-args", "-p", "publish_tf:=false"]
+        graph.processes.start("tracker", "support.brisk_tracker", arguments)
         graph.wait_until(lambda: all(one.get_subscription_count() for one in send.values()))
 
         def publish(topic: topics.Topic, fields: dict[str, Any]) -> None:

@@ -61,7 +61,7 @@ def start(graph: Graph, *parameters: str) -> None:
     graph.client(ChangeState, "/lasso_tracker/change_state")
     for service in ("reset", "set_reference"):
         graph.client(Trigger, f"/lasso_tracker/{service}")
-    graph.processes.start_node("tracker", "lasso_tracker", arguments)
+    graph.processes.start("tracker", "support.brisk_tracker", ["lasso_tracker", *arguments])
     graph.heard.wait_for(lambda: bool(states(graph)))
 
 

@@ -10,6 +10,7 @@ import sys
 import time
 from pathlib import Path
 
+from lasso_motion_ros.nodes import tracker_node
 from lasso_motion_ros.nodes.executables import main
 from lasso_motion_ros.ring.tracker import RingTracker
 
@@ -24,5 +25,6 @@ def _hanging(self, pair):
 
 
 if __name__ == "__main__":
+    tracker_node.warm_up = lambda *_: []  # as in `brisk_tracker.py`
     RingTracker.track = _hanging
     sys.exit(main(sys.argv[1:]))

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
+
+from support.paths import SCRIPT_PATH
 
 from lasso_motion_ros.nodes.fastdds import use_image_profile
 from lasso_motion_ros.tools.processes import LOOPBACK, Processes, free_domain
@@ -56,7 +59,10 @@ class Graph:
 
         self.domain = free_domain()
         self.heard = Heard()
-        self.processes = Processes({"ROS_DOMAIN_ID": str(self.domain), **LOOPBACK}, logs)
+        # The helpers of this folder run as modules, too.
+        path = os.pathsep.join(filter(None, (SCRIPT_PATH, os.environ.get("PYTHONPATH"))))
+        environment = {"ROS_DOMAIN_ID": str(self.domain), "PYTHONPATH": path, **LOOPBACK}
+        self.processes = Processes(environment, logs)
         self.listener = Listener(topics, self.heard, domain=self.domain)
         self._clients: dict[str, Any] = {}
 

@@ -178,7 +178,7 @@ class Stage:
 
 
 @contextmanager
-def open_stage(directory: Path, tracker_module: str = "lasso_motion_ros.nodes.executables") -> Iterator[Stage]:
+def open_stage(directory: Path, tracker_module: str = "support.brisk_tracker") -> Iterator[Stage]:
     """Start all of it; `tracker_module` is run with the argument `lasso_tracker`."""
     write_stl(directory / "tetrahedron.stl", TriangleMesh(CORNERS, FACES), "mm")
     # Rather late than with the motion of another pair: a machine that tests is busy.

@@ -205,8 +205,8 @@ def diagnosed(graph: Graph, part: str) -> dict[str, str]:
     return {}
 
 
-def start_tracker(graph: Graph, *parameters: str, name: str = "tracker", module: str = "") -> None:
-    """Start a tracker, or a module that is one, and wait until it says a state.
+def start_tracker(graph: Graph, *parameters: str, name: str = "tracker", module: str = "support.brisk_tracker") -> None:
+    """Start a module that is a tracker, and wait until it says a state.
 
     A stream that pauses is not lost here, unless the parameters say so: these streams wait for events.
     """
@@ -215,8 +215,5 @@ def start_tracker(graph: Graph, *parameters: str, name: str = "tracker", module:
     words = [word for parameter in ("stream_timeout_s:=600.0", *parameters) for word in ("-p", parameter)]
     arguments = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml")), *words]
     before = len(graph.heard.messages["state"])
-    if module:
-        graph.processes.start(name, module, ["lasso_tracker", *arguments])
-    else:
-        graph.processes.start_node(name, "lasso_tracker", arguments)
+    graph.processes.start(name, module, ["lasso_tracker", *arguments])
     graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > before)

@@ -67,7 +67,6 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Stage]:
     directory = tmp_path_factory.mktemp("truth")
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("HANG", str(directory / "hang"))
-        environment.setenv("PYTHONPATH", str(Path(__file__).parents[1]), prepend=":")
         with open_stage(directory, tracker_module="support.hanging_tracker") as started:
             started.start_tracking()
             started.page.wait_for(lambda: started.page.text("pose-age").startswith("Last good pose 0."), "a fresh pose")
