@@ -13,6 +13,7 @@ from lasso_motion_ros.nodes.ros_start import NO_ROS
 from lasso_motion_ros.nodes.running import ThrottledLog, guarded
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("call", "prefix"),
     [

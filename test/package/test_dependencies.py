@@ -12,6 +12,8 @@ from xml.etree import ElementTree
 import pytest
 from support.paths import ROOT
 
+pytestmark = pytest.mark.slow
+
 OURS = {"lasso_motion_ros", "msg_adapters"}
 SHIPPED = ("lasso_motion_ros", "msg_adapters", "launch", "examples")
 # Module → its rosdep key and its name on PyPI.

@@ -18,6 +18,8 @@ from support.paths import ROOT
 from lasso_motion_ros.cli.main import COMMANDS
 from lasso_motion_ros.tracking.tracker import TrackerState
 
+pytestmark = pytest.mark.slow
+
 PACKAGE = ROOT / "lasso_motion_ros"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "tutorials").glob("*.md")])
 WRITTEN_BY_RUNS = {"demo_output"}  # named as what a command writes

@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from graphlib import CycleError, TopologicalSorter
 
+import pytest
 from support.paths import ROOT
 from support.rooms import PACKAGE, arrows, files, floors, imports, room
+
+pytestmark = pytest.mark.slow
 
 # Arrows between rooms: with more, the picture is none.
 MOST_ARROWS = 106

@@ -54,6 +54,7 @@ def everything() -> Scenario:
     )
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_lab_whatever_the_length() -> None:
     first, longer = (list(Simulator(dataclasses.replace(everything(), pairs=pairs)).pairs()) for pairs in (2, 3))
     other = list(Simulator(dataclasses.replace(everything(), seed=9, pairs=2)).pairs())

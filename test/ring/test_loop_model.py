@@ -129,6 +129,7 @@ def test_the_model_follows_the_wire_rather_than_an_ellipse():
     assert one_way_mm(model, curve) < 0.27
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("start", "direction"), [(0.0, -1), (0.3, 1), (0.5, -1), (0.85, 1)])
 def test_clicks_may_start_anywhere_and_go_either_way(start, direction):
     curve = lasso_curve(1.0)
@@ -139,6 +140,7 @@ def test_clicks_may_start_anywhere_and_go_either_way(start, direction):
     assert np.linalg.norm(model.centre - LOOP.centre) < 0.25e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "noise_px"), [(6, 1.0), (10, 2.0)])
 def test_few_and_noisy_clicks_do(count, noise_px):
     # A pixel is a quarter of a millimetre here: 2 px are half a millimetre.
@@ -198,6 +200,7 @@ def test_bright_catheters_give_the_same_model():
     np.testing.assert_allclose(bright.points, dark.points, atol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bright", [False, True])
 def test_a_polarity_that_the_clicks_mistake_shows_along_the_loop(bright):
     # Between the loop and a bright copy of it 2 mm higher, where the clicks are: each by itself is nearer to the copy.
@@ -216,6 +219,7 @@ def test_a_polarity_that_the_clicks_mistake_shows_along_the_loop(bright):
     assert one_way_mm(model, curve) < 0.4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("polarity", ["dark", "bright"])
 def test_a_configured_polarity_is_not_doubted(polarity):
     config = dataclasses.replace(CONFIG, polarity=polarity)
@@ -232,6 +236,7 @@ def test_clicks_beside_any_catheter_are_refused(away_mm):
         build_loop_model(drawn(), clicks(lasso_curve(1.0) + away), CONFIG)
 
 
+@pytest.mark.slow
 def test_scale_sign_and_mirror_mean_nothing():
     seed = clicks(lasso_curve(1.0))
     here = plain_model()
@@ -312,6 +317,7 @@ def flattened(normal, angle_deg_, axis_ratio):
     return Ellipse3D(LOOP.centre, cos * major + sin * minor, axis_ratio * (cos * minor - sin * major))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("normal", "angle"),
     [([-0.84, -0.54, 0.012], 150.0), ([0.87, 0.494, 0.0], 30.0), ([-0.928, -0.373, -0.006], 30.0)],
@@ -331,6 +337,7 @@ def test_of_two_ellipses_that_fit_alike_the_one_whose_electrodes_match_is_the_lo
     assert one_way_mm(model, curve) < 0.2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 3, 7])
 def test_where_minimal_paths_wander_in_noise_the_clicks_tell_the_loop(number):
     # Nearly four times the wire's depth: from one of seven clicks to the next the path goes where noise is dark.

@@ -325,6 +325,7 @@ def test_a_plane_that_is_zoomed_beside_the_ring_is_left_out(tracker, name):
     assert tracker.track(pair(WARM + 4)).state is TRACKING
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed_mm_s", [0.6, 1.4])
 def test_a_ring_that_slides_stays_displaced_while_it_goes_on_and_while_it_stands(tracker, speed_mm_s):
     # Across the breath's way, for eight seconds; then it stands where it is, and breathes there.
@@ -348,6 +349,7 @@ def fibrillating(number, direction, pairs=26, period_ns=133_333_333):
         yield FramePair(index * period_ns, *(Frame(index * period_ns, images[p], VIEWS[p]) for p in "ab"))
 
 
+@pytest.mark.slow
 def test_fibrillation_in_the_first_breath_is_seldom_taken_for_a_displacement():
     # What the heart does in the first second hides where breathing is going to. Without allowing for that, all four.
     displaced = 0

@@ -38,6 +38,7 @@ def test_the_disagreement_is_measured_in_millimetres_at_the_ring(lift_mm):
     assert result.seed_gap_mm == pytest.approx(abs(lift_mm), abs=0.25)
 
 
+@pytest.mark.slow
 def test_from_two_millimetres_on_every_pose_says_that_it_is_in_doubt():
     tracker, result = copy.deepcopy(seeded_when_lifted(3.0))
     assert result.state is DEGRADED
@@ -55,6 +56,7 @@ def test_more_than_any_usable_calibration_is_refused():
         seeded(lifted(0, 12.0))
 
 
+@pytest.mark.slow
 def test_a_breath_between_the_exposures_is_no_wrong_calibration():
     # In a sixth of a second breathing usually goes 2.5 mm.
     _, result = seeded(lifted(0, 3.5, late_ns=167_000_000))

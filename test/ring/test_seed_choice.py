@@ -82,6 +82,7 @@ def moved(index):
     return np.array([0.0, -0.001, -0.003]) * index
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("has_others", [True, False])
 def test_a_tracker_that_began_with_the_wrong_curve_goes_on_with_the_right_one(has_others):
     tracker = RingTracker(TrackerConfig())

@@ -70,6 +70,7 @@ def test_a_loop_seen_edge_on_is_clicked_there_and_back():
     require_loop_of_clicks(Seed(there, ring))
 
 
+@pytest.mark.slow
 def test_a_doubt_about_the_size_stays_with_every_pose():
     plain, named = RingTracker(CONFIG), RingTracker(dataclasses.replace(CONFIG, catheter="pulseselect"))
     assert plain.initialise(lasso_pair(0, moved(0)), lasso_seed()).state is TRACKING

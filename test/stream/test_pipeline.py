@@ -254,6 +254,7 @@ def test_filtered_motion_differs_from_raw_motion_only_where_the_heart_can_be_tol
     assert pipeline().statistics().heartbeat is None
 
 
+@pytest.mark.slow
 def test_images_are_released() -> None:
     import gc
     import weakref

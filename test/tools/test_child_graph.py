@@ -33,6 +33,7 @@ def test_children_are_in_the_graphs_domain(tmp_path: Path, monkeypatch: pytest.M
         assert graph.log("child") == str(DOMAIN)
 
 
+@pytest.mark.slow
 def test_a_child_that_fails_ends_the_wait_with_its_own_words(graph: ChildGraph) -> None:
     graph.start_command("tracking", "track", "none.mcap", "-o", "out.mcap")
     with pytest.raises(LassoMotionError, match=r"the tracking ended with status 2: lasso-motion track: none\.mcap"):

@@ -85,6 +85,7 @@ def motions(result: Path) -> dict[int, np.ndarray]:
     return {one.stamp_ns: one.motion for one in read_estimates(result) if one.motion is not None}
 
 
+@pytest.mark.slow
 def test_it_is_tracked_as_the_images_themselves(
     plain: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -98,6 +98,7 @@ def test_the_clicks_of_the_pair_before_can_be_taken_over(bare: Path, tmp_path: P
     assert (status["points"]["b"], status["closed"], status["index"], status["done"]) == (CURVE, True, 1, 2)
 
 
+@pytest.mark.slow
 def test_clicks_made_here_begin_the_tracking_from_the_copy_and_from_their_file(bare: Path, tmp_path: Path) -> None:
     copy, seeds = tmp_path / "copy.mcap", tmp_path / "seeds.yaml"
     without = {f"/plane_{plane}/seed": f"/old/{plane}" for plane in "ab"}
@@ -180,6 +181,7 @@ def test_a_pair_that_is_not_there_is_refused(bare: Path, tmp_path: Path, index: 
         Annotation(AnnotatedRecording(bare, tmp_path / "copy.mcap")).command("go", {"index": index}, PAGE)
 
 
+@pytest.mark.slow
 def test_without_an_output_it_says_so_in_one_line(bare: Path) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "lasso_motion_ros.cli.main", "web", "--annotate", str(bare)],

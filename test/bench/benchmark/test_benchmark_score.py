@@ -299,6 +299,7 @@ def test_the_command_table_json_and_page(exported: Path, tmp_path: Path, capsys:
     assert main(["benchmark", "score", str(exported), "--result", str(good), *outputs]) == 2  # no --overwrite
 
 
+@pytest.mark.slow
 def test_our_tracker_is_worth_what_the_suite_says(exported: Path, tmp_path: Path) -> None:
     """From files, by way of messages, as in memory."""
     drawn = read_manifest(exported).sequences[0]

@@ -61,6 +61,7 @@ def test_the_table() -> None:
     assert lines[2].startswith(ALL)
 
 
+@pytest.mark.slow
 def test_runs_keep_the_order_of_the_sequences(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: short())
     drawn = [ClinicScenario(dataclasses.replace(STILL, name=name), {"core": 0}) for name in ("x", "y")]

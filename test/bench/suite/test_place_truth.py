@@ -73,6 +73,7 @@ def test_planes_that_disagree_by_much_at_the_seed_ask_for_no_pose() -> None:
     assert seed_gap_mm(usual) < 2.0
 
 
+@pytest.mark.slow
 def test_evidence_is_of_the_planes_that_show_the_ring() -> None:
     hidden = dataclasses.replace(STILL, events=(Event("hide", 2, 2), Event("drop", 3, plane="b")))
     pairs = judged(hidden)
@@ -91,6 +92,7 @@ def test_a_ring_in_plain_view_is_plain() -> None:
     assert min(with_place(PairTruth(0), Simulator(short().scenario), elsewhere).evidence.values()) < 0.8
 
 
+@pytest.mark.slow
 def test_what_the_truth_says_is_read_back(tmp_path: Path) -> None:
     sliding = dataclasses.replace(STILL, pairs=3, incidents=(Incident("slide", 0.0, 0.0, amount=2.5),))
     first, second = (SequenceCache(tmp_path).sequence(sliding).truth.pairs for _ in range(2))

@@ -6,6 +6,7 @@ import random
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from support.message_inputs import START_NS, camera_info, image, projection
@@ -122,6 +123,7 @@ def test_what_waits_for_calibrations_is_bounded_whatever_the_stamps() -> None:
     assert given_out > 800
 
 
+@pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(0, 9))
 @settings(max_examples=40, deadline=None)
 def test_any_lateness_up_to_nine_frames_changes_no_pair(seed: int, latest: int) -> None:
