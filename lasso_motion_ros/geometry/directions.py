@@ -12,11 +12,14 @@ Array = npt.NDArray[np.float64]
 
 def axes_across(normals: Array) -> tuple[Array, Array]:
     """(N, 3) two unit vectors across each of some unit vectors (N, 3), and across each other."""
-    # Whichever axis of the world is farther from the normal.
-    start = np.where(np.abs(normals[:, :1]) < 0.6, np.array([[1.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]]))
-    first = np.cross(normals, start)
+    # Component by component: `np.cross` takes five times as long on a hundred vectors.
+    x, y, z = normals.T
+    # Across whichever axis of the world is farther from the normal.
+    is_x = np.abs(x) < 0.6
+    first = np.stack([np.where(is_x, 0.0, -z), np.where(is_x, z, 0.0), np.where(is_x, -y, x)], axis=1)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
-    return first, np.cross(normals, first)
+    u, v, w = first.T
+    return first, np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
 @cache

@@ -11,7 +11,8 @@ from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.ring.loop_curve import fit_curve, snap
+from lasso_motion_ros.ring.line_map import LineMap
+from lasso_motion_ros.ring.loop_curve import CurveFit, snap
 from lasso_motion_ros.seeding.cones import Ellipse3D
 
 Array = npt.NDArray[np.float64]
@@ -61,8 +62,8 @@ def outline_of(
     projections = {plane: frames[plane].projection for plane in PLANES}
     lift = grid.upward * circle.lifts[0]
     projections["b"] = projections["b"].shifted(*(projections["b"].jacobian(centre) @ lift))
-    curve = circle.points(ALONG)[0]
+    lines = {plane: LineMap(frames[plane], bright=bright, sigma_mm=line_sigma_mm) for plane in PLANES}
+    fit, curve = CurveFit(ellipse, ALONG), circle.points(ALONG)[0]
     for _ in range(ROUNDS):
-        found = {plane: snap(curve, frames[plane], projections[plane], bright, line_sigma_mm) for plane in PLANES}
-        curve = fit_curve(ellipse, ALONG, projections, found)(ALONG)
+        curve = fit(projections, snap(curve, lines, projections)).points
     return Outline(curve, lift)

@@ -19,10 +19,10 @@ from lasso_motion_ros.geometry.curves import distance_to_curve, resample
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
-from lasso_motion_ros.ring.loop_curve import LoopCurve, fit_curve, snap
+from lasso_motion_ros.ring.loop_curve import CurveFit, LoopCurve, snap
 from lasso_motion_ros.ring.seed_circle import seed_circles
+from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
-from lasso_motion_ros.ring.working_image import working_image
 from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.seeding.outlines import (
@@ -44,7 +44,6 @@ class _Tuning:
     """Which curves are tried, which of them is taken, and when the images show none."""
 
     rounds: int = 3  # of snapping to the lines in the images
-    simultaneous_s: float = 0.004  # exposures closer than this show the same phase
     between_sigma_m: float = 0.0005  # of what others show of the motion between them: mostly the calibration's error
     # Contrast along the model in units of the local noise (docs/constants.md).
     smallest_contrast: float = 0.49
@@ -136,17 +135,16 @@ def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points
     """
     require_both_planes(pair)
     bright = is_bright(pair, seed, config)
-    models = _build(pair, seed, config, points, bright=bright)
-    contrast = _contrast(pair, models[0])
+    models, contrast = _build(pair, seed, config, points, bright=bright)
     if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            others = _build(pair, seed, config, points, bright=not bright)
+            others, their_contrast = _build(pair, seed, config, points, bright=not bright)
         except ReconstructionError:
             pass
         else:
-            if _contrast(pair, others[0]) > contrast:
-                models, contrast = others, _contrast(pair, others[0])
+            if their_contrast > contrast:
+                models, contrast = others, their_contrast
     if contrast < TUNING.smallest_contrast:
         raise SeedError(
             f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
@@ -156,43 +154,48 @@ def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points
     return models
 
 
-def _contrast(pair: FramePair, model: LoopModel) -> float:
-    """How far the model's curve stands out from what lies beside it, mean of both planes, in units of local noise."""
-    shifts = {plane: model.shift(plane, frame.projection) for plane, frame in pair.frames.items()}
-    return float(_contrasts(pair, model.points, model.bright, shifts).mean())
+def _shifts(images: SeedImages, model: LoopModel) -> dict[Plane, Array]:
+    """Per plane, (2,) pixels by which the clicked images lie off their calibration."""
+    return {plane: model.shift(plane, projection) for plane, projection in images.projections.items()}
 
 
-def _contrasts(pair: FramePair, curve: Array, bright: bool, shifts: dict[Plane, Array]) -> Array:
-    """(N,) the same, point by point of a curve (N, 3)."""
+def _contrasts(images: SeedImages, curve: Array, shifts: dict[Plane, Array]) -> Array:
+    """(N,) how far a curve (N, 3) stands out from what lies beside it, mean of both planes, in units of local noise."""
     contrasts = []
-    for plane, frame in pair.frames.items():
-        image = working_image(frame, curve.mean(axis=0), bright=bright, shift=shifts[plane])
+    for image in images.working(curve.mean(axis=0), shifts).values():
         strip = strip_along(curve, image.projection).sample(image)
         beside = 0.5 * (strip[:, :3].mean(axis=1) + strip[:, -3:].mean(axis=1))
         contrasts.append(strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1) - beside)
     return np.asarray(np.mean(contrasts, axis=0), dtype=np.float64)
 
 
-def _build(pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool) -> list[LoopModel]:
+def _build(
+    pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool
+) -> tuple[list[LoopModel], float]:
     """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
+
+    And how far that one stands out from what lies beside it, mean of both planes, in units of local noise.
 
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
     """
+    images = SeedImages(pair, bright=bright, line_sigma_mm=config.path.line_sigma_mm)
     models: list[tuple[float, LoopModel]] = []
-    starts, failure = _starts(pair, seed, config, bright=bright)
+    starts, failure = _starts(images, pair, seed, config)
     for start in starts:
         try:
-            model = _around(start, pair, config, count, bright=bright)
+            model = _around(start, images, count)
         except ReconstructionError as error:
             failure = failure or error
             continue
         # What the clicks alone lead to holds, unless the images plainly speak for a circle that was searched.
-        worth = _worth(model, pair, seed) - (TUNING.search_penalty if start.is_searched else 0.0)
+        worth = _worth(model, images, seed) - (TUNING.search_penalty if start.is_searched else 0.0)
         models.append((worth, model))
     if not models:
         raise failure or ReconstructionError("no 3-D loop explains the clicks")
-    return [model for _, model in sorted(models, key=lambda one: -one[0])]
+    best, *others = (model for _, model in sorted(models, key=lambda one: -one[0]))
+    contrast = float(_contrasts(images, best.points, _shifts(images, best)).mean())
+    return [best, *others], contrast
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,11 +216,11 @@ class _Start:
 
 
 def _starts(
-    pair: FramePair, seed: Seed, config: TrackerConfig, *, bright: bool
+    images: SeedImages, pair: FramePair, seed: Seed, config: TrackerConfig
 ) -> tuple[list[_Start], ReconstructionError | None]:
     """All ellipses that the clicks, the paths between them and the images lead to; and why one of them led to none."""
-    projections, share_of_a = require_both_planes(pair), _share_of_a(pair)
-    found = outlines(pair, seed, config, bright=bright)  # refuses clicks that are none
+    projections, share_of_a = images.projections, images.share_of_a
+    found = outlines(pair, seed, config, bright=images.bright)  # refuses clicks that are none
     drawn = curves_through_clicks(seed, projections)
     starts, failure = list[_Start](), None
     for paths in (found, drawn):
@@ -229,50 +232,40 @@ def _starts(
             continue
         limit = candidates[0].misfit + TUNING.doubtful_misfit
         starts += [_Start(one.ellipse, paths, shifts) for one in candidates[: TUNING.ellipses] if one.misfit <= limit]
-    circles = seed_circles(pair.frames, seed, shifts, TUNING.click_penalty, bright=bright, count=TUNING.circles)
+    circles = seed_circles(images, seed, shifts, TUNING.click_penalty, count=TUNING.circles)
     return [*starts, *(_Start(circle, drawn, shifts, is_searched=True) for circle in circles)], failure
 
 
-def _worth(model: LoopModel, pair: FramePair, seed: Seed) -> float:
+def _worth(model: LoopModel, images: SeedImages, seed: Seed) -> float:
     """What the planes have in common along a model, less what speaks against it: clicks beside it, and its shape."""
     lengthwise = (1.0 - model.roundness) / TUNING.roundness_spread
     return (
-        _in_common(pair, model)
-        - TUNING.click_penalty * _beside(model, pair, seed)
+        _in_common(images, model)
+        - TUNING.click_penalty * _beside(model, images, seed)
         - TUNING.shape_penalty * lengthwise**2
     )
 
 
-def _beside(model: LoopModel, pair: FramePair, seed: Seed) -> float:
+def _beside(model: LoopModel, images: SeedImages, seed: Seed) -> float:
     """Mean squared distance of the clicks from the model's curve, mm²."""
     squares = []
-    for plane, frame in pair.frames.items():
-        curve = frame.projection.project(model.points) + model.shift(plane, frame.projection)
-        unit = frame.projection.millimetres_per_pixel(model.centre)
+    for plane, projection in images.projections.items():
+        curve = projection.project(model.points) + model.shift(plane, projection)
+        unit = projection.millimetres_per_pixel(model.centre)
         squares.append((unit * distance_to_curve(seed.points(plane), curve)) ** 2)
     return float(np.mean([square.mean() for square in squares]))
 
 
-def _share_of_a(pair: FramePair) -> float:
-    """What plane A's images take of a shift between the planes: half, or none where plane B is exposed later."""
-    frames = pair.frames
-    simultaneous = abs(frames["b"].stamp_ns - frames["a"].stamp_ns) < TUNING.simultaneous_s * 1e9
-    return 0.5 if simultaneous else 0.0
-
-
-def _in_common(pair: FramePair, model: LoopModel) -> float:
+def _in_common(images: SeedImages, model: LoopModel) -> float:
     """Mean along the arc of the lesser of the two planes' evidence, as far as it speaks for a ring."""
-    shown = []
-    for plane, frame in pair.frames.items():
-        shift = model.shift(plane, frame.projection)
-        image = working_image(frame, model.centre, bright=model.bright, shift=shift)
-        shown.append(image.evidence_at(image.projection.project(model.points)))
+    seen = images.working(model.centre, _shifts(images, model)).values()
+    shown = [image.evidence_at(image.projection.project(model.points)) for image in seen]
     return float(np.maximum(np.minimum(*shown), 0.0).mean())
 
 
-def _around(start: _Start, pair: FramePair, config: TrackerConfig, count: int, *, bright: bool) -> LoopModel:
+def _around(start: _Start, images: SeedImages, count: int) -> LoopModel:
     """The model whose curve follows the wire in both planes, from an ellipse on."""
-    projections, frames, share_of_a = require_both_planes(pair), pair.frames, _share_of_a(pair)
+    projections, share_of_a = images.projections, images.share_of_a
     ellipse, shifted = start.ellipse, _shifted(projections, start.shifts)
     outline = LoopOutline(ellipse, shifted, start.paths)
 
@@ -281,26 +274,27 @@ def _around(start: _Start, pair: FramePair, config: TrackerConfig, count: int, *
         angles, moved, views = angles_between(low, high), start.shifts, shifted
         points = on_ellipse(ellipse, angles)
         found = {p: views[p].project(points) for p in PLANES} if start.is_searched else outline.at(angles)
-        curve = fit_curve(ellipse, angles, views, found)
+        fit = CurveFit(ellipse, angles)
+        curve = fit(views, found)
         for _ in range(TUNING.rounds):
-            found = {p: snap(curve(angles), frames[p], views[p], bright, config.path.line_sigma_mm) for p in PLANES}
+            found = snap(curve.points, images.lines, views)
             # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
             moved = epipolar_shift(projections, found, share_of_a)
             views = _shifted(projections, moved)
-            curve = fit_curve(ellipse, angles, views, found)
+            curve = fit(views, found)
         return curve, moved
 
     low, high = outline.extent
     curve, moved = fitted(low, high)
     if (gap := outline.gap) is not None and high - low <= TURN:
         # Nobody clicked there; where there is no wire either, the loop is open.
-        inside = _contrasts(pair, curve(angles_between(*gap)), bright, moved).mean()
-        whole = _contrasts(pair, curve(angles_between(low, gap[0])), bright, moved).mean()
+        inside = _contrasts(images, curve(angles_between(*gap)), moved).mean()
+        whole = _contrasts(images, curve(angles_between(low, gap[0])), moved).mean()
         if inside < TUNING.open_contrast * whole:
             low, high = gap[1] - TURN, gap[0]
             curve, moved = fitted(low, high)
     points = resample(curve(np.linspace(low, high, 8 * count)), count)
-    return _model(points, bright, moved, projections, simultaneous=share_of_a > 0.0)
+    return _model(points, images.bright, moved, projections, simultaneous=share_of_a > 0.0)
 
 
 def _model(

@@ -9,7 +9,7 @@ numbers are the same each time).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
@@ -19,9 +19,11 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import GeometryError, ReconstructionError
 from lasso_motion_ros.geometry.directions import axes_across, half_sphere
-from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.triangulation import triangulate
-from lasso_motion_ros.ring.working_image import Image, WorkingImage, working_image
+from lasso_motion_ros.ring.seed_images import SeedImages
+from lasso_motion_ros.ring.working_image import Image, WorkingImage
 from lasso_motion_ros.seeding.cones import Ellipse3D
 
 Array = npt.NDArray[np.float64]
@@ -53,47 +55,40 @@ _SEED = 20090920  # of the random search
 
 
 def seed_circles(
-    frames: Mapping[Plane, Frame],
-    seed: Seed,
-    shifts: Mapping[Plane, Array],
-    click_penalty: float,
-    *,
-    bright: bool,
-    count: int,
+    images: SeedImages, seed: Seed, shifts: dict[Plane, Array], click_penalty: float, *, count: int
 ) -> list[Ellipse3D]:
     """The circles nearest to what clicks and images show, the best first, each of another tilt.
 
     Those that the clicks lie far beside are none.
 
     Args:
-        frames: the clicked images.
+        images: what was clicked.
         seed: the clicks.
         shifts: per plane, (2,) pixels by which its images lie off its calibration.
         click_penalty: of evidence, for a mean squared distance of the clicks of 1 mm².
-        bright: whether the catheter is brighter than its background.
         count: how many at most.
 
     Raises:
         ReconstructionError: the clicks' middles lie on no two rays that meet.
     """
-    views = [_View(frames[plane], seed.points(plane), shifts[plane]) for plane in PLANES]
+    projections = tuple(images.projections[plane].shifted(*shifts[plane]) for plane in PLANES)
     try:
-        centre = triangulate(
-            tuple(view.projection for view in views), tuple(view.clicks.mean(axis=0) for view in views)
-        )
+        centre = triangulate(projections, tuple(seed.points(plane).mean(axis=0) for plane in PLANES))
     except GeometryError as error:
         raise ReconstructionError(str(error)) from error
-    for view in views:
-        view.look_about(centre, bright=bright)
+    seen = images.working(centre, shifts)
+    views = _Views(
+        [_View.of(seed.points(plane), one, seen[plane], centre) for plane, one in zip(PLANES, projections, strict=True)]
+    )
     random = np.random.default_rng(_SEED)
 
     def by_clicks(circles: Array) -> Array:
-        return np.asarray(-np.mean([view.beside(circles) for view in views], axis=0))
+        return np.asarray(-views.beside(circles).mean(axis=0))
 
     def by_images(circles: Array) -> Array:
-        shown = np.minimum(*(view.evidence(circles) for view in views))
-        inside = np.clip(shown, 0.0, TUNING.most_evidence).mean(axis=1)
-        return np.asarray(inside + click_penalty * by_clicks(circles))
+        beside, shown = views.both(circles)
+        inside = np.clip(shown.min(axis=0), 0.0, TUNING.most_evidence).mean(axis=1)
+        return np.asarray(inside - click_penalty * beside.mean(axis=0))
 
     circles = np.hstack([np.tile(1e3 * centre, (len(_shapes()), 1)), _shapes()])
     circles = circles[np.argsort(-by_clicks(circles), kind="stable")[: TUNING.kept]]
@@ -108,44 +103,80 @@ def seed_circles(
             best = np.maximum(best, found.max(axis=1))
         circles = circles[np.argsort(-best, kind="stable")[:kept]]
     settled = [_settled(circle, by_images) for circle in _told_apart(circles)[:count]]
-    farthest = [max(float(view.beside(circle[None])[0]) for view in views) for circle in settled]
+    farthest = [float(views.beside(circle[None]).max()) for circle in settled]
     return [_ellipse(one) for one, beside in zip(settled, farthest, strict=True) if beside <= TUNING.largest_beside_mm2]
 
 
+@dataclass(frozen=True, eq=False)
 class _View:
-    """One plane: its clicks, and its evidence about them. Circles are (K, 6): centre, normal times radius; mm."""
+    """One plane: its clicks, and its evidence about them.
 
-    def __init__(self, frame: Frame, clicks: Array, shift: Array) -> None:
-        self._frame, self._shift, self.clicks = frame, shift, clicks
-        self._middle = clicks.mean(axis=0)
-        self.projection = frame.projection.shifted(*shift)
-        self._shown: tuple[WorkingImage, Image, Array] | None = None
-        self._unit = 1.0
+    Attributes:
+        matrix: (3, 4) world metres to pixels from the clicks' middle.
+        clicks: (C, 2) pixels from their middle.
+        unit: millimetres per pixel at the ring.
+        evidence: (h, w) attenuation, as `WorkingImage.evidence_about`.
+        to_evidence: (3, 4) world metres to its pixels.
+    """
 
-    def look_about(self, centre: Array, *, bright: bool) -> None:
-        """Work out the evidence about the clicks; `centre` (3,) m is the ring's, roughly."""
-        self._unit = self.projection.millimetres_per_pixel(centre)
-        image = working_image(self._frame, centre, bright=bright, shift=self._shift)
-        around = self.clicks.mean(axis=0) + 1.5 * (self.clicks - self.clicks.mean(axis=0))
-        depth = self.projection.depth(centre)
-        points = self.projection.source + depth * self.projection.rays(around)
-        self._shown = (image, *image.evidence_about(image.projection.project(points)))
+    matrix: Array
+    clicks: Array
+    unit: float
+    evidence: Image
+    to_evidence: Array
+
+    @classmethod
+    def of(cls, clicks: Array, projection: Projection, image: WorkingImage, centre: Array) -> _View:
+        """The view of a plane under the projection that its shift leads to; `centre` (3,) m is the ring's, roughly."""
+        middle = clicks.mean(axis=0)
+        points = projection.source + projection.depth(centre) * projection.rays(middle + 1.5 * (clicks - middle))
+        evidence, corner = image.evidence_about(image.projection.project(points))
+        return cls(
+            _moved(projection.matrix, middle),
+            clicks - middle,
+            projection.millimetres_per_pixel(centre),
+            evidence,
+            _moved(image.projection.matrix, corner),
+        )
+
+
+class _Views:
+    """Both planes, for many circles at once. Circles are (K, 6): centre, normal times radius; mm."""
+
+    def __init__(self, views: list[_View]) -> None:
+        self._views = views
+        self._to_clicks = np.stack([view.matrix for view in views])
+        self._to_all = np.concatenate([self._to_clicks, [view.to_evidence for view in views]])
 
     def beside(self, circles: Array) -> Array:
-        """(K,) mean squared distance of the clicks from each circle, mm²."""
-        pixels = _projected(circles, self.projection.matrix) - self._middle
-        clicks = self.clicks - self._middle
-        # |p - c|² = |p|² + |c|² - 2 p · c: one product of matrices, for the many circles that are tried.
-        squared = (pixels**2).sum(axis=-1)[..., None] - 2.0 * pixels @ clicks.T
-        nearest = self._unit * np.sqrt(np.maximum(squared.min(axis=1) + (clicks**2).sum(axis=-1), 0.0))
-        return np.asarray((np.minimum(nearest, TUNING.farthest_mm) ** 2).mean(axis=1))
+        """(2, K) mean squared distance of each plane's clicks from each circle, mm²."""
+        return self._beside(_projected(circles, self._to_clicks))
 
-    def evidence(self, circles: Array) -> Array:
-        """(K, N) along each circle, as `WorkingImage.evidence_at`; none outside of what was looked at."""
-        assert self._shown is not None  # noqa: S101 - for the type only
-        image, evidence, corner = self._shown
-        at = (_projected(circles, image.projection.matrix) - corner).astype(np.float32)
-        return np.asarray(cv2.remap(evidence, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+    def both(self, circles: Array) -> tuple[Array, Image]:
+        """The same, and (2, K, N) each plane's evidence along each circle; none outside of what was looked at."""
+        pixels = _projected(circles, self._to_all)
+        count = len(self._views)
+        x, y = pixels[count:].astype(np.float32).swapaxes(0, 1)
+        shown = [
+            cv2.remap(view.evidence, x[k], y[k], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            for k, view in enumerate(self._views)
+        ]
+        return self._beside(pixels[:count]), np.stack(shown)
+
+    def _beside(self, pixels: Array) -> Array:
+        means = []
+        for view, (x, y) in zip(self._views, pixels, strict=True):
+            # |p - c|² = |p|² + |c|² - 2 p · c: one product of matrices, for the many circles that are tried.
+            clicks = np.column_stack([-2.0 * view.clicks, np.ones(len(view.clicks))])
+            squared = clicks @ np.stack([x, y, x * x + y * y]).reshape(3, -1)
+            nearest = squared.reshape(-1, *x.shape).min(axis=2) + (view.clicks**2).sum(axis=1)[:, None]
+            means.append(np.clip(view.unit**2 * nearest, 0.0, TUNING.farthest_mm**2).mean(axis=0))
+        return np.stack(means)
+
+
+def _moved(matrix: Array, corner: Array) -> Array:
+    """(3, 4) the projection to pixels that are counted from `corner` (2,)."""
+    return np.vstack([matrix[:2] - corner[:, None] * matrix[2], matrix[2:]])
 
 
 @cache
@@ -163,16 +194,18 @@ def _axes(circles: Array) -> tuple[Array, Array]:
     return 1e-3 * radius * first, 1e-3 * radius * second
 
 
-def _projected(circles: Array, matrix: Array) -> Array:
-    """(K, N, 2) pixels of points along each circle."""
-    first, second = _axes(circles)
+def _projected(circles: Array, matrices: Array) -> Array:
+    """(M, 2, K, N) x and y of points along each circle under projections (M, 3, 4)."""
     turn = 2.0 * np.pi * np.arange(TUNING.points) / TUNING.points
-    middle = 1e-3 * circles[:, :3] @ matrix[:, :3].T + matrix[:, 3]
-    first, second = first @ matrix[:, :3].T, second @ matrix[:, :3].T
-    homogeneous = (
-        middle[:, None] + np.cos(turn)[None, :, None] * first[:, None] + np.sin(turn)[None, :, None] * second[:, None]
-    )
-    return np.asarray(homogeneous[..., :2] / homogeneous[..., 2:])
+    around = np.stack([np.ones(TUNING.points), np.cos(turn), np.sin(turn)])
+    world = np.zeros((4, len(circles), 3))  # homogeneous: the centre, and two radii
+    world[:3, :, 0] = 1e-3 * circles[:, :3].T
+    world[3, :, 0] = 1.0
+    for column, axis in enumerate(_axes(circles), 1):
+        world[:3, :, column] = axis.T
+    seen = (matrices.reshape(-1, 4) @ world.reshape(4, -1)).reshape(-1, 3) @ around
+    seen = seen.reshape(len(matrices), 3, len(circles), TUNING.points)
+    return np.asarray(seen[:, :2] / seen[:, 2:])
 
 
 def _settled(circle: Array, worth: Callable[[Array], Array]) -> Array:

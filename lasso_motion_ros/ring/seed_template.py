@@ -8,13 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel, offsets_of
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
-from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+from lasso_motion_ros.ring.working_image import ShiftedImages, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
@@ -74,11 +75,9 @@ def seed_template(
     """
     projections = {plane: frame.projection for plane, frame in frames.items()}
     shifts = {plane: model.shift(plane, projections[plane]) for plane in PLANES}
+    whole = {plane: ShiftedImages(frames[plane], bright=model.bright) for plane in PLANES}
     for _ in range(ROUNDS):
-        images = {
-            plane: working_image(frames[plane], model.centre, bright=model.bright, shift=shifts[plane])
-            for plane in PLANES
-        }
+        images = {plane: whole[plane].at(model.centre, shifts[plane]) for plane in PLANES}
         along = {plane: strip_along(model.points, image.projection) for plane, image in images.items()}
         strips = {plane: along[plane].sample(image) for plane, image in images.items()}
         shown = {plane: image.evidence_at(along[plane].pixels) for plane, image in images.items()}
@@ -88,16 +87,16 @@ def seed_template(
             project = projections[plane].project
             shifts[plane] = shifts[plane] + np.asarray(project(fit.centre) - project(model.centre))
     model = replace(model, offsets=offsets_of(shifts, projections, model.centre))
-    return SeedView(model, _about_ring(model, frames), worth), template, seen
+    return SeedView(model, _about_ring(model, projections, whole), worth), template, seen
 
 
-def _about_ring(model: LoopModel, frames: dict[Plane, Frame]) -> dict[Plane, WorkingImage]:
+def _about_ring(
+    model: LoopModel, projections: dict[Plane, Projection], whole: dict[Plane, ShiftedImages]
+) -> dict[Plane, WorkingImage]:
     images = {}
     for plane in PLANES:
-        shift = model.shift(plane, frames[plane].projection)
-        image = working_image(frames[plane], model.centre, bright=model.bright, shift=shift).about(
-            model.points, KEPT_MM
-        )
+        shift = model.shift(plane, projections[plane])
+        image = whole[plane].at(model.centre, shift).about(model.points, KEPT_MM)
         # Its own pixels: a part of the whole would keep the whole.
         images[plane] = replace(image, values=image.values.copy(), noise=image.noise.copy(), grey=image.grey.copy())
     return images

@@ -157,12 +157,39 @@ def working_image(
     width = CELL_PX * min(-(-(right - left) // cell), (frame.pixels.shape[1] - left) // cell)
     height = CELL_PX * min(-(-(bottom - top) // cell), (frame.pixels.shape[0] - top) // cell)
     if min(width, height) < 2 * NOISE_WINDOW_PX:
-        return working_image(frame, centre, bright=bright, shift=shift) if reach_mm is not None else _blank(projection)
+        return (
+            working_image(frame, centre, bright=bright, shift=shift)
+            if reach_mm is not None
+            else _blank(projection, factor)
+        )
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
     values, noise = _band_pass(reduced, bright)
     seen = projection.read_out(left, top, width * factor, height * factor, factor, factor)
     return WorkingImage(values, seen, noise, reduced, bright)
+
+
+class ShiftedImages:
+    """Whole working images of one frame, for any shift: the filters do not depend on it, and are gone through once.
+
+    Args:
+        frame: the plane's frame.
+        bright: True where the catheter is brighter than its background.
+    """
+
+    def __init__(self, frame: Frame, *, bright: bool) -> None:
+        self._frame, self._bright = frame, bright
+        self._made: dict[int, WorkingImage] = {}  # by how much the frame was reduced
+
+    def at(self, centre: Array, shift: Array) -> WorkingImage:
+        """What `working_image` gives for a centre (3,) m and a shift (2,) px."""
+        shifted = self._frame.projection.shifted(*shift)
+        factor = reduction_factor(shifted, centre)
+        made = self._made.get(factor)
+        if made is None:
+            made = self._made[factor] = working_image(self._frame, centre, bright=self._bright, shift=shift)
+        height, width = made.values.shape
+        return replace(made, projection=shifted.read_out(0, 0, width * factor, height * factor, factor, factor))
 
 
 def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:
@@ -212,8 +239,9 @@ def in_cells(values: Image) -> Image:
     return np.asarray(cv2.resize(whole, (width, height), interpolation=cv2.INTER_AREA))
 
 
-def _blank(projection: Projection) -> WorkingImage:
+def _blank(projection: Projection, factor: int) -> WorkingImage:
     """An image too small to show a loop: nothing is found in it."""
     size = 2 * NOISE_WINDOW_PX
     nothing = np.zeros((size, size), dtype=np.float32)
-    return WorkingImage(nothing, projection.cropped(0, 0, size, size), nothing, nothing.astype(np.uint8))
+    seen = projection.read_out(0, 0, size * factor, size * factor, factor, factor)
+    return WorkingImage(nothing, seen, nothing, nothing.astype(np.uint8))

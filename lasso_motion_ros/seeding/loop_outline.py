@@ -53,7 +53,7 @@ class LoopOutline:
 
     def __init__(self, ellipse: Ellipse3D, projections: dict[Plane, Projection], paths: dict[Plane, Array]) -> None:
         self._points = {plane: resample(paths[plane], TUNING.outline_points) for plane in PLANES}
-        a, b = (_monotone_angles(self._points[plane], ellipse, projections[plane]) for plane in PLANES)
+        a, b = _monotone_angles([self._points[plane] for plane in PLANES], ellipse, [projections[p] for p in PLANES])
         # The same angle plus a whole turn is the same place on the ellipse: bring both ranges together.
         b = b + TURN * np.round((a.mean() - b.mean()) / TURN)
         self._angles: dict[Plane, Array] = {"a": a, "b": b}
@@ -113,33 +113,35 @@ def on_ellipse(ellipse: Ellipse3D, angles: Array) -> Array:
     return np.asarray(ellipse.centre + np.cos(angles) * ellipse.semi_major + np.sin(angles) * ellipse.semi_minor)
 
 
-def _monotone_angles(outline: Array, ellipse: Ellipse3D, projection: Projection) -> Array:
-    """(N,) eccentric angles of outline points (N, 2), monotone along it: dynamic programming, both directions."""
+def _monotone_angles(outlines: list[Array], ellipse: Ellipse3D, projections: list[Projection]) -> list[Array]:
+    """Per outline (N, 2), (N,) eccentric angles of its points, monotone along it; projection by projection.
+
+    Dynamic programming, both directions.
+    """
     turns = 2
     angles = np.linspace(0.0, 2.0 * np.pi * turns, TUNING.angles_per_turn * turns, endpoint=False)
-    pixels = projection.project(on_ellipse(ellipse, angles))
-    best_cost, best = np.inf, angles[:1]
-    for direction in (1, -1):
-        ordered = angles[::direction]
-        cost = np.linalg.norm(outline[:, None] - pixels[None, ::direction], axis=-1)
-        reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
-        padded = np.full(reach - 1 + len(angles), np.inf)
-        total = padded[reach - 1 :]
-        total[:] = cost[0]
-        # From any earlier angle within the largest step, to this one: (N, reach), the nearest first.
-        window = sliding_window_view(padded, reach)[:, ::-1]
-        here = np.arange(len(angles))
-        steps = []
-        for row in cost[1:]:
-            step = np.argmin(window, axis=1)
-            total[:] = window[here, step] + row
-            steps.append(step)
-        end = int(np.argmin(total))
-        if total[end] < best_cost:
-            best_cost = float(total[end])
-            index, indices = end, [end]
-            for step in reversed(steps):
-                index -= int(step[index])
-                indices.append(index)
-            best = ordered[indices[::-1]]
-    return best
+    on_curve = on_ellipse(ellipse, angles)
+    costs = []
+    for outline, projection in zip(outlines, projections, strict=True):
+        x, y = (outline[:, None] - projection.project(on_curve)).transpose(2, 0, 1)
+        costs.append(np.sqrt(x * x + y * y))
+    rising = np.stack(costs, axis=1)
+    cost = np.stack([rising, rising[..., ::-1]], axis=2)  # (N, outlines, 2, angles): rising and falling
+    reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
+    totals = np.full((*cost.shape[:-1], reach - 1 + len(angles)), np.inf)
+    # From any earlier angle within the largest step, to this one: (N, reach, outlines, 2, angles), the farthest first.
+    before = np.moveaxis(sliding_window_view(totals, len(angles), axis=-1), -2, 1)
+    here = totals[..., reach - 1 :]
+    here[0] = cost[0]
+    for row in range(1, len(cost)):
+        np.add(np.minimum.reduce(before[row - 1]), cost[row], out=here[row])
+    found = []
+    for number in range(len(outlines)):
+        direction = int(np.argmin(here[-1, number].min(axis=-1)))
+        index = int(np.argmin(here[-1, number, direction]))
+        indices = [index]
+        for total in totals[-2::-1, number, direction]:
+            index -= int(total[index : index + reach][::-1].argmin())
+            indices.append(index)
+        found.append(np.asarray(angles[:: (1, -1)[direction]][indices[::-1]]))
+    return found

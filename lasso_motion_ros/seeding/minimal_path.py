@@ -31,6 +31,9 @@ class _Tuning:
         wider_scale: the second scale of the line filter, in units of the first.
         neighbourhood: scale over which a line's usual strength is estimated, in units of the line filter's.
         full_strength: a line this many times as strong as usual has the lowest cost.
+        bulges: heights of some arcs from click to click, in units of their distance: the loop is not far from one.
+        slack: a front may take this many times as long as the cheapest of them is dear, for its sampling,
+        beyond_px: and goes on for some pixels, between which the arrival times are interpolated.
     """
 
     margin_px: int = 24
@@ -41,6 +44,9 @@ class _Tuning:
     wider_scale: float = 1.5
     neighbourhood: float = 12.0
     full_strength: float = 2.5
+    bulges: tuple[float, ...] = (-0.5, -0.4, -0.3, -0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
+    slack: float = 1.0
+    beyond_px: float = 3.0
 
 
 TUNING = _Tuning()
@@ -104,11 +110,7 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     low = np.maximum(np.floor(np.minimum(start, end)).astype(int) - margin, 0)
     high = np.minimum(np.ceil(np.maximum(start, end)).astype(int) + margin + 1, cost.shape[::-1])
     window = cost[low[1] : high[1], low[0] : high[0]]
-    rows, columns = np.mgrid[: window.shape[0], : window.shape[1]]
-    # The level set's zero contour is a one-pixel disc about the click: the marching starts from there.
-    signed_distance = np.hypot(columns - (start - low)[0], rows - (start - low)[1]) - 1.0
-    arrival = np.asarray(skfmm.travel_time(signed_distance, 1.0 / window, order=2))
-    path = _descend(arrival, end - low, start - low)
+    path = _descend(_arrival(window, start - low, end - low), end - low, start - low)
     if path is None:
         return straight
     path = path[::-1] + low
@@ -119,11 +121,38 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     return resample(path, max(2, int(np.ceil(length / TUNING.step_px)) + 1))
 
 
+def _arrival(cost: Array, start: Array, end: Array) -> Array:
+    """(h, w) times at which the front from start gets to each pixel of the cost image, as far as end and a bit on."""
+    rows, columns = np.ogrid[: cost.shape[0], : cost.shape[1]]
+    # The level set's zero contour is a one-pixel disc about the click: the marching starts from there.
+    signed_distance = np.hypot(columns - start[0], rows - start[1]) - 1.0
+    # The minimal path is no dearer than any other; no pixel costs more than one.
+    latest = TUNING.slack * _cheapest_arc(cost, start, end) + TUNING.beyond_px
+    arrival = skfmm.travel_time(signed_distance, 1.0 / cost, order=2, narrow=latest)
+    column, row = np.rint(end).astype(int)
+    near_end = np.s_[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
+    if np.ma.is_masked(arrival[near_end]):
+        arrival = skfmm.travel_time(signed_distance, 1.0 / cost, order=2)
+    return np.asarray(np.ma.filled(arrival, latest), dtype=np.float64)
+
+
+def _cheapest_arc(cost: Array, start: Array, end: Array) -> float:
+    """What the cheapest of some arcs from start to end costs."""
+    chord = end - start
+    t = np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(chord) / TUNING.step_px)) + 1)
+    height = 4.0 * t * (1.0 - t) * np.array(TUNING.bulges)[:, None]
+    x = start[0] + t * chord[0] - height * chord[1]
+    y = start[1] + t * chord[1] + height * chord[0]
+    costs = cv2.remap(cost, x.astype(np.float32), y.astype(np.float32), cv2.INTER_LINEAR, borderValue=1.0)
+    steps = np.hypot(np.diff(x, axis=1), np.diff(y, axis=1))
+    return float((0.5 * (costs[:, 1:] + costs[:, :-1]) * steps).sum(axis=1).min())
+
+
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
-    # Plain numbers: of the thousand steps each would spend its time in making arrays of two and four.
-    slopes_y: list[list[float]] = np.asarray(np.gradient(arrival, axis=0)).tolist()
-    slopes_x: list[list[float]] = np.asarray(np.gradient(arrival, axis=1)).tolist()
+    # Plain numbers: of the thousand steps each would spend its time in making arrays of two and four. A complex number
+    # is both slopes at once.
+    slopes: list[list[complex]] = (np.gradient(arrival, axis=1) + 1j * np.gradient(arrival, axis=0)).tolist()
     last_x, last_y = (side - 1.001 for side in arrival.shape[::-1])  # the last place with four pixels around it
     x, y = min(float(start[0]), last_x), min(float(start[1]), last_y)
     goal_x, goal_y = map(float, goal)
@@ -131,21 +160,16 @@ def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     for _ in range(20 * sum(arrival.shape)):
         if hypot(x - goal_x, y - goal_y) < TUNING.goal_px:
             return np.array([*path, (goal_x, goal_y)])
-        slope_x, slope_y = _between(slopes_x, x, y), _between(slopes_y, x, y)
-        size = hypot(slope_x, slope_y)
+        column, row = int(x), int(y)
+        fx, fy = x - column, y - row
+        upper, lower = slopes[row], slopes[row + 1]
+        slope = (1.0 - fy) * ((1.0 - fx) * upper[column] + fx * upper[column + 1]) + fy * (
+            (1.0 - fx) * lower[column] + fx * lower[column + 1]
+        )
+        size = abs(slope)
         if not size > 0.0:
             return None
-        x = min(max(x - TUNING.step_px * slope_x / size, 0.0), last_x)
-        y = min(max(y - TUNING.step_px * slope_y / size, 0.0), last_y)
+        x = min(max(x - TUNING.step_px * slope.real / size, 0.0), last_x)
+        y = min(max(y - TUNING.step_px * slope.imag / size, 0.0), last_y)
         path.append((x, y))
     return None
-
-
-def _between(rows: list[list[float]], x: float, y: float) -> float:
-    """Bilinear interpolation."""
-    column, row = int(x), int(y)
-    fx, fy = x - column, y - row
-    upper, lower = rows[row], rows[row + 1]
-    return (1.0 - fy) * ((1.0 - fx) * upper[column] + fx * upper[column + 1]) + fy * (
-        (1.0 - fx) * lower[column] + fx * lower[column + 1]
-    )

@@ -146,28 +146,35 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
 
 def _well_scaled_frame(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Array:
     """(4, 4) from coordinates in which the loop is near the origin and of size one, to world metres."""
+    centre = _centre(projections, outlines)
+    sizes = []
+    for plane in PLANES:
+        spread_px = np.sqrt(((outlines[plane] - outlines[plane].mean(axis=0)) ** 2).sum(axis=1).mean())
+        sizes.append(spread_px * projections[plane].millimetres_per_pixel(centre) / 1e3)
+    frame = np.eye(4)
+    frame[:3] *= max(sizes)
+    frame[:3, 3] = centre
+    return frame
+
+
+def _centre(projections: dict[Plane, Projection], outlines: dict[Plane, Array]) -> Array:
+    """(3,) about the loop's, world metres, from the outlines' middles."""
     a, b = projections["a"], projections["b"]
-    centres = {p: outlines[p].mean(axis=0) for p in PLANES}
-    cosine = abs(float(a.rays(centres["a"]) @ b.rays(centres["b"])))
+    middles = {p: outlines[p].mean(axis=0) for p in PLANES}
+    cosine = abs(float(a.rays(middles["a"]) @ b.rays(middles["b"])))
     angle = float(np.degrees(np.arccos(min(1.0, cosine))))
     if angle < TUNING.smallest_view_angle_deg:
         raise ReconstructionError(
             f"the two planes look from {angle:.1f}° apart; depth needs at least {TUNING.smallest_view_angle_deg:.0f}°"
         )
     try:
-        centre = triangulate((a, b), (centres["a"], centres["b"]))
+        centre = triangulate((a, b), (middles["a"], middles["b"]))
     except GeometryError as error:
         raise ReconstructionError(str(error)) from error
-    sizes = []
     for plane in PLANES:
         if projections[plane].depth(centre) <= 0.0:
             raise ReconstructionError(f"the clicked loop would lie behind the source of plane {plane.upper()}")
-        spread_px = np.sqrt(((outlines[plane] - centres[plane]) ** 2).sum(axis=1).mean())
-        sizes.append(spread_px * projections[plane].millimetres_per_pixel(centre) / 1e3)
-    frame = np.eye(4)
-    frame[:3] *= max(sizes)
-    frame[:3, 3] = centre
-    return frame
+    return centre
 
 
 def _circle_between_rays(
@@ -237,7 +244,7 @@ def epipolar_shift(
         ReconstructionError: the two views are the same.
     """
     a, b = projections["a"], projections["b"]
-    centre = _well_scaled_frame(projections, outlines)[:3, 3]
+    centre = _centre(projections, outlines)
     baseline = b.source - a.source
     baseline = baseline / np.linalg.norm(baseline)
     # Height of a point above the baseline–centre plane, which any epipolar plane's angle measures.

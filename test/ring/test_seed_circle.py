@@ -8,8 +8,9 @@ from support.lasso_inputs import LOOP, VIEWS, lasso_curve, lasso_image, lasso_se
 from support.method_inputs import angle_deg
 
 from lasso_motion_ros.core.errors import ReconstructionError
-from lasso_motion_ros.geometry.frames import Frame, Seed
+from lasso_motion_ros.geometry.frames import Frame, Pair, Seed
 from lasso_motion_ros.ring.seed_circle import seed_circles
+from lasso_motion_ros.ring.seed_images import SeedImages
 
 NO_SHIFTS = {"a": np.zeros(2), "b": np.zeros(2)}
 PENALTY = 0.4
@@ -20,8 +21,12 @@ def frames():
     return {p: Frame(0, noisy(lasso_image(lasso_curve(1.0), VIEWS[p]), ord(p)), VIEWS[p]) for p in "ab"}
 
 
+def clicked(frames):
+    return SeedImages(Pair(0, frames["a"], frames["b"]), bright=False, line_sigma_mm=0.3)
+
+
 def circles(seed, count=1):
-    return seed_circles(frames(), seed, NO_SHIFTS, PENALTY, bright=False, count=count)
+    return seed_circles(clicked(frames()), seed, NO_SHIFTS, PENALTY, count=count)
 
 
 def few_clicks(noise_px, seed=0, count=6):
@@ -66,12 +71,6 @@ def test_clicks_of_two_sizes_are_on_no_circle():
 
 def test_rays_that_do_not_meet_are_refused():
     seed = lasso_seed()
+    twice = {p: Frame(0, frames()["a"].pixels, VIEWS["a"]) for p in "ab"}
     with pytest.raises(ReconstructionError):
-        seed_circles(
-            {p: Frame(0, frames()["a"].pixels, VIEWS["a"]) for p in "ab"},
-            Seed(seed.points_a, seed.points_a),
-            NO_SHIFTS,
-            PENALTY,
-            bright=False,
-            count=1,
-        )
+        seed_circles(clicked(twice), Seed(seed.points_a, seed.points_a), NO_SHIFTS, PENALTY, count=1)

@@ -1,0 +1,47 @@
+"""The clicked pair as the curves that are tried on it need it: each plane filtered once, for all of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import FramePair, Plane
+from lasso_motion_ros.ring.line_map import LineMap
+from lasso_motion_ros.ring.working_image import ShiftedImages, WorkingImage
+from lasso_motion_ros.seeding.outlines import require_both_planes
+
+Array = npt.NDArray[np.float64]
+
+_SIMULTANEOUS_NS = 4_000_000  # exposures closer than this show the same phase
+
+
+class SeedImages:
+    """Both planes of a clicked pair, for one polarity of the catheter.
+
+    Args:
+        pair: the clicked images.
+        bright: whether the catheter is brighter than its background.
+        line_sigma_mm: scale of the line filter.
+
+    Attributes:
+        frames: per plane, as clicked.
+        projections: theirs.
+        bright: as given.
+        lines: per plane, the line filter's response.
+        share_of_a: what plane A's images take of a shift between the planes: half, or none where plane B is exposed
+            later.
+
+    Raises:
+        SeedError: a plane is missing.
+    """
+
+    def __init__(self, pair: FramePair, *, bright: bool, line_sigma_mm: float) -> None:
+        self.projections, self.frames, self.bright = require_both_planes(pair), pair.frames, bright
+        self.lines = {p: LineMap(frame, bright=bright, sigma_mm=line_sigma_mm) for p, frame in self.frames.items()}
+        apart_ns = abs(self.frames["b"].stamp_ns - self.frames["a"].stamp_ns)
+        self.share_of_a = 0.5 if apart_ns < _SIMULTANEOUS_NS else 0.0
+        self._working = {p: ShiftedImages(frame, bright=bright) for p, frame in self.frames.items()}
+
+    def working(self, centre: Array, shifts: dict[Plane, Array]) -> dict[Plane, WorkingImage]:
+        """Per plane, the working image for a loop about a centre (3,) m and shifts (2,) px of the planes."""
+        return {plane: images.at(centre, shifts[plane]) for plane, images in self._working.items()}
