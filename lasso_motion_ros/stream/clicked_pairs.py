@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.stream.pair_task import PairTask
 
 # Stamps written as decimal seconds return a fraction of a microsecond off.
@@ -28,6 +28,7 @@ class ClickedPairs:
     """Remembers the last pairs and finds the one that was clicked.
 
     Of clicks that do not fit each other those that came last stand: whoever clicks again means the new ones.
+    Where the stamps start anew, clicks that came since the last pair are the new run's if they are on its first pair.
 
     Args:
         capacity: pairs remembered.
@@ -42,6 +43,7 @@ class ClickedPairs:
         self._pairs: deque[FramePair] = deque(maxlen=capacity)
         self._held: FramePair | None = None
         self._clicks: dict[Plane, _Clicks] = {}
+        self._since_last_pair: dict[Plane, _Clicks] = {}  # whatever became of them
         self._complaints: list[tuple[Plane, str]] = []
         self.number = 0
         self.waiting = ""
@@ -55,6 +57,7 @@ class ClickedPairs:
         """Forget pairs and clicks; a held pair stays, since somebody is looking at it."""
         self._pairs.clear()
         self._clicks.clear()
+        self._since_last_pair.clear()
         self.waiting = ""
 
     def hold(self) -> FramePair | None:
@@ -102,8 +105,9 @@ class ClickedPairs:
             Where both planes' clicks are on a remembered pair: the task of that pair with its seed, and the pairs after
             it, to be answered again. Else None.
         """
-        self._clicks.pop(plane, None)  # in the order of arrival
-        self._clicks[plane] = _Clicks(stamp_ns, points, hold)
+        for kept in (self._clicks, self._since_last_pair):
+            kept.pop(plane, None)  # in the order of arrival
+            kept[plane] = _Clicks(stamp_ns, points, hold)
         index = None if hold else self._clicked_index()
         self.waiting = self._waiting_words()
         if index is None:
@@ -125,7 +129,10 @@ class ClickedPairs:
         if pair.new_run:
             self._pairs.clear()
             self._held = None  # its stamp is of the old run
-            self._clicks = {plane: clicks for plane, clicks in self._clicks.items() if clicks.held}
+            # Clicks may overtake the images that they are on: to a busy node they seem to be on one of the old run.
+            came = {**self._clicks, **self._since_last_pair}
+            self._clicks = {p: clicks for p, clicks in came.items() if clicks.held or _is_on(clicks, pair.frame(p))}
+        self._since_last_pair.clear()
         self._pairs.append(pair)
         if hold:
             return [self._numbered(PairTask(pair))]
@@ -190,8 +197,7 @@ class ClickedPairs:
         wanted = self._clicks[plane].stamp_ns
         pairs = self._known()
         for index in range(len(pairs) - 1, -1, -1):
-            frame = pairs[index].frame(plane)
-            if frame is not None and abs(frame.stamp_ns - wanted) <= _SAME_STAMP_NS:
+            if _is_on(self._clicks[plane], pairs[index].frame(plane)):
                 return index
         newest = self._newest_ns(plane)
         return "future" if newest is None or wanted > newest else "past"
@@ -236,6 +242,10 @@ class ClickedPairs:
                     f"plane {plane.upper()}'s clicks wait for the image at {_seconds(clicks.stamp_ns)}; {came}"
                 )
         return ", ".join(words)
+
+
+def _is_on(clicks: _Clicks, frame: Frame | None) -> bool:
+    return frame is not None and abs(frame.stamp_ns - clicks.stamp_ns) <= _SAME_STAMP_NS
 
 
 def _seconds(stamp_ns: int) -> str:
