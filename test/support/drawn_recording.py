@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +58,13 @@ def loop() -> np.ndarray:
     return apply(rigid((0.9, 0.3, 0.2), (0, 0, 0)), flat)
 
 
+@cache
+def _film(plane: str, z_mm: float) -> np.ndarray:
+    """A plane's picture without quanta; drawn once, since many pairs show the ring in the same place."""
+    curve = projections()[plane].project(apply(shift(z_mm), loop()))
+    return draw_curve(curve, (SIDE, SIDE), background=180.0)
+
+
 def write_centrelines_only(path: Path, motions_mm: list[float]) -> Path:
     """As `write_input`, with centrelines as somebody draws them by hand, and no truth in space."""
     return write_input(path, motions_mm, in_space=False)
@@ -77,7 +85,7 @@ def write_input(
             for plane, projection in projections().items():
                 curve = projection.project(apply(shift(z_mm), loop()))
                 empty = np.full((SIDE, SIDE), 180, np.uint8)
-                pixels = empty if pair in hidden else draw_curve(curve, (SIDE, SIDE), background=180.0)
+                pixels = empty if pair in hidden else _film(plane, z_mm)
                 pixels = pixels + quanta.integers(0, 2, pixels.shape, dtype=np.uint8)
                 write(topics.camera_info_topic(plane), encode_camera_info(projection, header), pair)
                 write(topics.image_topic(plane), encode_image(pixels, header), pair)
