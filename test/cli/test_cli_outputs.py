@@ -14,7 +14,6 @@ from support.command_inputs import command_names, command_parser
 from support.drawn_recording import write_input, write_result
 
 from lasso_motion_ros.cli.main import main
-from lasso_motion_ros.core.share import bundled_recording
 
 FILE_WORDS = ("FILE", "DIR", "mcap", "dcm", "OUT")
 STATES = ["TRACKING"] * 3
@@ -130,8 +129,8 @@ def test_a_full_disk_leaves_what_was_there(drawn: dict[str, Path], tmp_path: Pat
     render = f"render --quiet {drawn['IN']} {drawn['RESULT']} --volume {surface} --units mm --overwrite -o"
     commands = {
         f"synth --quiet {out}/a.mcap --frames 1 --overwrite": "a.mcap",
-        f"synth --quiet {out}/new.mcap --frames 1": "new.mcap",
-        f"track --quiet {bundled_recording()} -o {out}/a.mcap --overwrite": "a.mcap",
+        f"track --quiet {drawn['IN']} -o {out}/a.mcap --overwrite": "a.mcap",
+        f"track --quiet {drawn['IN']} -o {out}/new.mcap": "new.mcap",
         f"{render} {out}/b.mp4": "b.mp4",
         f"{render} {out}/new.mp4": "new.mp4",
         f"{render} {out}/frames": "frames",

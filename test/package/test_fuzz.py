@@ -9,7 +9,7 @@ import sys
 import pytest
 from support.paths import SCRIPT_PATH, SUPPORT
 
-COUNT = 1500
+COUNT = 900
 
 
 @pytest.mark.slow

@@ -28,10 +28,10 @@ def judged(scenario: Scenario) -> list[PairTruth]:
 def test_no_pose_is_due_from_2_mm_of_a_slide_and_none_is_right_from_3_mm() -> None:
     # 1.25 mm/s from 0 s on, a pair a second: 0, 1.25, 2.5, 3.75, 5 mm.
     sliding = dataclasses.replace(STILL, incidents=(Incident("slide", 0.0, 0.0, amount=1.25),))
-    pairs = judged(sliding)
-    assert [pair.due for pair in pairs] == [True, True, False, False, False]
-    assert [pair.displaced for pair in pairs] == [False, False, False, True, True]
-    scores = score_pairs(render_sequence(sliding).truth, [])
+    truth = render_sequence(sliding).truth
+    assert [pair.due for pair in truth.pairs] == [True, True, False, False, False]
+    assert [pair.displaced for pair in truth.pairs] == [False, False, False, True, True]
+    scores = score_pairs(truth, [])
     assert [score.expected for score in scores] == [False, True, False, False, False]
     assert [score.displaced for score in scores] == [False, False, False, True, True]
 
@@ -59,14 +59,14 @@ def test_what_else_asks_for_no_pose() -> None:
     assert not any(pair.displaced for pair in wound)
     # The images of a gantry that moved unsaid show the ring elsewhere; its place it has not left.
     assert not any(pair.displaced for pair in unsaid)
-    swapped = dataclasses.replace(STILL, calibration_error=CalibrationSettings(swapped=True))
+    swapped = dataclasses.replace(STILL, pairs=2, calibration_error=CalibrationSettings(swapped=True))
     assert not any(pair.due for pair in judged(swapped))
 
 
 def test_planes_that_disagree_by_much_at_the_seed_ask_for_no_pose() -> None:
     assert seed_gap_mm(STILL) == pytest.approx(0.0, abs=1e-6)
     # 20 px at 128 px a field are 20 mm at the ring and more; a degree at 0.8 m is none, it turns about the iso-centre.
-    gross = dataclasses.replace(STILL, calibration_error=CalibrationSettings(shift_px=20.0), seed=3)
+    gross = dataclasses.replace(STILL, pairs=2, calibration_error=CalibrationSettings(shift_px=20.0), seed=3)
     assert seed_gap_mm(gross) > 8.0
     assert not any(pair.due for pair in judged(gross))
     usual = dataclasses.replace(STILL, calibration_error=CalibrationSettings(0.25, 0.7, 0.2))

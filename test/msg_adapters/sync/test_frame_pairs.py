@@ -125,7 +125,7 @@ def test_what_waits_for_calibrations_is_bounded_whatever_the_stamps() -> None:
 
 @pytest.mark.slow
 @given(st.integers(0, 2**32 - 1), st.integers(0, 9))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 def test_any_lateness_up_to_nine_frames_changes_no_pair(seed: int, latest: int) -> None:
     generator, count = random.Random(seed), 24
     arrivals = []
