@@ -120,6 +120,8 @@ def test_a_full_disk_leaves_what_was_there(drawn: dict[str, Path], tmp_path: Pat
     (out / "report").mkdir()
     for old in ("a.mcap", "b.mp4", "c.json", "frames/plane_a_00000.png", "report/report.html", "report/mine.txt"):
         (out / old).write_bytes(b"old")
+    small = tmp_path / "in" / "small.yaml"
+    small.write_text("pairs: 1\ngeometry: {size_px: 128}\n")
     surface = tmp_path / "in" / "ball.stl"
     from support.rendering_inputs import ellipsoid_mesh
 
@@ -128,7 +130,7 @@ def test_a_full_disk_leaves_what_was_there(drawn: dict[str, Path], tmp_path: Pat
     write_stl(surface, ellipsoid_mesh((0.02, 0.015, 0.012), rows=20, columns=11), "mm")
     render = f"render --quiet {drawn['IN']} {drawn['RESULT']} --volume {surface} --units mm --overwrite -o"
     commands = {
-        f"synth --quiet {out}/a.mcap --frames 1 --overwrite": "a.mcap",
+        f"synth --quiet {out}/a.mcap --scenario {small} --overwrite": "a.mcap",
         f"track --quiet {drawn['IN']} -o {out}/a.mcap --overwrite": "a.mcap",
         f"track --quiet {drawn['IN']} -o {out}/new.mcap": "new.mcap",
         f"{render} {out}/b.mp4": "b.mp4",

@@ -89,7 +89,7 @@ def clicks(plane: str) -> Any:
 @pytest.mark.ros
 def test_the_bridge_feeds_the_tracker_through_gantry_and_table_motion(graph: Graph, sequence: Path) -> None:
     parameters = ["--ros-args", "--params-file", str(share_file("config/tracker.yaml"))]
-    graph.processes.start_node("tracker", "lasso_tracker", parameters)
+    graph.processes.start("tracker", "support.brisk_tracker", ["lasso_tracker", *parameters])
     graph.heard.wait_for(lambda: graph.heard.messages["state"] != [])
     seeds = {plane: graph.publisher(seed_topic(plane)) for plane in "ab"}
     graph.wait_until(lambda: all(one.get_subscription_count() for one in seeds.values()))
