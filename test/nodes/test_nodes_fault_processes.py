@@ -157,8 +157,8 @@ def test_a_reliable_subscription_to_a_best_effort_publisher_is_named(tmp_path: P
         )
 
 
-def test_what_nobody_publishes_and_what_has_no_calibration_is_named(tmp_path: Path) -> None:
-    with Graph(HEARD, tmp_path) as graph:
+def test_what_nobody_publishes_is_named_and_what_has_no_calibration_is_named_and_shown_as_it_is(tmp_path: Path) -> None:
+    with Graph((*PICTURES, *HEARD), tmp_path) as graph:
         start_tracker(graph)
         graph.wait_until(lambda: "plane_b/camera_info: nobody publishes it" in graph.processes.log("tracker", 100))
         said = graph.processes.log("tracker", 100)
@@ -172,6 +172,10 @@ def test_what_nobody_publishes_and_what_has_no_calibration_is_named(tmp_path: Pa
             assert stream.number < 60
         assert said.count("plane_a/image_raw: nobody publishes it") == 1
         stream.await_state("WAITING_FOR_CALIBRATION")
+        shown = graph.heard.messages["plane_b/tracking"]
+        graph.heard.wait_for(lambda: bool(shown))
+        assert (shown[-1].encoding, shown[-1].height, shown[-1].width) == ("rgb8", SIDE, SIDE)
+        assert set(stream.states()) <= {"INACTIVE", "WAITING_FOR_CALIBRATION"}, stream.states()
         stream.seeded()
 
 
@@ -317,20 +321,3 @@ def set_parameters(graph: Graph, *, atomically: bool = False, **values: float | 
     return graph.call(
         SetParameters, "/lasso_tracker/set_parameters", SetParameters.Request(parameters=parameters)
     ).results
-
-
-def test_images_without_calibration_are_shown_as_they_are(tmp_path: Path) -> None:
-    with Graph((*PICTURES, *HEARD), tmp_path) as graph:
-        stream = RingStream(graph)
-        start_tracker(graph)
-        stream.connect()
-        while not all(graph.heard.messages[f"plane_{plane}/tracking"] for plane in "ab"):
-            answered = len(graph.heard.messages["plane_a/tracking"])
-            stream.pairs(1, spoil_info=lambda fields: None)
-            graph.wait_until(lambda n=answered: len(graph.heard.messages["plane_a/tracking"]) > n)
-            assert stream.number < 10
-        picture = graph.heard.messages["plane_b/tracking"][-1]
-        assert (picture.encoding, picture.height, picture.width) == ("rgb8", SIDE, SIDE)
-        stream.await_state("WAITING_FOR_CALIBRATION")
-        assert set(stream.states()) <= {"INACTIVE", "WAITING_FOR_CALIBRATION"}, stream.states()
-        stream.seeded()
