@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -91,7 +92,7 @@ class Simulator:
     def __init__(self, scenario: Scenario, body: Mapping[Plane, BodySource] | None = None) -> None:
         self.scenario = scenario
         self.motion = scenario_motion(scenario)
-        self.thorax: Thorax = build_thorax(self._random(_ANATOMY))
+        self.thorax: Thorax = _thorax(scenario.seed)
         self._bodies: Mapping[Plane, BodySource] = body or {plane: BodyRenderer(self.thorax) for plane in PLANES}
         self.loop: Loop = build_loop(scenario.lasso, SEPTUM)
         # The loop is placed at the first pair's phase.
@@ -276,6 +277,12 @@ def scenario_motion(scenario: Scenario) -> Motion:
         DisturbedBreathing(scenario.breathing, _random(scenario, _BREATHING), duration, scenario.incidents),
         Heartbeat(scenario.heart, _random(scenario, _HEART), duration),
     )
+
+
+@lru_cache(maxsize=4)
+def _thorax(seed: int) -> Thorax:
+    """The patient of a seed; a sweep renders the same one many times, and to build it takes a quarter of a second."""
+    return build_thorax(np.random.default_rng([seed, _ANATOMY]))
 
 
 def _random(scenario: Scenario, *purpose: int) -> np.random.Generator:

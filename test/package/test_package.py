@@ -32,7 +32,8 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def pip_prefix(sources: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     target = tmp_path_factory.mktemp("target")
-    _run([*_PIP, "install", "--no-deps", "--no-build-isolation", "--target", str(target), str(sources)])
+    options = ("--no-deps", "--no-build-isolation", "--no-compile", "--target", str(target))
+    _run([*_PIP, "install", *options, str(sources)])
     return target
 
 

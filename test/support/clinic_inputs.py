@@ -24,8 +24,10 @@ STILL = Scenario(
 )
 
 
+SHORT = dataclasses.replace(STILL, pairs=3, geometry=GeometrySettings(size_px=512))
+
+
 @cache
 def short() -> RenderedSequence:
     """Three pairs at 512²; rendered once, so not to be changed."""
-    larger = dataclasses.replace(STILL, pairs=3, geometry=GeometrySettings(size_px=512))
-    return render_sequence(larger)
+    return render_sequence(SHORT)

@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from support.clinic_inputs import STILL, short
+from support.clinic_inputs import SHORT, STILL
 
 from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_runs import is_plain
@@ -84,12 +84,13 @@ def test_evidence_is_of_the_planes_that_show_the_ring() -> None:
 
 
 def test_a_ring_in_plain_view_is_plain() -> None:
-    pair = next(Simulator(short().scenario).pairs())
-    true = with_place(PairTruth(0), Simulator(short().scenario), pair)
+    simulator = Simulator(SHORT)
+    pair = next(simulator.pairs())
+    true = with_place(PairTruth(0), simulator, pair)
     assert min(true.evidence.values()) > 1.5
     # Nothing is there where the ring is not.
     elsewhere = dataclasses.replace(pair, poles={plane: line + 25.0 for plane, line in pair.poles.items()})
-    assert min(with_place(PairTruth(0), Simulator(short().scenario), elsewhere).evidence.values()) < 0.8
+    assert min(with_place(PairTruth(0), simulator, elsewhere).evidence.values()) < 0.8
 
 
 @pytest.mark.slow
