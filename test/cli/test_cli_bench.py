@@ -9,12 +9,16 @@ import pytest
 from support.drawn_recording import write_input
 
 from lasso_motion_ros.bench import scaling
+from lasso_motion_ros.bench.overlay_times import measure_overlay
 from lasso_motion_ros.cli.main import main
 from lasso_motion_ros.core.share import share_file
 
 
 @pytest.mark.slow
-def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_recording_is_measured_stage_by_stage(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("lasso_motion_ros.cli.bench.measure_overlay", lambda: measure_overlay(pictures=12))
     recording = write_input(tmp_path / "ring.mcap", [0.0, 1.0, 2.0, 1.0])
     figures = tmp_path / "bench.json"
     config = share_file("config/brost2009.yaml")
@@ -29,7 +33,7 @@ def test_a_recording_is_measured_stage_by_stage(tmp_path: Path, capsys: pytest.C
     assert stages["  features"] + stages["  registration"] < stages["tracking"]
     overlay = measured["overlay"]
     assert 19_000 < overlay["triangles"] < 22_000
-    assert overlay["side_px"] == 1024
+    assert (overlay["side_px"], overlay["pictures"]) == (1024, 12)
     assert 0.0 < overlay["median_ms"] <= overlay["p95_ms"]
     assert overlay["processor_per_wall"] <= 1.05
     outer = sum(spent for name, spent in stages.items() if not name.startswith(" "))

@@ -92,7 +92,7 @@ def answer(figures: Path) -> dict[str, Any]:
 
 def test_a_sound_graph(graph: Graph, figures: Path) -> None:
     bridge = Bridge(graph)
-    start(graph, "--json", str(figures), "--seconds", "4")
+    start(graph, "--json", str(figures), "--seconds", "3")
     bridge.publish_until(lambda: ended(graph))
     found = answer(figures)
     assert graph.wait_for_end("check") == 0
@@ -122,7 +122,7 @@ def test_best_effort_images_that_get_lost_are_told_from_other_faults(graph: Grap
 
 def test_millimetres_and_a_namespace(graph: Graph, figures: Path) -> None:
     bridge = Bridge(graph, prefix="lab/", scale=1e3)
-    start(graph, "--json", str(figures), "--seconds", "4", "--namespace", "lab")
+    start(graph, "--json", str(figures), "--seconds", "3", "--namespace", "lab")
     bridge.publish_until(lambda: ended(graph))
     assert graph.wait_for_end("check") == 2
     errors = [one for one in answer(figures)["findings"] if one["severity"] == "error"]
