@@ -52,6 +52,8 @@ class _Tuning:
 
 TUNING = _Tuning()
 _SEED = 20090920  # of the random search
+_TURN = 2.0 * np.pi * np.arange(TUNING.points) / TUNING.points
+_AROUND = np.stack([np.ones(TUNING.points), np.cos(_TURN), np.sin(_TURN)], axis=1)  # (N, 3), of centre and two radii
 
 
 def seed_circles(
@@ -145,6 +147,7 @@ class _Views:
 
     def __init__(self, views: list[_View]) -> None:
         self._views = views
+        self._clicks = [np.column_stack([-2.0 * view.clicks, np.ones(len(view.clicks))]) for view in views]
         self._to_clicks = np.stack([view.matrix for view in views])
         self._to_all = np.concatenate([self._to_clicks, [view.to_evidence for view in views]])
 
@@ -156,21 +159,20 @@ class _Views:
         """The same, and (2, K, N) each plane's evidence along each circle; none outside of what was looked at."""
         pixels = _projected(circles, self._to_all)
         count = len(self._views)
-        x, y = pixels[count:].astype(np.float32).swapaxes(0, 1)
         shown = [
-            cv2.remap(view.evidence, x[k], y[k], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-            for k, view in enumerate(self._views)
+            cv2.remap(view.evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+            for view, (x, y) in zip(self._views, pixels[count:].astype(np.float32), strict=True)
         ]
-        return self._beside(pixels[:count]), np.stack(shown)
+        return self._beside(pixels[:count]), np.ascontiguousarray(np.stack(shown).swapaxes(1, 2))
 
     def _beside(self, pixels: Array) -> Array:
         means = []
-        for view, (x, y) in zip(self._views, pixels, strict=True):
+        for view, clicks, (x, y) in zip(self._views, self._clicks, pixels, strict=True):
             # |p - c|² = |p|² + |c|² - 2 p · c: one product of matrices, for the many circles that are tried.
-            clicks = np.column_stack([-2.0 * view.clicks, np.ones(len(view.clicks))])
             squared = clicks @ np.stack([x, y, x * x + y * y]).reshape(3, -1)
-            nearest = squared.reshape(-1, *x.shape).min(axis=2) + (view.clicks**2).sum(axis=1)[:, None]
-            means.append(np.clip(view.unit**2 * nearest, 0.0, TUNING.farthest_mm**2).mean(axis=0))
+            nearest = squared.reshape(-1, *x.shape).min(axis=1) + (view.clicks**2).sum(axis=1)[:, None]
+            nearest = np.minimum(np.maximum(view.unit**2 * nearest, 0.0), TUNING.farthest_mm**2)
+            means.append(nearest.mean(axis=0))
         return np.stack(means)
 
 
@@ -195,16 +197,14 @@ def _axes(circles: Array) -> tuple[Array, Array]:
 
 
 def _projected(circles: Array, matrices: Array) -> Array:
-    """(M, 2, K, N) x and y of points along each circle under projections (M, 3, 4)."""
-    turn = 2.0 * np.pi * np.arange(TUNING.points) / TUNING.points
-    around = np.stack([np.ones(TUNING.points), np.cos(turn), np.sin(turn)])
-    world = np.zeros((4, len(circles), 3))  # homogeneous: the centre, and two radii
-    world[:3, :, 0] = 1e-3 * circles[:, :3].T
-    world[3, :, 0] = 1.0
-    for column, axis in enumerate(_axes(circles), 1):
-        world[:3, :, column] = axis.T
-    seen = (matrices.reshape(-1, 4) @ world.reshape(4, -1)).reshape(-1, 3) @ around
-    seen = seen.reshape(len(matrices), 3, len(circles), TUNING.points)
+    """(M, 2, N, K) x and y of points along each circle under projections (M, 3, 4)."""
+    world = np.empty((4, 3, len(circles)))  # homogeneous: the centre, and two radii
+    world[:3, 0] = 1e-3 * circles[:, :3].T
+    first, second = _axes(circles)
+    world[:3, 1], world[:3, 2] = first.T, second.T
+    world[3] = np.array([[1.0], [0.0], [0.0]])
+    seen = _AROUND @ (matrices.reshape(-1, 4) @ world.reshape(4, -1)).reshape(-1, 3, len(circles))
+    seen = seen.reshape(len(matrices), 3, TUNING.points, len(circles))
     return np.asarray(seen[:, :2] / seen[:, 2:])
 
 

@@ -46,7 +46,7 @@ class _Tuning:
     full_strength: float = 2.5
     bulges: tuple[float, ...] = (-0.5, -0.4, -0.3, -0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
     slack: float = 1.0
-    beyond_px: float = 3.0
+    beyond_px: float = 2.0
 
 
 TUNING = _Tuning()
