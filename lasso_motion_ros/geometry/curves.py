@@ -29,22 +29,42 @@ def resample(points: Array, count: int) -> Array:
 
 def distance_to_curve(points: Array, curve: Array) -> Array:
     """(N,) distance of each point (N, D) to an open polyline (M, D), exact on its segments."""
-    at = np.asarray(points, dtype=np.float64).T
-    start, step = np.ascontiguousarray(curve[:-1].T), np.ascontiguousarray(np.diff(curve, axis=0).T)
-    squared = (step * step).sum(axis=0)
-    per_length = step / np.where(squared > 0.0, squared, 1.0)
-    shortest = np.empty(len(points))
-    rows = max(1, _BLOCK // max(1, step.shape[1]))
+    points = np.asarray(points, dtype=np.float64)
+    start, step = curve[:-1], np.diff(curve, axis=0)
+    squared = (step * step).sum(axis=1)
+    per_length = step / np.where(squared > 0.0, squared, 1.0)[:, None]
+    nearest = _nearest_segments(points, start, step, per_length)
+    offset = points - start[nearest]
+    along = np.clip((offset * per_length[nearest]).sum(axis=1), 0.0, 1.0)
+    return np.asarray(np.linalg.norm(offset - along[:, None] * step[nearest], axis=1))
+
+
+def _nearest_segments(points: Array, start: Array, step: Array, per_length: Array) -> npt.NDArray[np.int64]:
+    """(N,) which segment (M, D) is the nearest to each point, in single precision: it takes half the time.
+
+    Where it takes one segment for another, both are equally far to seven digits.
+    """
+    middle = start.mean(axis=0)
+    at, starts, steps, shares = (
+        np.ascontiguousarray(vectors.T, dtype=np.float32)
+        for vectors in (points - middle, start - middle, step, per_length)
+    )
+    nearest = np.empty(len(points), dtype=np.int64)
+    rows = max(1, _BLOCK // max(1, len(start)))
     for first in range(0, len(points), rows):
         block = slice(first, first + rows)
-        offsets = [one[block, None] - beginning for one, beginning in zip(at, start, strict=True)]
-        along = sum(offset * one for offset, one in zip(offsets, per_length, strict=True))
-        along = np.clip(along, 0.0, 1.0)
-        for offset, one in zip(offsets, step, strict=True):
+        offsets = [one[block, None] - beginning for one, beginning in zip(at, starts, strict=True)]
+        along = offsets[0] * shares[0]
+        for offset, one in zip(offsets[1:], shares[1:], strict=True):
+            along += offset * one
+        np.minimum(np.maximum(along, 0.0, out=along), 1.0, out=along)
+        for offset, one in zip(offsets, steps, strict=True):
             offset -= along * one  # from the nearest point of the segment
             offset *= offset
-        shortest[block] = sum(offsets[1:], offsets[0]).min(axis=1)
-    return np.asarray(np.sqrt(shortest))
+        for offset in offsets[1:]:
+            offsets[0] += offset
+        nearest[block] = offsets[0].argmin(axis=1)
+    return nearest
 
 
 def slope(values: npt.NDArray[Real], axis: int) -> npt.NDArray[Real]:

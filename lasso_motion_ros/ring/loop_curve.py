@@ -144,8 +144,29 @@ def _quantile(values: npt.NDArray[np.float32], share: float) -> float:
 def _ridge_paths(gains: Array) -> npt.NDArray[np.int64]:
     """(P, N) column per row that maximises the gain (P, N, C) less a penalty per squared column step, strip by strip.
 
-    Dynamic programming.
+    Dynamic programming from both ends at once, which meets in the middle row.
     """
+    strips, rows, columns = gains.shape
+    middle = rows // 2
+    upwards = gains[:, middle:][:, ::-1]
+    if rows % 2 == 0:  # a row that says nothing makes both halves equally long
+        upwards = np.concatenate([np.zeros((strips, 1, columns)), upwards], axis=1)
+    totals, choices = _best_ways(np.concatenate([gains[:, : middle + 1], upwards]))
+    meeting = (totals[:strips] + totals[strips:] - gains[:, middle]).argmax(axis=1).tolist()
+    paths = []
+    for strip, column in enumerate(meeting):
+        halves = []
+        for half in (strip, strips + strip):
+            path = [column]
+            for choice in reversed(choices[:, half].tolist()):
+                path.append(path[-1] + choice[path[-1]])
+            halves.append(path)
+        paths.append(halves[0][:0:-1] + halves[1][: rows - middle])
+    return np.array(paths, dtype=np.int64)
+
+
+def _best_ways(gains: Array) -> tuple[Array, npt.NDArray[np.int64]]:
+    """(P, C) the gain of the best way to each column of the last row, and (N - 1, P, C) the step into each column."""
     strips, rows, columns = gains.shape
     steps = np.arange(-3, 4)
     penalty = TUNING.bend * (steps**2)[:, None, None]
@@ -158,11 +179,4 @@ def _ridge_paths(gains: Array) -> npt.NDArray[np.int64]:
     for row in range(1, rows):
         np.subtract(before, penalty, out=options[row])
         np.add(np.maximum.reduce(options[row]), gains[:, row], out=total)
-    choices = steps[options[1:].argmax(axis=1)]  # (N - 1, P, C)
-    paths = []
-    for last, chosen in zip(total.argmax(axis=1).tolist(), choices.swapaxes(0, 1).tolist(), strict=True):
-        path = [last]
-        for choice in reversed(chosen):
-            path.append(path[-1] + choice[path[-1]])
-        paths.append(path[::-1])
-    return np.array(paths, dtype=np.int64)
+    return total, steps[options[1:].argmax(axis=1)]
