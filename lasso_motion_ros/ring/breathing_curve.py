@@ -45,13 +45,13 @@ class CurveTuning:
     slide_memory_s: float = 60.0
     slide_spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     aside_sigmas: float = 6.0  # off the curve: what is further away did not slide there unnoticed
-    slide_points: int = 10  # before, nothing tells a slide from breathing
+    slide_points: int = 8  # before, nothing tells a slide from breathing
     longest_gap: float = 1.8  # of the usual interval
     slide_starts: int = 8
     fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
     shortest_slide_s: float = 1.5
     smallest_slide_m: float = 0.0012  # what is less harms nobody
-    slide_penalty: float = 6.0  # log odds against, for a drift of two components that starts at any time
+    slide_penalty: float = 4.0  # log odds against, for a drift of two components that starts at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
     drift_s: float = 9.0  # for so long
 
@@ -70,7 +70,7 @@ class BreathingCurve:
         self._points, self._times_s = first[None], np.array([time_s])
         self._last, self._last_s = np.array(first), time_s
         # All places where it was seen, in its place or not: a slide shows in all of them together.
-        self._seen, self._seen_s = first[None], np.array([time_s])
+        self._seen, self._seen_s, self._is_whole = first[None], np.array([time_s]), np.array([True])
         self._past = (np.inf, -np.inf), 0.0  # first and last time of the places looked at, and their odds of a slide
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
@@ -92,12 +92,20 @@ class BreathingCurve:
         total = self._tuning.repeated_sigma_m**2 * self._tuning.repeated_pairs + float(recent.sum())
         return float(max(np.sqrt(total / (self._tuning.repeated_pairs + len(recent))), self._tuning.smallest_sigma_m))
 
-    def see(self, time_s: float, displacement: Array) -> None:
-        """Take note of a displacement (3,) m where the ring was seen, of breathing or not."""
+    def see(self, time_s: float, displacement: Array, *, is_whole: bool = True) -> None:
+        """Take note of a displacement (3,) m where the ring was seen, of breathing or not.
+
+        Args:
+            time_s: when.
+            displacement: (3,) metres.
+            is_whole: both planes showed it. What one shows tells how fast it breathes, and not whether it slides: its
+                depth is taken from the breathing.
+        """
         if time_s - self._seen_s[-1] < self._tuning.slide_spacing_s:
             return
         self._seen = np.vstack([self._seen, displacement])[-self._tuning.points :]
         self._seen_s = np.append(self._seen_s, time_s)[-self._tuning.points :]
+        self._is_whole = np.append(self._is_whole, is_whole)[-self._tuning.points :]
 
     def see_aside(self, time_s: float, displacement: Array) -> None:
         """Take note of a displaced ring (3,) m, if a slide may have taken it there: not what a hand put far away."""
@@ -111,7 +119,7 @@ class BreathingCurve:
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         if self.is_complete:
-            self._off.append((time_s, self._across(displacement, time_s)[0]))
+            self._off.append((time_s, self._across(displacement, self._vouching(time_s))[0]))
             del self._off[: -self._tuning.points]
         self._points = np.vstack([self._points, displacement])[-self._tuning.points :]
         self._times_s = np.append(self._times_s, time_s)[-self._tuning.points :]
@@ -131,33 +139,35 @@ class BreathingCurve:
             Metres slid by now, and the natural logarithm of the odds.
         """
         recent = self._seen_s > time_s - self._tuning.slide_memory_s
-        points, times = self._seen[recent], self._seen_s[recent]
-        odds = self._past_odds(points, times)
+        points, times, is_whole = self._seen[recent], self._seen_s[recent], self._is_whole[recent]
+        odds = self._past_odds(points, times, is_whole)
         if odds == 0.0:  # one place proves nothing, the newest least of all
             return 0.0, 0.0
-        with_newest = self._change_point(np.vstack([points, displacement]), np.append(times, time_s))
+        with_newest = self._change_point(
+            np.vstack([points, displacement]), np.append(times, time_s), np.append(is_whole, True)
+        )
         return with_newest[0], min(odds, with_newest[1])
 
-    def _past_odds(self, points: Array, times: Array) -> float:
+    def _past_odds(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> float:
         """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
         if len(times) < self._tuning.slide_points:
             return 0.0
         span = float(times[0]), float(times[-1])
         if span != self._past[0]:
-            self._past = span, self._change_point(points, times)[1]
+            self._past = span, self._change_point(points, times, is_whole)[1]
         return self._past[1]
 
-    def _change_point(self, points: Array, times: Array) -> tuple[float, float]:
+    def _change_point(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> tuple[float, float]:
         """Metres slid at the last of the places (N, 3) m at times (N,) s, and the log odds of a slide."""
         if len(points) < self._tuning.slide_points:
             return 0.0, 0.0
         intervals = np.diff(times)
         # How fast it breathed beside a gap nobody saw.
         longest = self._tuning.longest_gap * np.median(intervals)
-        seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest)
+        seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest) & is_whole
         if seen.sum() < self._tuning.slide_points:
             return 0.0, 0.0
-        axis, _ = _principal_axis(points)
+        axis, _ = _principal_axis(points[is_whole])
         along = points @ axis
         across = points - points.mean(axis=0) - np.outer(along - along.mean(), axis)
         speed = np.gradient(along, times)
@@ -218,25 +228,28 @@ class BreathingCurve:
             displacement: (3,) metres.
             sigma_m: of the displacement itself, with the heartbeat's, metres.
         """
-        spread = 0.0 if self.is_complete else _principal_axis(self._points)[1]  # asked for before a breath is complete
-        if not self.is_complete and spread < self._tuning.first_axis_m:
+        curve = self._vouching(time_s)
+        if not self.is_complete and _principal_axis(curve)[1] < self._tuning.first_axis_m:
             away = float(np.linalg.norm(displacement - self._points.mean(axis=0)))
             return 3.0 * away / self._tuning.first_reach_m
-        across, beyond = self._across(displacement, time_s)
+        across, beyond = self._across(displacement, curve)
         drift_m = self._tuning.drift_m_s * min(time_s - self._times_s[0], self._tuning.drift_s)
         wider_m = self._tuning.widening * beyond
         if not self.is_complete:  # a strong heart hides where breathing is going to
-            wider_m = max(wider_m, self._tuning.hidden_axis * sigma_m / spread * float(np.hypot(across, beyond)))
+            hidden = self._tuning.hidden_axis * sigma_m / _principal_axis(self._points)[1]
+            wider_m = max(wider_m, hidden * float(np.hypot(across, beyond)))
         scale = float(np.sqrt(self.sigma_m**2 + sigma_m**2 + wider_m**2 + drift_m**2))
         return float(np.hypot(across / scale, beyond / self._tuning.along_sigma_m))
 
-    def _across(self, displacement: Array, time_s: float) -> tuple[float, float]:
-        """(across, beyond): distance off the curve, and how far along its axis beyond its ends, metres."""
-        if self._complete_s is None:
-            old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
-            curve = self._points if old.sum() < 4 else self._points[old]
-        else:
-            curve = self._points[self._times_s <= max(self._complete_s, time_s - self._tuning.longest_breath_s)]
+    def _vouching(self, time_s: float) -> Array:
+        """(N, 3) the places that vouch for one at a time: all but the youngest."""
+        if self._complete_s is not None:
+            return self._points[self._times_s <= max(self._complete_s, time_s - self._tuning.longest_breath_s)]
+        old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
+        return self._points if old.sum() < 4 else self._points[old]
+
+    def _across(self, displacement: Array, curve: Array) -> tuple[float, float]:
+        """(across, beyond): distance off the curve (N, 3), and how far along its axis beyond its ends, metres."""
         mean = curve.mean(axis=0)
         axis, _ = _principal_axis(curve if len(curve) > 2 else self._points)
         along = (curve - mean) @ axis

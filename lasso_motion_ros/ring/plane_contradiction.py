@@ -23,7 +23,7 @@ Array = npt.NDArray[np.float64]
 class ContradictionTuning:
     """What is expected of the gap, either way."""
 
-    odds: float = -4.5  # natural logarithm, that the planes contradict each other, before any gap is known
+    odds: float = -4.0  # natural logarithm, that the planes contradict each other, before any gap is known
     size_mm: float = 3.0  # standard deviation of a gap that breathes,
     time_scale_s: float = 1.0  # as smooth as breathing,
     noise_mm: float = 0.4  # and what else it holds

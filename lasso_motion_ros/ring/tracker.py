@@ -198,7 +198,7 @@ class RingTracker:
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
             if len(best.detection.planes) == len(PLANES):
-                if not is_away and best.probability > association.absent:
+                if not is_away and best.probability >= self._options.state.pose:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, self._options.state.elsewhere_sigmas)
@@ -211,6 +211,7 @@ class RingTracker:
         """Take in what was seen, and learn from it where both planes show it; (3, 3) m² of the displacement."""
         track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
         if len(best.detection.planes) < len(PLANES):
+            track.curve.see(time_s, best.displacement, is_whole=False)
             doubt = track.motion.doubt(best.displacement)
             return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
         track.learn_motion(best, time_s)

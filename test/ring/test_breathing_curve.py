@@ -187,6 +187,48 @@ def test_one_outlier_is_no_slide():
     assert found_m < TUNING.smallest_slide_m or odds <= 0.0
 
 
+def sliding(one_plane):
+    """Odds of a slide of which every other half of a breath is seen by one plane; metres found, and true."""
+    random, curve = np.random.default_rng(4), BreathingCurve(np.zeros(3), 0.0, TUNING)
+    for time_s in np.arange(1, 51) * PAIR_S:
+        slid_m = 0.5e-3 * max(time_s - 6.0, 0.0)
+        place = wave(time_s, hysteresis_mm=1.5) + slid_m * ASIDE + 1e-4 * random.normal(size=3)
+        is_whole = time_s % 4.0 < 2.0
+        if is_whole:
+            curve.accept(time_s, place)
+        elif one_plane == "tells how fast it breathes":
+            curve.see(time_s, place, is_whole=False)
+        elif one_plane == "errs in depth":
+            curve.see(time_s, place + 5e-3 * np.array([0.0, np.sin(9.0 * time_s), 0.0]), is_whole=False)
+    found_m, odds = curve.slide(time_s + PAIR_S, wave(time_s + PAIR_S, hysteresis_mm=1.5) + slid_m * ASIDE)
+    return odds, found_m, slid_m
+
+
+def test_what_one_plane_shows_tells_how_fast_it_breathed_beside_a_gap():
+    seen, found_m, slid_m = sliding("tells how fast it breathes")
+    unseen, _, _ = sliding("is nothing")
+    assert seen > unseen + 5.0  # of a gap's two neighbours nobody knows the speed, and half of the places are such
+    assert found_m == pytest.approx(slid_m, rel=0.25)
+
+
+def test_where_one_plane_has_it_does_not_count_for_or_against_a_slide():
+    odds, found_m, slid_m = sliding("errs in depth")
+    assert odds > 5.0
+    assert found_m == pytest.approx(slid_m, rel=0.25)
+
+
+def test_the_first_inspiration_after_a_pause_goes_where_it_likes():
+    # Two seconds at rest: half a millimetre of heart tells no direction.
+    random = np.random.default_rng(5)
+    rest = [5e-4 * random.normal(size=3) for _ in range(7)]
+    breath = 0.9 * UP - 0.43 * np.array([0.0, 1.0, 0.0])
+    curve, time_s = after(rest)
+    for index in range(1, 6):
+        place = 3.5e-3 * index * breath
+        assert curve.distance_sigmas(time_s + index * PAIR_S, place, 4e-4) < 3.3
+        curve.accept(time_s + index * PAIR_S, place)
+
+
 def test_few_places_tell_of_no_slide():
     curve, time_s = after([wave(t) for t in np.arange(1, 6) * PAIR_S])
     assert curve.slide(time_s + PAIR_S, 5e-3 * ASIDE) == (0.0, 0.0)

@@ -30,7 +30,7 @@ def test_the_first_gap_is_weighed_by_two_densities():
     beats = stats.t.logpdf(2.0, 4.0, scale=np.hypot(0.5, 0.15))
     told = told_by([2.0], 0.5)
     assert told.evidence == pytest.approx(breathes - beats, abs=1e-9)
-    assert told.probability == pytest.approx(1.0 / (1.0 + np.exp(4.5 - told.evidence)), rel=1e-9)
+    assert told.probability == pytest.approx(1.0 / (1.0 + np.exp(4.0 - told.evidence)), rel=1e-9)
     assert told.state[0] == pytest.approx(2.0 * 9.0 / (9.0 + 0.16), rel=1e-9)
     assert told.text == "the planes disagree by 2.0 mm, as the breath goes: one of them shows something else?"
 
