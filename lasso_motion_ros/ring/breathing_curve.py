@@ -50,7 +50,7 @@ class CurveTuning:
     slide_starts: int = 8
     fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
     shortest_slide_s: float = 1.5
-    smallest_slide_m: float = 0.0012  # what is less harms nobody
+    smallest_slide_m: float = 0.00095  # across, which is a part of it: a patient who settles down drifts by less
     slide_penalty: float = 4.0  # log odds against, for a drift of two components that starts at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
     drift_s: float = 9.0  # for so long
@@ -167,7 +167,8 @@ class BreathingCurve:
         seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest) & is_whole
         if seen.sum() < self._tuning.slide_points:
             return 0.0, 0.0
-        axis, _ = _principal_axis(points[is_whole])
+        # Of what is believed to be breathing: a slide may be larger than a small breath, and would be taken for it.
+        axis, _ = _principal_axis(self._points)
         along = points @ axis
         across = points - points.mean(axis=0) - np.outer(along - along.mean(), axis)
         speed = np.gradient(along, times)

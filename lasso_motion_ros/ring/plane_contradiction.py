@@ -44,6 +44,8 @@ class PlaneContradiction:
         time_s: of the last gap, seconds since the seed pair.
         state: (3,) the gap that breathes, mm, with its first two derivatives.
         covariance: (3, 3) of that.
+        squares: weighted sum of the squared gaps, mm², the last ones counting most,
+        count: and of their weights.
     """
 
     tuning: ContradictionTuning
@@ -51,6 +53,8 @@ class PlaneContradiction:
     time_s: float = 0.0
     state: Array = field(default_factory=lambda: np.zeros(3))
     covariance: Array | None = None
+    squares: float = 0.0
+    count: float = 0.0
 
     @property
     def probability(self) -> float:
@@ -58,10 +62,14 @@ class PlaneContradiction:
         return 0.5 + 0.5 * math.tanh(0.5 * (self.evidence + self.tuning.odds))
 
     @property
+    def size_mm(self) -> float:
+        """Root mean square of the gaps of late, mm: a small contradiction misleads nobody."""
+        return math.sqrt(self.squares / self.count) if self.count > 0.0 else 0.0
+
+    @property
     def text(self) -> str:
         """What is to be said of it."""
-        gap_mm = abs(float(self.state[0]))
-        return f"the planes disagree by {gap_mm:.1f} mm, as the breath goes: one of them shows something else?"
+        return f"the planes disagree by {self.size_mm:.1f} mm, as the breath goes: one of them shows something else?"
 
     def after(self, time_s: float, gap_mm: float, slack_mm: float) -> PlaneContradiction:
         """What is known with one more gap.
@@ -79,7 +87,8 @@ class PlaneContradiction:
         variance = float(covariance[0, 0]) + tuning.noise_mm**2
         breathes = _log_normal(gap_mm - float(state[0]), variance)
         told = breathes - _log_student(gap_mm, slack_mm**2 + tuning.agreement_mm**2, tuning.freedom)
-        evidence = self.evidence * math.exp(-interval_s / tuning.memory_s) + min(max(told, -tuning.most), tuning.most)
+        kept = math.exp(-interval_s / tuning.memory_s)
+        evidence = self.evidence * kept + min(max(told, -tuning.most), tuning.most)
         gain = covariance[:, 0] / variance
         return replace(
             self,
@@ -87,6 +96,8 @@ class PlaneContradiction:
             time_s=time_s,
             state=state + gain * (gap_mm - float(state[0])),
             covariance=covariance - np.outer(gain, covariance[0]),
+            squares=self.squares * kept + gap_mm**2,
+            count=self.count * kept + 1.0,
         )
 
 

@@ -176,7 +176,8 @@ class RingTracker:
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         vague = f"its place is known to {sigma_mm:.1f} mm only"
         withheld = vague if misleads > options.state.misleads_pose else ""
-        if len(best.detection.planes) == len(PLANES) and track.contradiction.probability > 1.0 - options.state.pose:
+        contradicts = track.contradiction.probability > 1.0 - options.state.pose
+        if contradicts and track.contradiction.size_mm > options.state.misleading_mm:
             withheld = track.contradiction.text
         if withheld:
             # It is seen, and followed and learned on; only no pose rests on it.

@@ -316,6 +316,22 @@ def test_a_slide_that_is_known_stays_known_while_it_goes_on_and_while_it_stands(
     np.testing.assert_allclose(found_mm, true_mm, rtol=0.2)
 
 
+def test_a_slide_that_outgrows_a_small_breath_is_not_taken_for_it():
+    # A jet ventilator moves the ring by 2 mm; it slides by 10 mm, which is then the direction it has moved in most.
+    curve, time_s = breathed(8.0, depth_mm=2.0, period_s=1.7, jitter_mm=0.1)
+    start_s, random, departures = time_s, np.random.default_rng(6), []
+    while time_s < start_s + 20.0:
+        time_s += PAIR_S
+        slid_m = 0.5e-3 * (time_s - start_s) * np.array([0.3, 0.95, 0.0])
+        place = wave(time_s, depth_mm=2.0, period_s=1.7) + slid_m + 1e-4 * random.normal(size=3)
+        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M))
+        if max(departures) < 3.3:
+            curve.accept(time_s, place)
+        else:
+            curve.see(time_s, place)
+    assert min(departures[round(5.0 / PAIR_S) :]) > 3.3
+
+
 def test_places_nearer_in_time_than_a_heartbeat_count_as_one():
     usual, crowded = (BreathingCurve(np.zeros(3), 0.0, TUNING) for _ in range(2))
     for index in range(1, 61):

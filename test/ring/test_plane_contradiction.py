@@ -32,6 +32,7 @@ def test_the_first_gap_is_weighed_by_two_densities():
     assert told.evidence == pytest.approx(breathes - beats, abs=1e-9)
     assert told.probability == pytest.approx(1.0 / (1.0 + np.exp(4.0 - told.evidence)), rel=1e-9)
     assert told.state[0] == pytest.approx(2.0 * 9.0 / (9.0 + 0.16), rel=1e-9)
+    assert told.size_mm == pytest.approx(2.0)
     assert told.text == "the planes disagree by 2.0 mm, as the breath goes: one of them shows something else?"
 
 
@@ -47,6 +48,13 @@ def test_a_gap_that_breathes_is_one_before_the_breath_is_over():
     found = [told_by(gaps_mm[:count], 2.0).probability for count in range(14)]
     assert found[1] < 0.1  # one gap tells little
     assert min(found[8:]) > 0.5
+
+
+def test_what_counts_is_how_large_a_contradiction_has_been_of_late():
+    breath = np.sin(2.0 * np.pi * np.arange(1, 60) * PAIR_S / 4.0)
+    assert told_by(1.5 * breath, 0.8).size_mm == pytest.approx(1.5 / np.sqrt(2.0), rel=0.1)
+    assert told_by([*(6.0 * breath), *(1.0 * breath)], 2.0).size_mm < 2.0
+    assert told_by([], 2.0).size_mm == 0.0
 
 
 def test_planes_that_agree_again_are_believed_again():
