@@ -1,8 +1,9 @@
 """Whether the ring is in its place, elsewhere, or out of view: probabilities, and what a state asks of them.
 
 A hidden Markov model with three states, in place, displaced and absent, is told of each pair: how probable it is that
-what was detected is the ring, and how far from breathing it is. Whether it is in its place follows by the probabilities
-below; what else makes it LOST or DEGRADED: `ring/validation.py`.
+what was detected is the ring, and how far from breathing it is. What is out of view was somewhere, and is to be
+expected there again: so the last state is two. Whether it is in its place follows by the probabilities below; what else
+makes it LOST or DEGRADED: `ring/validation.py`.
 """
 
 from __future__ import annotations
@@ -15,8 +16,6 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-IN_PLACE, ELSEWHERE, ABSENT = range(3)
-
 
 @dataclass(frozen=True)
 class StateTuning:
@@ -27,6 +26,9 @@ class StateTuning:
     returns_per_s: float = 0.01
     vanishes_per_s: float = 0.05
     appears_per_s: float = 0.5
+    # Where it comes into view again, of 1: in its place if it vanished there, and if it vanished elsewhere.
+    comes_back: float = 0.8
+    comes_home: float = 0.03
     elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place
     largest_sigmas: float = 6.0  # no one pair may say more
     surprise_sigmas: float = 1.8  # of the filter's, sideways, count for one: hearts surprise it more than normally
@@ -47,17 +49,29 @@ def probability_beyond(limit: float, sigma: float) -> float:
 
 @dataclass(frozen=True)
 class TrackBelief:
-    """Probabilities of the three states.
+    """Probabilities of the states.
 
     Attributes:
         in_place: the ring moves with the atrium.
         elsewhere: it is seen, but moves otherwise.
-        absent: it is out of view, or hidden.
+        hidden: it is out of view, or hidden, and was in its place before.
+        hidden_elsewhere: likewise, and was elsewhere.
     """
 
     in_place: float = 1.0
     elsewhere: float = 0.0
-    absent: float = 0.0
+    hidden: float = 0.0
+    hidden_elsewhere: float = 0.0
+
+    @property
+    def absent(self) -> float:
+        """Probability that it is out of view, wherever it is."""
+        return self.hidden + self.hidden_elsewhere
+
+    @property
+    def away(self) -> float:
+        """Probability that it is not in its place, in view or not."""
+        return self.elsewhere + self.hidden_elsewhere
 
     def after(self, interval_s: float, seen: float, sigmas: float, tuning: StateTuning) -> TrackBelief:
         """The belief after a pair.
@@ -71,7 +85,8 @@ class TrackBelief:
         before = self._changed(interval_s, tuning)
         fits = np.exp(-0.5 * min(sigmas, tuning.largest_sigmas) ** 2)
         other = np.exp(-0.5 * tuning.elsewhere_sigmas**2)
-        likelihood = np.array([seen * fits, seen * other, (1.0 - seen) * max(fits, other)])
+        nothing = (1.0 - seen) * max(fits, other)
+        likelihood = np.array([seen * fits, seen * other, nothing, nothing])
         now = before * (likelihood + 1e-9)
         return TrackBelief(*(now / now.sum()).tolist())
 
@@ -82,9 +97,13 @@ class TrackBelief:
         )
         change = np.array(
             [
-                [1.0 - leaves - vanishes, leaves, vanishes],
-                [returns, 1.0 - returns - vanishes, vanishes],
-                [0.8 * appears, 0.2 * appears, 1.0 - appears],
+                [1.0 - leaves - vanishes, leaves, vanishes, 0.0],
+                [returns, 1.0 - returns - vanishes, 0.0, vanishes],
+                [tuning.comes_back * appears, (1.0 - tuning.comes_back) * appears, 1.0 - appears, 0.0],
+                [tuning.comes_home * appears, (1.0 - tuning.comes_home) * appears, 0.0, 1.0 - appears],
             ]
         )
-        return np.asarray(np.array([self.in_place, self.elsewhere, self.absent]) @ change)
+        # Out of view it may be moved as well.
+        hands = np.array([[1.0 - leaves, leaves], [returns, 1.0 - returns]])
+        change[:, 2:] = change[:, 2:] @ hands
+        return np.asarray(np.array([self.in_place, self.elsewhere, self.hidden, self.hidden_elsewhere]) @ change)

@@ -194,7 +194,7 @@ class RingTracker:
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
             sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1] + track.motion.heartbeat_m**2))
-            is_away = track.belief.elsewhere > self._options.state.displaced
+            is_away = track.belief.away > self._options.state.displaced
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)

@@ -195,6 +195,20 @@ def test_a_hand_that_moves_it_aside_in_the_first_breath_is_noticed_with_its_firs
     assert [early.track(pair(index, (index - 6) * step)).motion for index in range(7, 11)] == [None] * 4
 
 
+def test_displaced_and_hidden_it_is_still_displaced_when_it_comes_into_view_again():
+    early = RingTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 6):
+        early.track(pair(index))
+    away = np.array([0.005, -0.002, 0.010])  # nearly along the breath
+    for index in range(6, 9):
+        result = early.track(pair(index, away))
+    assert_no_pose(result, DISPLACED)
+    for index in range(9, 11):
+        assert_no_pose(early.track(lasso_pair(index, None)), LOST)
+    assert [early.track(pair(index, away)).motion for index in range(11, 22)] == [None] * 11
+
+
 def test_a_deeper_step_of_the_breath_is_followed_at_once(tracker):
     deeper = np.array([0.0004, -0.0012, -0.0048])
     result = tracker.track(pair(WARM, deeper))

@@ -41,6 +41,7 @@ def test_probabilities_sum_to_one_whatever_comes():
     for _ in range(200):
         belief = belief.after(random.uniform(0.01, 5.0), random.uniform(), random.exponential(3.0), TUNING)
         assert belief.in_place + belief.elsewhere + belief.absent == pytest.approx(1.0)
+        assert belief.in_place + belief.hidden + belief.away == pytest.approx(1.0)
         assert min(dataclasses.astuple(belief)) >= 0.0
 
 
@@ -54,16 +55,23 @@ def test_the_chances_of_a_change_by_hand():
     def by_time(belief):
         return dataclasses.astuple(belief.after(2.0, 0.5, 0.0, tuning))
 
-    assert by_time(TrackBelief(1.0, 0.0, 0.0)) == pytest.approx((1.0 - leaves - vanishes, leaves, vanishes))
-    assert by_time(TrackBelief(0.0, 1.0, 0.0)) == pytest.approx((returns, 1.0 - returns - vanishes, vanishes))
-    assert by_time(TrackBelief(0.0, 0.0, 1.0)) == pytest.approx((0.8 * appears, 0.2 * appears, 1.0 - appears))
+    stays, comes = 1.0 - leaves, 1.0 - returns
+    seen = by_time(TrackBelief(1.0, 0.0))
+    assert seen == pytest.approx((1.0 - leaves - vanishes, leaves, stays * vanishes, leaves * vanishes))
+    aside = by_time(TrackBelief(0.0, 1.0))
+    assert aside == pytest.approx((returns, 1.0 - returns - vanishes, returns * vanishes, comes * vanishes))
+    gone = 1.0 - appears
+    hidden = by_time(TrackBelief(0.0, 0.0, 1.0))
+    assert hidden == pytest.approx((0.8 * appears, 0.2 * appears, stays * gone, leaves * gone))
+    hidden_aside = by_time(TrackBelief(0.0, 0.0, 0.0, 1.0))
+    assert hidden_aside == pytest.approx((0.03 * appears, 0.97 * appears, returns * gone, comes * gone))
 
 
 def test_what_the_images_say_by_hand():
     # Ten to one for being seen, at the distance at which both places are as likely: only the prior tells them apart.
     still = StateTuning(leaves_per_s=0.0, returns_per_s=0.0, vanishes_per_s=0.0, appears_per_s=0.0)
     belief = TrackBelief(0.6, 0.3, 0.1).after(1.0, 10.0 / 11.0, still.elsewhere_sigmas, still)
-    assert dataclasses.astuple(belief) == pytest.approx(np.array([6.0, 3.0, 0.1]) / 9.1, abs=1e-4)
+    assert dataclasses.astuple(belief) == pytest.approx(np.array([6.0, 3.0, 0.1, 0.0]) / 9.1, abs=1e-4)
     # On the curve: exp(½ 3.3²) = 231 times as likely in place.
     belief = TrackBelief(0.5, 0.5, 0.0).after(1.0, SEEN, 0.0, still)
     assert belief.in_place / belief.elsewhere == pytest.approx(math.exp(0.5 * still.elsewhere_sigmas**2), rel=1e-3)
@@ -114,6 +122,16 @@ def test_out_of_view_it_is_neither_here_nor_there():
     # Seen again where it belongs it is in its place; 25 mm away it was moved.
     assert after(gone, (SEEN, 0.3)).in_place > TUNING.tracking
     assert is_displaced(after(gone, (SEEN, 8.0)))
+
+
+def test_what_was_elsewhere_when_it_vanished_is_expected_there():
+    vanished = after(TrackBelief(), *[(SEEN, 8.0)] * 3, *[(UNSEEN, 0.0)] * 5)
+    assert vanished.absent > 0.99
+    assert vanished.away > 0.9
+    # Neither here nor there, it is where it was; and that it is back takes two looks, as if it had been seen all along.
+    assert is_displaced(after(vanished, (SEEN, 2.8)))
+    assert not has_pose(after(vanished, (SEEN, 0.3)))
+    assert after(vanished, (SEEN, 0.3), (SEEN, 0.3)).in_place > TUNING.tracking
 
 
 def test_a_place_that_is_hardly_the_ring_moves_no_belief():
