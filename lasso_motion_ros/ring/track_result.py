@@ -70,14 +70,28 @@ def with_curve(
     )
 
 
-def with_pose(result: TrackResult, track: Track, position: Array, best: Hypothesis | None) -> TrackResult:
+def covariance_since_reference(track: Track, position: Array, best: Hypothesis | None) -> Array:
+    """(3, 3) m² of the ring's displacement since the reference: all that makes it uncertain.
+
+    Args:
+        track: all that is known; its displacement is the ring's.
+        position: (3, 3) m² of that displacement.
+        best: the detection; None at the seed pair.
+    """
+    calibration = calibration_covariance(track.seen_at - track.reference, track.agreement.gap_mm)
+    position = position + track.reference_covariance + calibration
+    if best is not None:
+        position = position + pivot_covariance(best.detection.alignment.turn, best.detection.alignment.stretch)
+    return position
+
+
+def with_pose(result: TrackResult, track: Track, position: Array) -> TrackResult:
     """The same result with the motion since the reference, and its covariance.
 
     Args:
         result: of the pair.
         track: all that is known; its displacement is the ring's.
-        position: (3, 3) m² of that displacement.
-        best: the detection; None at the seed pair.
+        position: (3, 3) m² of that displacement since the reference.
     """
     displacement = track.seen_at
     rotation = track.rotation.between(track.reference, displacement)
@@ -86,9 +100,5 @@ def with_pose(result: TrackResult, track: Track, position: Array, best: Hypothes
     # About the ring's centre at the reference, which goes where the ring's centre has gone.
     centre = track.centre + track.reference
     motion[:3, 3] = centre + displacement - track.reference - motion[:3, :3] @ centre
-    calibration = calibration_covariance(displacement - track.reference, track.agreement.gap_mm)
-    position = position + track.reference_covariance + calibration
-    if best is not None:
-        position = position + pivot_covariance(best.detection.alignment.turn, best.detection.alignment.stretch)
     covariance = at_world_origin(track.centre + displacement, position, rotation.covariance)
     return replace(result, motion=motion, covariance=covariance)

@@ -29,7 +29,7 @@ from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
-from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
+from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.track_state import probability_beyond
 from lasso_motion_ros.ring.validation import fading, quality, refusal
 from lasso_motion_ros.tracking.stages import Stages, no_stages
@@ -109,7 +109,7 @@ class RingTracker:
         track.display.undone(pair)  # the seed pair is used as it is: its filter's state before is not there
         state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING
         result = without_pose(track, pair, state, agreement.doubt)
-        result = with_pose(result, track, track.motion.at_a.covariance, None)
+        result = with_pose(result, track, covariance_since_reference(track, track.motion.at_a.covariance, None))
         return track, result.with_loop(track.model.points + track.depth_correction)
 
     def track(self, pair: FramePair) -> TrackResult:
@@ -172,6 +172,7 @@ class RingTracker:
         position = self._update(track, best, association, time_s, state)
         position = position + track.display.covariance(track.way(best.displacement))
         # Report.
+        position = covariance_since_reference(track, position, best)
         sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         vague = f"its place is known to {sigma_mm:.1f} mm only"
@@ -186,7 +187,7 @@ class RingTracker:
         if misleads > options.state.misleads_tracking and not reason:
             state, reason = TrackerState.DEGRADED, vague
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
-        return with_pose(result, track, position, best)
+        return with_pose(result, track, position)
 
     def _believe(self, track: Track, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""

@@ -107,6 +107,19 @@ def test_another_window_of_the_images_is_borne(tracker):
     assert tracker.track(faded(WARM + 4, 0.5, place=WARM + 4, level=0.6)).state is TRACKING
 
 
+def test_a_pose_is_withheld_for_all_that_makes_it_uncertain(tracker):
+    # Also for what is not known of the reference, since which the motion is published.
+    tracker.known.reference_covariance = 1.3e-3**2 * np.eye(3)
+    result = tracker.track(pair(WARM))
+    assert_no_pose(result, LOST)
+    assert result.reason == "its place is known to 1.3 mm only"
+    tracker.known.reference_covariance = 0.9e-3**2 * np.eye(3)
+    result = tracker.track(pair(WARM + 1))
+    assert result.state is DEGRADED
+    spread = centre_covariance(result.covariance, LOOP.centre + moved(WARM + 1))
+    assert np.sqrt(np.linalg.eigvalsh(spread)[-1]) == pytest.approx(0.9e-3, rel=0.1)
+
+
 def test_taken_out_it_stays_lost(tracker):
     for index in range(WARM, WARM + 8):
         assert_no_pose(tracker.track(lasso_pair(index, None)), LOST)

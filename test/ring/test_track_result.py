@@ -12,7 +12,7 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
-from lasso_motion_ros.ring.track_result import with_curve, with_pose, without_pose
+from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.uncertainty import CALIBRATION_SHARE, PIVOT_M
 from lasso_motion_ros.tracking.tracker import TrackerState
 
@@ -55,7 +55,8 @@ def best(turn=(0.0, 0.0, 0.0)):
 
 
 def posed(one, position=np.zeros((3, 3)), found=None):  # noqa: B008
-    return with_pose(without_pose(one, PAIR, TrackerState.TRACKING, ""), one, position, found)
+    since = covariance_since_reference(one, position, found)
+    return with_pose(without_pose(one, PAIR, TrackerState.TRACKING, ""), one, since)
 
 
 def test_without_a_pose_there_is_no_pose():
