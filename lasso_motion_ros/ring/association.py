@@ -78,6 +78,11 @@ class Hypothesis:
     probability: float = 0.0
 
     @property
+    def is_whole(self) -> bool:
+        """Whether both planes show it."""
+        return len(self.detection.planes) == len(PLANES)
+
+    @property
     def displacement(self) -> Array:
         """(3,) of the ring's centre since the seed pair, metres."""
         return self.motion.at_a.displacement

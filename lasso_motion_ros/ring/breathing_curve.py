@@ -107,10 +107,13 @@ class BreathingCurve:
         self._seen_s = np.append(self._seen_s, time_s)[-self._tuning.points :]
         self._is_whole = np.append(self._is_whole, is_whole)[-self._tuning.points :]
 
-    def see_aside(self, time_s: float, displacement: Array) -> None:
-        """Take note of a displaced ring (3,) m, if a slide may have taken it there: not what a hand put far away."""
+    def see_aside(self, time_s: float, displacement: Array, *, is_whole: bool) -> None:
+        """Take note of a displaced ring (3,) m, if a slide may have taken it there: not what a hand put far away.
+
+        Args as of `see`.
+        """
         if self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
-            self.see(time_s, displacement)
+            self.see(time_s, displacement, is_whole=is_whole)
 
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m for one of breathing."""
@@ -133,7 +136,8 @@ class BreathingCurve:
 
         Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides
         adds a steady drift from some time on. Both are fitted by least squares to the places of the last minute, for
-        every time from which it may have slid (a change-point regression).
+        every time from which it may have slid (a change-point regression). The newest place counts whichever planes
+        show it, since it adds nothing to the odds of those before it.
 
         Returns:
             Metres slid by now, and the natural logarithm of the odds.

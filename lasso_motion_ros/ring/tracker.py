@@ -11,7 +11,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Seed
+from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -31,7 +31,7 @@ from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.track_state import probability_beyond
-from lasso_motion_ros.ring.validation import fading, quality, refusal
+from lasso_motion_ros.ring.validation import contradiction, fading, quality, refusal
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -163,7 +163,7 @@ class RingTracker:
         if track.belief.elsewhere > options.state.displaced:
             return self._displaced(track, pair, best, departure)
         if track.belief.in_place < options.state.pose:
-            track.curve.see_aside(time_s, best.displacement)
+            track.curve.see_aside(time_s, best.displacement, is_whole=best.is_whole)
             return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
         if best.probability * (1.0 - best.alike) < options.state.pose:
             return self._lost(track, pair, "it is far from where it was foretold: something else that looks like it?")
@@ -176,14 +176,11 @@ class RingTracker:
         sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         vague = f"its place is known to {sigma_mm:.1f} mm only"
-        withheld = vague if misleads > options.state.misleads_pose else ""
-        contradicts = track.contradiction.probability > 1.0 - options.state.pose
-        if contradicts and track.contradiction.size_mm > options.state.misleading_mm:
-            withheld = track.contradiction.text
-        if withheld:
+        contradicts = contradiction(track, options.state)
+        if contradicts or misleads > options.state.misleads_pose:
             # It is seen, and followed and learned on; only no pose rests on it.
             track.displacement = None
-            return without_pose(track, pair, TrackerState.LOST, withheld)
+            return without_pose(track, pair, TrackerState.LOST, contradicts or vague)
         if misleads > options.state.misleads_tracking and not reason:
             state, reason = TrackerState.DEGRADED, vague
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
@@ -199,7 +196,7 @@ class RingTracker:
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
-            if len(best.detection.planes) == len(PLANES):
+            if best.is_whole:
                 if not is_away and best.probability >= self._options.state.pose:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
@@ -212,7 +209,7 @@ class RingTracker:
     ) -> Array:
         """Take in what was seen, and learn from it where both planes show it; (3, 3) m² of the displacement."""
         track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
-        if len(best.detection.planes) < len(PLANES):
+        if not best.is_whole:
             track.curve.see(time_s, best.displacement, is_whole=False)
             doubt = track.motion.doubt(best.displacement)
             return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
@@ -231,7 +228,7 @@ class RingTracker:
 
     def _displaced(self, track: Track, pair: FramePair, best: Hypothesis, departure: float) -> TrackResult:
         track.is_followed, track.displacement = False, best.displacement
-        track.curve.see_aside(track.last_s, best.displacement)
+        track.curve.see_aside(track.last_s, best.displacement, is_whole=best.is_whole)
         reason = f"it has left its breathing: {departure:.0f} times as far as breaths are apart"
         prior_rad = float(np.radians(self._config.ring.turn_deg))
         return with_curve(track, pair, TrackerState.DISPLACED, reason, best, prior_rad)

@@ -45,9 +45,16 @@ def refusal(
         return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
     turned_deg = _turned_deg(track, best)
     is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
-    if turned_deg > limits.lost_turn_deg and len(best.detection.planes) == len(PLANES) and not is_elsewhere:
+    if turned_deg > limits.lost_turn_deg and best.is_whole and not is_elsewhere:
         return f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
     return ""
+
+
+def contradiction(track: Track, states: StateTuning) -> str:
+    """Why no pose rests on a ring that is seen: one plane shows something else, far enough off to mislead; or empty."""
+    planes = track.contradiction
+    is_likely = planes.probability > 1.0 - states.pose
+    return planes.text if is_likely and planes.size_mm > states.misleading_mm else ""
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
@@ -69,7 +76,7 @@ def quality(
 ) -> tuple[TrackerState, str]:
     """TRACKING, or DEGRADED and why, for a detection of the ring in its place."""
     planes = best.detection.planes
-    if len(planes) < len(PLANES):
+    if not best.is_whole:
         other: Plane = "b" if "a" in planes else "a"
         why = "missing" if pair.frame(other) is None else "does not reach as far as the lasso"
         return TrackerState.DEGRADED, f"plane {other.upper()} {why}: depth from the breathing so far"

@@ -13,7 +13,7 @@ from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
-from lasso_motion_ros.ring.validation import ValidationTuning, fading, quality, refusal
+from lasso_motion_ros.ring.validation import ValidationTuning, contradiction, fading, quality, refusal
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 LIMITS = JudgementConfig(degraded_gap_mm=0.8, lost_gap_mm=1.6, degraded_turn_deg=6.0, lost_turn_deg=8.0)
@@ -33,6 +33,7 @@ def track(
     doubt="",
     usual=2.2,
     contradicts=0.0,
+    size_mm=4.0,
 ):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
@@ -40,7 +41,7 @@ def track(
         home_turn=home_turn,
         belief=belief,
         agreement=SeedAgreement(0.0, doubt),
-        contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other"),
+        contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
         usual_support=usual,
     )
 
@@ -110,6 +111,12 @@ def test_planes_that_disagree_much_are_refused(gap_mm, slack_mm, said):
 def test_planes_that_disagree_as_the_breath_goes_are_a_doubt():
     assert judged(best(), of_track=track(contradicts=0.02)) == (TrackerState.TRACKING, "")
     assert judged(best(), of_track=track(contradicts=0.05)) == (TrackerState.DEGRADED, "they contradict each other")
+
+
+def test_planes_that_likely_disagree_by_so_much_that_it_misleads_leave_no_pose():
+    assert contradiction(track(contradicts=0.2), STATES) == "they contradict each other"
+    assert contradiction(track(contradicts=0.05), STATES) == ""
+    assert contradiction(track(contradicts=0.2, size_mm=1.9), STATES) == ""
 
 
 @pytest.mark.parametrize(
