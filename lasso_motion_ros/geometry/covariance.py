@@ -13,6 +13,8 @@ from lasso_motion_ros.geometry.transforms import cross_product_matrix
 
 Array = npt.NDArray[np.float64]
 
+_ADJUGATE_SIGNS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+
 
 def at_world_origin(centre: Array, position: Array, rotation: Array) -> Array:
     """(6, 6) covariance of a motion at the world origin, in ROS order: x, y, z, then about the fixed axes x, y, z.
@@ -34,6 +36,21 @@ def at_point(covariance: Array, point: Array) -> Array:
     """(3, 3) covariance in m² of a moved point (3,), world metres, from a motion's (6, 6) at the world origin."""
     jacobian = np.hstack([np.eye(3), cross_product_matrix(-point)])
     return np.asarray(jacobian @ covariance @ jacobian.T)
+
+
+def inverses(matrices: Array) -> tuple[Array, Array]:
+    """Inverses (..., N, N) of matrices, and their determinants (...).
+
+    Those of 2×2, as of a plane's two measurements, are written out: the library takes three times as long for both.
+
+    Raises:
+        numpy.linalg.LinAlgError: a matrix of another size is singular; a 2×2 one gives infinite values.
+    """
+    if matrices.shape[-1] != 2:
+        return np.asarray(np.linalg.inv(matrices), dtype=np.float64), np.asarray(np.linalg.det(matrices))
+    determinant = matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] * matrices[..., 1, 0]
+    adjugate = matrices[..., ::-1, ::-1].swapaxes(-1, -2) * _ADJUGATE_SIGNS
+    return adjugate / determinant[..., None, None], np.asarray(determinant)
 
 
 def squared_mahalanobis(offset: Array, covariance: Array) -> float:

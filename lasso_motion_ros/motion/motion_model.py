@@ -15,7 +15,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.covariance import squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
 from lasso_motion_ros.motion import matern
 
 Array = npt.NDArray[np.float64]
@@ -27,7 +27,7 @@ DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, hea
 DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
 SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
 SINCE_B[:, ORIGIN_B] = -np.eye(3)
-_IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
+_IDENTITY_3 = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -197,16 +197,16 @@ def measured(
         logarithm of the highest normal density that it could have had.
     """
     cross = covariance @ h.T
-    expected = h @ cross + noise
-    precision = np.linalg.inv(expected)
+    precision, determinant = inverses(h @ cross + noise)
     innovation = value - state @ h.T
     gain = cross @ precision
-    keep = _IDENTITY - gain @ h
-    # Joseph's form stays positive where nearly noise-free measurements would not.
-    covariance = keep @ covariance @ keep.swapaxes(-1, -2) + gain @ noise @ gain.swapaxes(-1, -2)
+    # Joseph's form, (1 − gain h) covariance (1 − gain h)ᵀ + gain noise gainᵀ, stays positive where nearly noise-free
+    # measurements would not. Its factors differ from 1 by a rank of N, and are never made.
+    covariance = covariance - gain @ cross.swapaxes(-1, -2)
+    covariance += (gain @ noise - covariance @ h.T) @ gain.swapaxes(-1, -2)
     state = state + (gain @ innovation[..., None])[..., 0]
     distance = (innovation * (precision @ innovation[..., None])[..., 0]).sum(axis=-1)
-    peaks = -0.5 * (np.log(np.linalg.det(expected)) + len(value) * math.log(2.0 * math.pi))
+    peaks = -0.5 * (np.log(determinant) + len(value) * math.log(2.0 * math.pi))
     return state, covariance, distance, peaks
 
 

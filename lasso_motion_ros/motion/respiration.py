@@ -40,7 +40,7 @@ from lasso_motion_ros.motion.motion_model import (
 
 Array = npt.NDArray[np.float64]
 
-_IDENTITY, _IDENTITY_3 = np.eye(SIZE), np.eye(3)
+_IDENTITY_3 = np.eye(3)
 _ALONG_BODY = np.array([0.0, 0.0, 1.0])
 
 
@@ -87,12 +87,13 @@ class RespiratoryMotion:
         self._heart = tuning.heart_covariances(along)
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
+        self._weights: Array | None = None  # not worked out yet
         self._begin()
 
     def _begin(self) -> None:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
-        self._log_weights = self._tuning.log_odds
+        self._weigh(self._tuning.log_odds)
         self._state = np.zeros((len(self._heart), SIZE))
         self._covariance = first_covariance(self.spread, self._heart, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
@@ -104,7 +105,7 @@ class RespiratoryMotion:
         if self._between is not None:
             self._update(self._between.across @ DISPLACEMENT, self._between.value, self._between.covariance)
         self._clone(ORIGIN_B)
-        self._log_weights = self._tuning.log_odds  # what holds by definition tells nothing of the heart
+        self._weigh(self._tuning.log_odds)  # what holds by definition tells nothing of the heart
 
     def copy(self) -> RespiratoryMotion:
         """An independent filter in the same state; arrays are never changed in place, so they are shared."""
@@ -122,7 +123,7 @@ class RespiratoryMotion:
 
     def predict(self, time_s: float) -> Estimate:
         """The displacement expected at a later time, nothing being changed."""
-        return self._mixed(DISPLACEMENT, *self._propagated(time_s))
+        return self._seen_along(DISPLACEMENT, *self._propagated(time_s))
 
     def sideways_sigmas(self, time_s: float, found: Estimate) -> float:
         """How far a displacement is from what was foretold, in standard deviations, whatever breath was drawn since.
@@ -143,27 +144,34 @@ class RespiratoryMotion:
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
-        return self._mixed(SINCE_B, *self._propagated(time_s))
+        return self._seen_along(SINCE_B, *self._propagated(time_s))
 
     @property
     def weights(self) -> Array:
-        """(filters,) probability of each size and direction of the heartbeat."""
-        weights = np.exp(self._log_weights - self._log_weights.max())
-        return np.asarray(weights / weights.sum())
+        """(filters,) probability of each size and direction of the heartbeat; not to be changed in place."""
+        if self._weights is None:
+            weights = np.exp(self._log_weights - self._log_weights.max())
+            self._weights = np.asarray(weights / weights.sum())
+        return self._weights
 
     @property
     def heartbeat_m(self) -> float:
         """Standard deviation of the heartbeat's motion along its largest direction, as learned so far, metres."""
         return float(np.sqrt(self.weights @ self._tuning.heart_variances))
 
-    def _mixed(self, h: Array, state: Array, covariance: Array) -> Estimate:
-        """Mean and covariance of a linear function h (3, SIZE) of the state over all filters."""
-        weights = self.weights
-        each = state @ h.T
-        mean = weights @ each
+    def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
+        """A linear function h (3, SIZE) of the state, over all filters."""
+        return self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T)
+
+    def _mixed(self, each: Array, within: Array) -> Estimate:
+        """The filters' estimates (filters, 3) and their own covariance (3, 3), and what they differ by."""
+        mean = self.weights @ each
         off = each - mean
-        within = h @ (weights @ covariance.reshape(len(weights), -1)).reshape(SIZE, SIZE) @ h.T
-        return Estimate(mean, within + (weights[:, None] * off).T @ off)
+        return Estimate(mean, within + (self.weights[:, None] * off).T @ off)
+
+    def _weighted(self, covariance: Array) -> Array:
+        """(N, N) mean of the filters' (filters, N, N)."""
+        return (self.weights @ covariance.reshape(len(covariance), -1)).reshape(covariance.shape[1:])
 
     def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> float:
         """Take in one exposure's measurements; times must not decrease.
@@ -202,7 +210,8 @@ class RespiratoryMotion:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""
         known = self._blocks.get(block.start)
         if known is None:
-            known = self._blocks[block.start] = self._mixed(_IDENTITY[block], self._state, self._covariance)
+            within = self._weighted(self._covariance[:, block, block])
+            known = self._blocks[block.start] = self._mixed(self._state[:, block], within)
         return Estimate(known.displacement.copy(), known.covariance.copy())
 
     def learn(self, displacement: Array) -> None:
@@ -280,12 +289,17 @@ class RespiratoryMotion:
         # New dictionaries: a copy of this filter goes on with the old ones.
         self._state, self._covariance, self._ahead, self._blocks = state, covariance, {}, {}
 
+    def _weigh(self, log_weights: Array) -> None:
+        """Take over other weights (filters,), by their logarithms; what they sum up to is worked out when asked for."""
+        self._log_weights = log_weights
+        self._weights = None
+
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
             self._become(*self._propagated(time_s))
             fading = math.exp(-(time_s - self._time_s) / self._tuning.heartbeat_memory_s)
             usual = self._tuning.log_odds
-            self._log_weights = usual + fading * (self._log_weights - usual)
+            self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s
 
     def _clone(self, block: slice) -> None:
@@ -305,6 +319,6 @@ class RespiratoryMotion:
         # Of Student's distribution: a beat or a breath unlike those before is rare, not impossible.
         densities = peaks - 0.5 * (freedom + len(value)) * np.log1p(distance / freedom)
         weights = (1.0 - unusual) * self.weights + unusual * self._tuning.odds
-        self._log_weights = self._log_weights + densities
+        self._weigh(self._log_weights + densities)
         highest = float(densities.max())
         return highest + math.log(float(weights @ np.exp(densities - highest)) + 1e-300)

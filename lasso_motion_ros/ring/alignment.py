@@ -122,21 +122,24 @@ def align(
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
     ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
     precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
-    limits = np.array([TUNING.largest_step_mm * 1e-3] * shared + [TUNING.largest_turn_rad] * 3)
-    limits = np.append(limits, TUNING.largest_stretch)
+    limits = np.array(
+        [TUNING.largest_step_mm * 1e-3] * shared + [TUNING.largest_turn_rad] * 3 + [TUNING.largest_stretch]
+    )
+    usual = float(views.usual.mean())
     normal = np.diag([*[TUNING.nothing_seen_m**-2] * shared, *precision])
     correlations: tuple[float, ...] = ()
     is_given_up = False
     for iteration in range(TUNING.iterations):
         views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
-        correlations += (float(views.correlation.mean()),)
-        if is_given_up := _is_hopeless(correlations, views.usual):
+        correlations += (float(views.correlation.sum()) / len(planes),)
+        if is_given_up := _is_hopeless(correlations, usual):
             break
         # The derivative changes little on the way; the residual is what has to be exact.
         normal, gradient = views.equations(renew=iteration < 2)
-        _add_to_diagonal(normal[shared:, shared:], precision)
+        diagonal = np.einsum("ii->i", normal)  # a view
+        diagonal[shared:] += precision
+        diagonal += TUNING.ridge * diagonal.sum()
         gradient[shared:] -= precision * ring
-        _add_to_diagonal(normal, TUNING.ridge * normal.trace())
         step: Array = np.linalg.solve(normal, gradient).astype(np.float64)
         np.minimum(np.maximum(step, -limits, out=step), limits, out=step)
         views.shift(step[:shared].reshape(-1, 2))
@@ -189,11 +192,11 @@ def align_from_afar(
     )
 
 
-def _is_hopeless(correlations: tuple[float, ...], usual: Array) -> bool:
-    """Whether no loop is there."""
+def _is_hopeless(correlations: tuple[float, ...], usual: float) -> bool:
+    """Whether no loop is there, by the planes' mean correlation so far and where the loop is seen."""
     look, now = len(correlations) - 1, correlations[-1]
     limits = TUNING.hopeless_likeness
-    return look < len(limits) and now < limits[look] * float(usual.mean())
+    return look < len(limits) and now < limits[look] * usual
 
 
 def _has_arrived(step: Array, limits: Array, views: LoopViews, look: int) -> bool:
@@ -204,7 +207,3 @@ def _has_arrived(step: Array, limits: Array, views: LoopViews, look: int) -> boo
         shifts *= np.repeat(views.is_hopeful, 2)
     # A turn or stretch that was cut to its limit is not done, though the shifts may be.
     return bool(shifts.max() < TUNING.converged_mm * 1e-3 and (size < limits).all())
-
-
-def _add_to_diagonal(matrix: Array, values: Array | float) -> None:
-    np.einsum("ii->i", matrix)[:] += values

@@ -68,6 +68,7 @@ class BreathingCurve:
     def __init__(self, first: Array, time_s: float, tuning: CurveTuning) -> None:
         self._tuning = tuning
         self._points, self._times_s = first[None], np.array([time_s])
+        self._axis, self._spread_m = _principal_axis(self._points)
         self._last, self._last_s = np.array(first), time_s
         # All places where it was seen, in its place or not: a slide shows in all of them together.
         self._seen, self._seen_s, self._is_whole = first[None], np.array([time_s]), np.array([True])
@@ -122,13 +123,14 @@ class BreathingCurve:
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         if self.is_complete:
-            self._off.append((time_s, self._across(displacement, self._vouching(time_s))[0]))
+            curve = self._vouching(time_s)
+            self._off.append((time_s, self._across(displacement, curve, _principal_axis(curve)[0])[0]))
             del self._off[: -self._tuning.points]
         self._points = np.vstack([self._points, displacement])[-self._tuning.points :]
         self._times_s = np.append(self._times_s, time_s)[-self._tuning.points :]
-        axis, spread = _principal_axis(self._points)
-        is_moving = spread > self._tuning.first_axis_m
-        if self._complete_s is None and is_moving and _count_turns(self._points @ axis, self._tuning) >= 2:
+        self._axis, self._spread_m = _principal_axis(self._points)
+        is_moving = self._spread_m > self._tuning.first_axis_m
+        if self._complete_s is None and is_moving and _count_turns(self._points @ self._axis, self._tuning) >= 2:
             self._complete_s = time_s
 
     def slide(self, time_s: float, displacement: Array) -> tuple[float, float]:
@@ -167,15 +169,15 @@ class BreathingCurve:
             return 0.0, 0.0
         intervals = np.diff(times)
         # How fast it breathed beside a gap nobody saw.
-        longest = self._tuning.longest_gap * np.median(intervals)
+        longest = self._tuning.longest_gap * _median(intervals)
         seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest) & is_whole
         if seen.sum() < self._tuning.slide_points:
             return 0.0, 0.0
         # Of what is believed to be breathing: a slide may be larger than a small breath, and would be taken for it.
-        axis, _ = _principal_axis(self._points)
+        axis = self._axis
         along = points @ axis
-        across = points - points.mean(axis=0) - np.outer(along - along.mean(), axis)
-        speed = np.gradient(along, times)
+        across = points - points.mean(axis=0) - (along - along.mean())[:, None] * axis
+        speed = _speed(along, intervals)
         along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
         still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
         basis = np.linalg.qr(still)[0]
@@ -234,14 +236,15 @@ class BreathingCurve:
             sigma_m: of the displacement itself, with the heartbeat's, metres.
         """
         curve = self._vouching(time_s)
-        if not self.is_complete and _principal_axis(curve)[1] < self._tuning.first_axis_m:
+        axis, spread_m = (self._axis, self._spread_m) if curve is self._points else _principal_axis(curve)
+        if not self.is_complete and spread_m < self._tuning.first_axis_m:
             away = float(np.linalg.norm(displacement - self._points.mean(axis=0)))
             return 3.0 * away / self._tuning.first_reach_m
-        across, beyond = self._across(displacement, curve)
+        across, beyond = self._across(displacement, curve, axis)
         drift_m = self._tuning.drift_m_s * min(time_s - self._times_s[0], self._tuning.drift_s)
         wider_m = self._tuning.widening * beyond
         if not self.is_complete:  # a strong heart hides where breathing is going to
-            hidden = self._tuning.hidden_axis * sigma_m / _principal_axis(self._points)[1]
+            hidden = self._tuning.hidden_axis * sigma_m / self._spread_m
             wider_m = max(wider_m, hidden * float(np.hypot(across, beyond)))
         scale = float(np.sqrt(self.sigma_m**2 + sigma_m**2 + wider_m**2 + drift_m**2))
         return float(np.hypot(across / scale, beyond / self._tuning.along_sigma_m))
@@ -253,10 +256,10 @@ class BreathingCurve:
         old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
         return self._points if old.sum() < 4 else self._points[old]
 
-    def _across(self, displacement: Array, curve: Array) -> tuple[float, float]:
-        """(across, beyond): distance off the curve (N, 3), and how far along its axis beyond its ends, metres."""
+    def _across(self, displacement: Array, curve: Array, axis: Array) -> tuple[float, float]:
+        """(across, beyond): distance off the curve (N, 3), and how far along its axis (3,) beyond its ends, metres."""
         mean = curve.mean(axis=0)
-        axis, _ = _principal_axis(curve if len(curve) > 2 else self._points)
+        axis = axis if len(curve) > 2 else self._axis
         along = (curve - mean) @ axis
         at = float((displacement - mean) @ axis)
         beyond = max(at - float(along.max()), float(along.min()) - at, 0.0)
@@ -280,6 +283,23 @@ def _count_turns(along: Array, tuning: CurveTuning) -> int:
         elif heading * (extreme - value) > threshold:
             turns, heading, extreme = turns + 1, -heading, value
     return turns
+
+
+def _median(values: Array) -> float:
+    """Of a few values (N,), N ≥ 1: numpy's takes ten times as long."""
+    ordered = np.sort(values)
+    return 0.5 * float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
+
+
+def _speed(along: Array, intervals: Array) -> Array:
+    """(N,) derivative of values (N,) that lie intervals (N - 1,) apart, of second order but for the ends."""
+    steps = np.diff(along) / intervals
+    speed = np.empty_like(along)
+    speed[0], speed[-1] = steps[0], steps[-1]
+    # Between two steps the shorter one counts for more.
+    before, after = intervals[:-1], intervals[1:]
+    speed[1:-1] = (steps[:-1] * after + steps[1:] * before) / (before + after)
+    return speed
 
 
 def _principal_axis(points: Array) -> tuple[Array, float]:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.transforms import cross_product_matrix
 from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.alignment import Alignment
 from lasso_motion_ros.ring.loop_views import PlaneFit
@@ -85,6 +86,6 @@ class Detection:
             The signed gap in metres, and the (3,) unit direction along which it was measured.
         """
         a, b = (self.planes[plane] for plane in PLANES)
-        across = np.cross(a.ray, b.ray)
+        across = cross_product_matrix(a.ray) @ b.ray
         across /= np.linalg.norm(across)
         return float(across @ (b.centre - expected_b)), across

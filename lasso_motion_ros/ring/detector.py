@@ -134,9 +134,8 @@ class RingDetector:
                 return False
         return True
 
-    def _covers(self, frame: Frame, plane: Plane, centre: Array) -> float:
-        """Share of the ring's electrodes that lie inside a plane's image, were its centre at a world point (3,) m."""
-        shift = self._model.shift(plane, frame.projection)
+    def _covers(self, frame: Frame, shift: Array, centre: Array) -> float:
+        """Share of the ring's electrodes that lie inside an image, were its centre at a world point (3,) m."""
         pixels = frame.projection.project(centre + self._model.arms) + shift
         size = np.array(frame.pixels.shape[::-1])
         inside = ((pixels >= 0.0) & (pixels <= size - 1.0)).all(axis=1)
@@ -158,14 +157,16 @@ class RingDetector:
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
         images, peaks = {}, {}
         for plane in times:
-            if near and self._covers(pair.frames[plane], plane, expected[plane]) < self._worth.smallest_coverage:
+            frame = pair.frames[plane]
+            shift = model.shift(plane, frame.projection)
+            if near and self._covers(frame, shift, expected[plane]) < self._worth.smallest_coverage:
                 continue  # zoomed or collimated: the ring is beside the image, and the other plane has to do
             with self._stages("working image"):
                 images[plane] = working_image(
-                    pair.frames[plane],
+                    frame,
                     expected[plane],
                     bright=model.bright,
-                    shift=model.shift(plane, pair.frames[plane].projection),
+                    shift=shift,
                     reach_mm=reach_mm if near else None,
                 )
             with self._stages("search"):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -87,7 +88,7 @@ class LoopModel:
     depth_directions: tuple[Array, Array]
     normal: Array
 
-    @property
+    @cached_property
     def arms(self) -> Array:
         """(L, 3) the points about the centre, metres."""
         return self.points - self.centre
@@ -96,7 +97,7 @@ class LoopModel:
         """(2,) pixels by which a plane's images lie off a calibration of its: project, then add."""
         return np.asarray(self.offsets[plane] * _pixels_per_metre(projection, self.centre))
 
-    @property
+    @cached_property
     def radius_mm(self) -> float:
         """Largest distance of a point from the centre, mm."""
         return 1e3 * float(np.linalg.norm(self.arms, axis=1).max())
@@ -107,6 +108,11 @@ class LoopModel:
         _, _, directions = np.linalg.svd(self.points - self.points.mean(axis=0), full_matrices=False)
         distances = np.linalg.norm(self.arms @ directions[:2].T, axis=1)
         return float(distances.min() / distances.max())
+
+    @cached_property
+    def axis(self) -> Array:
+        """(3,) unit vector of the ring's axis."""
+        return np.asarray(np.linalg.svd(self.arms, full_matrices=False)[2][2])
 
     @property
     def diameter_mm(self) -> float:

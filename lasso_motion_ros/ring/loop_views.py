@@ -91,10 +91,9 @@ class LoopViews:
         self._left = np.array([p.matrix[:, :3] for p in projections])
         self._column = np.array([p.matrix[:, 3] for p in projections])
         self._focal_px = np.array([p.focal_length_px for p in projections])
-        # (P, L, columns) each, columns being 2·HALF_WIDTH + 1.
-        self._patterns = np.broadcast_to(template.values, (len(images), *template.values.shape))
-        self._along = np.broadcast_to(template.slopes[0], self._patterns.shape)
-        self._sideways = np.broadcast_to(template.slopes[1], self._patterns.shape)
+        # (L, columns) each, columns being 2·HALF_WIDTH + 1: the same in all planes.
+        self._pattern = template.values
+        self._slopes = np.array(template.slopes)[:, None]  # (2, 1, L, columns), along and sideways
         self._arc_weights = template.weights
         self.usual = np.array([template.usual[plane] for plane in planes])
         self.centres = centres
@@ -127,12 +126,13 @@ class LoopViews:
         self._arms, self._correlation_before = arms, self.correlation
         homogeneous = (self.centres[:, None] + arms) @ self._left.swapaxes(1, 2) + self._column[:, None]
         self._depth = homogeneous[..., 2]
-        step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.mean(axis=1))
+        step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.sum(axis=1) / len(arms))
         self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
         planes = zip(strip.coordinates(), self._images, strict=True)
         self._samples = samples = np.array([sample_at(at, image) for at, image in planes])
         density = np.minimum(strip.spacing, TUNING.largest_spacing_px).astype(np.float32)[..., None]
-        residual = _gain(density, samples, self._patterns)[:, None, None] * self._patterns - samples
+        pattern = self._pattern
+        residual = _gain(density, samples, pattern)[:, None, None] * pattern - samples
         self._noise = noise = np.float32(1.4826) * upper_median(np.abs(residual.reshape(len(residual), -1)))
         noise += np.float32(1e-6)
         # Tukey's weights.
@@ -143,8 +143,8 @@ class LoopViews:
         share *= share
         share *= density
         self._weights = share
-        weighted = share * self._patterns
-        cross, energy = _dot(weighted, samples), _dot(weighted, self._patterns)
+        weighted = share * pattern
+        cross, energy = _dot(weighted, samples), _total(weighted, pattern)
         self._gains = cross / np.maximum(energy, 1e-9)
         self.correlation = cross / np.sqrt(np.maximum(_dot(share * samples, samples) * energy, 1e-12))
 
@@ -158,17 +158,14 @@ class LoopViews:
         if renew:
             self._moves = self._derivative()
         gain = self._gains
-        residual = gain[:, None, None] * self._patterns - self._samples
+        residual = gain[:, None, None] * self._pattern - self._samples
         scale = np.maximum(gain, 0.3)
         known = 1.0 / (self._noise**2 * TUNING.noise_correlation)
-        weighted_along, weighted_sideways = self._weights * self._along, self._weights * self._sideways
-        square = (scale**2 * known)[:, None]
-        along_along = (square * _over_columns(weighted_along * self._along)).reshape(-1)
-        along_sideways = (square * _over_columns(weighted_along * self._sideways)).reshape(-1)
-        sideways_sideways = (square * _over_columns(weighted_sideways * self._sideways)).reshape(-1)
-        right = (scale * known)[:, None]
-        residual_along = (right * _over_columns(weighted_along * residual)).reshape(-1)
-        residual_sideways = (right * _over_columns(weighted_sideways * residual)).reshape(-1)
+        weighted = self._weights * self._slopes  # (2, P, L, columns), along and sideways
+        square, right = (scale**2 * known)[:, None], (scale * known)[:, None]
+        along_along, along_sideways = (square * _over_columns(weighted[0] * self._slopes)).reshape(2, -1)
+        sideways_sideways = (square * _over_columns(weighted[1] * self._slopes[1])).reshape(-1)
+        residual_along, residual_sideways = (right * _over_columns(weighted * residual)).reshape(2, -1)
         along, sideways = self._moves
         self._scores = along * residual_along + sideways * residual_sideways
         normal = (along * along_along + sideways * along_sideways) @ along.T
@@ -202,16 +199,17 @@ class LoopViews:
         Args:
             covariance: (N, N) of the parameters.
         """
-        weighted, steepness = self._weights * self._patterns, self._weights * self._sideways
+        sideways = self._slopes[1]
+        weighted, steepness = self._weights * self._pattern, self._weights * sideways
         gain = np.maximum(self._gains, TUNING.segment_gain)[:, None]
-        residual = self._samples - gain[..., None] * self._patterns
+        residual = self._samples - gain[..., None] * self._pattern
         cross, energy, beside, steep = _by_segment(
             np.stack(
                 [
                     weighted * self._samples,
-                    weighted * self._patterns,
+                    weighted * self._pattern,
                     steepness * residual,
-                    steepness * self._sideways,
+                    steepness * sideways,
                 ]
             )
         )
@@ -261,7 +259,8 @@ class LoopViews:
         """
         strip = self._strip
         directions = np.array([strip.tangents, strip.normals])
-        spacing = np.array([np.maximum(strip.spacing, 0.05), np.broadcast_to(strip.step[:, None], strip.spacing.shape)])
+        spacing = np.empty((2, *strip.spacing.shape))
+        spacing[0], spacing[1] = np.maximum(strip.spacing, 0.05), strip.step[:, None]
         # By the points' position (2, P, L, 3): of a projection's derivative, only what lies in those directions.
         offset = (directions * strip.pixels).sum(axis=-1, keepdims=True)
         slopes = np.concatenate([directions, -offset], axis=-1) @ self._left
@@ -271,7 +270,7 @@ class LoopViews:
         moves = np.zeros((2, 2 * count + 4, count, length))
         for plane, across in enumerate(self._across):
             moves[:, 2 * plane : 2 * plane + 2, plane] = across @ slopes[:, plane].swapaxes(1, 2)
-        (x, y, z), (a, b, c) = self._arms.T, np.moveaxis(slopes, -1, 0)
+        (x, y, z), (a, b, c) = self._arms.T, (slopes[..., axis] for axis in range(3))
         # slope · (ω × arm) = ω · (arm × slope)
         moves[:, -4], moves[:, -3], moves[:, -2] = y * c - z * b, z * a - x * c, x * b - y * a
         moves[:, -1] = x * a + y * b + z * c
@@ -291,11 +290,16 @@ def _by_segment(values: Image) -> Image:
 
 
 def _dot(one: Image, other: Image) -> Image:
-    """(P,) scalar products of strips."""
+    """(P,) scalar products of the planes' strips (P, L, columns)."""
     return np.asarray(np.einsum("pn,pn->p", one.reshape(len(one), -1), other.reshape(len(other), -1)))
 
 
-def _gain(weights: Image, samples: Image, patterns: Image) -> Image:
-    """(P,) factors by which the patterns are the samples, in the least squares."""
-    weighted = weights * patterns
-    return np.asarray(_dot(weighted, samples) / np.maximum(_dot(weighted, patterns), 1e-9))
+def _total(strips: Image, pattern: Image) -> Image:
+    """(P,) scalar products of the planes' strips (P, L, columns) with one pattern (L, columns)."""
+    return np.asarray(np.einsum("pn,n->p", strips.reshape(len(strips), -1), pattern.reshape(-1)))
+
+
+def _gain(weights: Image, samples: Image, pattern: Image) -> Image:
+    """(P,) factors by which the pattern is the samples, in the least squares."""
+    weighted = weights * pattern
+    return np.asarray(_dot(weighted, samples) / np.maximum(_total(weighted, pattern), 1e-9))

@@ -140,7 +140,8 @@ def join_peaks(
         on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
         apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected["a"][:, None, None]
         gap = np.sqrt((apart_there * apart_there).sum(axis=0))
-        distance = (np.tensordot(np.linalg.inv(covariance), middle, 1) * middle).sum(axis=0)
+        weighted = (np.linalg.inv(covariance) @ middle.reshape(3, -1)).reshape(middle.shape)
+        distance = (weighted * middle).sum(axis=0)
         score = np.minimum(a.scores, TUNING.score_ceiling)[:, None] + np.minimum(b.scores, TUNING.score_ceiling)[None]
         score = score - np.minimum(0.1 * distance, 2.0)
         # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.

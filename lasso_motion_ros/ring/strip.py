@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -87,18 +88,20 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
     fraction = at - cell
     corner = cell.astype(np.int64)
     low = corner.min(axis=1) - 1
-    width, height = corner.max(axis=1) + 3 - low
+    width, height = (corner.max(axis=1) + 3 - low).tolist()
     first = (corner[1] - low[1]) * width + corner[0] - low[0]
     density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
     # Each sample is shared out among the four cells about it.
     right, down = density * fraction[0], fraction[1]
     left, up = density - right, 1.0 - down
-    share = np.concatenate([left * up, right * up, left * down, right * down])
-    index = np.concatenate([first, first + 1, first + width, first + width + 1])
-    weight = np.bincount(index, share, width * height)
-    weighted = np.bincount(index, share * np.tile(values.ravel(), 4), width * height)
+    share = np.array([left * up, right * up, left * down, right * down])
+    index = (first + np.array([[0], [1], [width], [width + 1]])).reshape(-1)
+    weight = np.bincount(index, share.reshape(-1), width * height)
+    weighted = np.bincount(index, (share * values.reshape(-1)).reshape(-1), width * height)
     # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
-    kernel = weighted / np.maximum(weight, 0.25 * weight.max())
-    inside = weight > 0.05 * weight.max()
-    kernel = np.where(inside, kernel - kernel[inside].mean(), 0.0).reshape(height, width)
-    return np.asarray(kernel / max(float(np.linalg.norm(kernel)), 1e-12), dtype=np.float32), low
+    largest = weight.max()
+    kernel = weighted / np.maximum(weight, 0.25 * largest)
+    inside = weight > 0.05 * largest
+    kernel = np.where(inside, kernel - kernel[inside].mean(), 0.0)
+    kernel /= max(math.sqrt(float(kernel @ kernel)), 1e-12)
+    return kernel.reshape(height, width).astype(np.float32), low

@@ -200,8 +200,3 @@ class Track:
     def centre(self) -> Array:
         """(3,) the ring's centre at plane A's first exposure, world metres."""
         return np.asarray(self.model.centre + self.depth_correction)
-
-    @property
-    def axis(self) -> Array:
-        """(3,) unit vector of the ring's axis at the seed pair."""
-        return np.asarray(np.linalg.svd(self.model.arms, full_matrices=False)[2][2])

@@ -52,7 +52,7 @@ def with_curve(
     alignment, displacement = best.detection.alignment, track.seen_at
     shape = rotation_from_vector(alignment.turn) * np.exp(alignment.stretch)
     own = alignment.turn - track.rotation.between(track.home, displacement).vector
-    axis = track.axis
+    axis = track.model.axis
     spin = float(axis @ own)
     spread = float(np.sqrt(axis @ alignment.turn_covariance @ axis))
     return replace(

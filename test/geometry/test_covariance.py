@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.evaluation.measures import centre_covariance
-from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, inverses, squared_mahalanobis
 
 RANDOM = np.random.default_rng(8)
 
@@ -51,3 +51,12 @@ def test_squared_mahalanobis_by_hand():
 def test_an_exact_covariance_measures_nothing():
     with pytest.raises(np.linalg.LinAlgError):
         squared_mahalanobis(np.ones(3), np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_inverses_and_determinants_of_many(size):
+    factors = RANDOM.normal(size=(5, size, size))
+    matrices = factors @ factors.swapaxes(-1, -2) + 0.1 * np.eye(size)
+    inverse, determinant = inverses(matrices)
+    np.testing.assert_allclose(inverse @ matrices, np.broadcast_to(np.eye(size), matrices.shape), atol=1e-12)
+    np.testing.assert_allclose(determinant, np.linalg.det(matrices), rtol=1e-12)

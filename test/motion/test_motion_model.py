@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.respiration_inputs import AMPLITUDE_M, DIRECTION, INTERVAL_S, RISE, breathing, run
 
-from lasso_motion_ros.motion.motion_model import TUNING
+from lasso_motion_ros.motion.motion_model import DISPLACEMENT, SIZE, TUNING, measured
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
 SHAPE = np.array([[0.16, 0.0, 0.0], [0.0, 0.3, 0.25], [0.0, 0.25, 1.0]])
@@ -71,3 +71,23 @@ def test_a_direction_that_has_been_seen_outweighs_the_one_expected():
         motion.learn(1e-3 * millimetres * other)
     main = np.linalg.eigh(motion.spread)[1][:, -1]
     assert abs(main @ other) > 0.99
+
+
+@pytest.mark.parametrize("noise_m", [1e-7, 3e-5, 1e-2])  # defined to be, measured, hardly known
+def test_a_measurement_is_taken_in_by_josephs_form(noise_m):
+    random = np.random.default_rng(4)
+    factors = 0.01 * random.normal(size=(3, SIZE, SIZE))
+    state, covariance = random.normal(size=(3, SIZE)), factors @ factors.swapaxes(-1, -2)
+    h, value, noise = random.normal(size=(2, 3)) @ DISPLACEMENT, random.normal(size=2), noise_m**2 * np.eye(2)
+    found_state, found, distance, peak = measured(state, covariance, h, value, noise)
+    for i in range(3):
+        expected = h @ covariance[i] @ h.T + noise
+        gain = covariance[i] @ h.T @ np.linalg.inv(expected)
+        keep = np.eye(SIZE) - gain @ h
+        plain = keep @ covariance[i] @ keep.T + gain @ noise @ gain.T
+        innovation = value - h @ state[i]
+        np.testing.assert_allclose(found_state[i], state[i] + gain @ innovation, rtol=1e-9)
+        np.testing.assert_allclose(found[i], plain, atol=1e-12 * np.abs(covariance).max())
+        assert distance[i] == pytest.approx(innovation @ np.linalg.inv(expected) @ innovation, rel=1e-9)
+        density = -0.5 * (np.linalg.slogdet(expected)[1] + 2.0 * np.log(2.0 * np.pi))
+        assert peak[i] == pytest.approx(density, rel=1e-9)

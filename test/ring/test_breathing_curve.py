@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning, _median, _speed
 
 TUNING = CurveTuning()
 UP, ASIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -345,3 +345,12 @@ def test_places_nearer_in_time_than_a_heartbeat_count_as_one():
     place = wave(now_s, hysteresis_mm=1.5) + 0.5e-3 * (now_s - 10.0) * ASIDE
     assert usual.slide(now_s, place)[1] > 5.0
     assert crowded.slide(now_s, place) == usual.slide(now_s, place)
+
+
+def test_speed_and_median_are_numpys():
+    random = np.random.default_rng(2)
+    times = np.cumsum(0.1 + random.random(9))
+    along = random.normal(size=9)
+    np.testing.assert_allclose(_speed(along, np.diff(times)), np.gradient(along, times), rtol=1e-12)
+    for count in (1, 2, 7, 8):
+        assert _median(along[:count]) == np.median(along[:count])

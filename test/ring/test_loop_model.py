@@ -107,6 +107,13 @@ def test_points_are_even_along_the_loop_and_the_centre_is_the_rings():
     assert one_way_mm(model, lasso_curve(1.0)) < 0.2
 
 
+def test_the_axis_is_across_the_ring():
+    model = plain_model()
+    assert np.linalg.norm(model.axis) == pytest.approx(1.0)
+    assert 1e3 * np.abs(model.arms @ model.axis).mean() < 0.5  # it rises by a millimetre in all
+    assert angle_deg(model.axis, LOOP.normal) < 2.0
+
+
 def test_the_centre_of_a_loop_that_overlaps_is_not_drawn_to_where_it_is_double():
     # 1.25 turns, clicked from end to end: the points' mean is off by 10 mm · sin(1.25 π) / (1.25 π) = 1.8 mm.
     curve = lasso_curve(1.25)

@@ -140,7 +140,3 @@ def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_o
     # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
     np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(one.centre - CENTRE, [-0.003, 0.0, 0.0], atol=1e-9)
-
-
-def test_the_axis_is_across_the_ring():
-    np.testing.assert_allclose(np.abs(track().axis), [0.0, 0.0, 1.0], atol=1e-9)

@@ -33,9 +33,8 @@ def rotation(vector=(0.0, 0.0, 0.0), sigma_rad=0.0):
 
 def track(**changed):
     values = {
-        "model": SimpleNamespace(arms=ARMS),
+        "model": SimpleNamespace(arms=ARMS, axis=AXIS),
         "centre": LOOP.centre,
-        "axis": AXIS,
         "home": np.zeros(3),
         "seen_at": MOVED,
         "reference": REFERENCE,
