@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -43,6 +44,21 @@ class AlphaMask:
     opacity: npt.NDArray[np.uint8]
     left: int
     top: int
+    _painted: dict[Colour, RgbImage] = field(default_factory=dict, init=False, repr=False)
+
+    @cached_property
+    def kept(self) -> RgbImage:
+        """(h, w, 3) uint8 the share of 255 that is left of the picture."""
+        return np.asarray(cv2.cvtColor(cv2.bitwise_not(self.opacity), cv2.COLOR_GRAY2RGB), dtype=np.uint8)
+
+    def painted(self, colour: Colour) -> RgbImage:
+        """(h, w, 3) uint8 what the drawing adds in a colour; kept, since the static place is drawn on every picture."""
+        known = self._painted.get(colour)
+        if known is None:
+            # Channel by channel: to multiply an image by a colour takes OpenCV four times as long.
+            channels = [cv2.convertScaleAbs(self.opacity, alpha=value / 255.0) for value in colour]
+            known = self._painted[colour] = np.asarray(cv2.merge(channels), dtype=np.uint8)
+        return known
 
 
 def surface_mask(shape: Silhouette, style: OverlayStyle, width_px: float, faint: bool = False) -> AlphaMask:
@@ -93,16 +109,21 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
     """Like glass: clear where the wall faces the viewer, denser towards the rim and where walls overlap."""
     rows, columns = shape.coverage.shape
     height, width = shape.wall_count.shape
-    at = ((shape.centroids - (shape.left, shape.top) + 0.5) / WALL_CELL_PX).astype(np.int32)
-    seen = np.flatnonzero(
-        (at[:, 0] >= 0) & (at[:, 1] >= 0) & (at[:, 0] < width) & (at[:, 1] < height) & (shape.facing > 0.0)
+    x, y = (
+        ((at - first + 0.5) / WALL_CELL_PX).astype(np.intp)
+        for at, first in zip(shape.centroids.T, (shape.left, shape.top), strict=True)
     )
-    flat = at[seen, 1] * width + at[seen, 0]
+    seen = np.flatnonzero((x >= 0) & (y >= 0) & (x < width) & (y < height) & (shape.facing > 0.0))
+    flat = y[seen] * width + x[seen]
     depth = shape.depth[seen]
     # The wall nearer to the viewer, who looks from the detector's side, counts most.
-    weight = np.exp((depth - depth.max(initial=0.0)) / TUNING.wall_fades_m)
+    weight = np.exp(((depth - depth.max(initial=0.0)) / TUNING.wall_fades_m).astype(np.float32))
     total, tilted = (
-        cv2.GaussianBlur(np.bincount(flat, weights=w, minlength=width * height).reshape(height, width), (0, 0), 2.0)
+        cv2.GaussianBlur(
+            np.bincount(flat, weights=w, minlength=width * height).astype(np.float32).reshape(height, width),
+            (0, 0),
+            2.0,
+        )
         for w in (weight, weight * (1.0 - shape.facing[seen]))
     )
     shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.wall_count, 1.0) / 2.0)
@@ -119,9 +140,7 @@ def blend(picture: RgbImage, mask: AlphaMask, colour: Colour) -> None:
     y1, x1 = min(top + rows, picture.shape[0]), min(left + columns, picture.shape[1])
     if y1 <= y0 or x1 <= x0:
         return
-    part = mask.opacity[y0 - top : y1 - top, x0 - left : x1 - left]
-    weights = cv2.merge((part, part, part))
+    part = slice(y0 - top, y1 - top), slice(x0 - left, x1 - left)
     target = picture[y0:y1, x0:x1]
-    paint = cv2.multiply(weights, np.array([*colour, 0.0]), scale=1.0 / 255.0)
-    kept = cv2.multiply(target, cv2.bitwise_not(weights), scale=1.0 / 255.0)
-    picture[y0:y1, x0:x1] = cv2.add(kept, paint)
+    kept = cv2.multiply(target, mask.kept[part], scale=1.0 / 255.0)
+    cv2.add(kept, mask.painted(colour)[part], dst=target)

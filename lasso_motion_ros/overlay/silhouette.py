@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 import numpy.typing as npt
 
@@ -61,25 +62,22 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
         projection: world to pixels.
         transform: (4, 4) rigid, mesh's frame to world.
     """
-    homogeneous = mesh.vertices @ (projection.matrix[:, :3] @ transform[:3, :3]).T
-    homogeneous += projection.matrix @ transform[:, 3]
-    depth = np.maximum(homogeneous[:, 2], _NEAREST_DEPTH_M)
-    pixels = homogeneous[:, :2] / depth[:, None]
-    x, y = (np.ascontiguousarray(pixels[:, i])[mesh.triangles] for i in (0, 1))
-    doubled = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-    triangle_depth = depth[mesh.triangles]
+    moved = projection.matrix @ transform
+    homogeneous = moved[:, :3] @ mesh.vertices.T + moved[:, 3:]
+    depth = np.maximum(homogeneous[2], _NEAREST_DEPTH_M)
+    pixels = homogeneous[:2] / depth
+    x, y = (values[mesh.corners] for values in pixels)  # (3, T) each, corner by corner
+    doubled = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     turn = np.sign(doubled)
     if depth.min() <= _NEAREST_DEPTH_M:
-        turn[(triangle_depth <= _NEAREST_DEPTH_M).any(axis=1)] = 0.0
+        turn[(depth[mesh.corners] <= _NEAREST_DEPTH_M).any(axis=0)] = 0.0
 
     table = mesh.edges
-    net = np.bincount(
-        table.of_triangle.ravel(), weights=(table.direction * turn[:, None]).ravel(), minlength=len(table.ends)
-    )
-    kept = np.flatnonzero(net != 0.0)
+    net = np.bincount(table.of_triangle.ravel(), weights=(table.direction * turn).ravel(), minlength=len(table.ends))
+    kept = np.flatnonzero(net)
     ends = table.ends[kept]
-    edges = pixels[ends]
-    centre_depth = _mean_of_corners(triangle_depth)
+    edges = pixels.T[ends]
+    centre_depth = np.maximum(moved[2, :3] @ mesh.centroids + moved[2, 3], _NEAREST_DEPTH_M)
     # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
     scale = projection.focal_length_px / centre_depth
     facing = np.abs(0.5 * doubled) / np.maximum(mesh.areas * scale * scale, 1e-30)
@@ -93,15 +91,10 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
         wall_count=wall_count,
         edges=edges,
         ends=ends,
-        centroids=np.stack([_mean_of_corners(x), _mean_of_corners(y)], axis=1),
+        centroids=np.array([(at[0] + at[1] + at[2]) / 3.0 for at in (x, y)]).T,  # numpy's mean takes longer
         facing=np.minimum(facing, 1.0) * (turn != 0.0),
         depth=centre_depth,
     )
-
-
-def _mean_of_corners(values: Array) -> Array:
-    # Ten times faster than numpy's mean over an axis of three.
-    return np.asarray((values[:, 0] + values[:, 1] + values[:, 2]) / 3.0)
 
 
 def _fill(
@@ -145,7 +138,8 @@ def _crossings(edges: Array, weights: Array, top: int, rows: int) -> tuple[npt.N
     """Where the edges cross the sub-scanlines of the box: line number, x in pixels, signed weight."""
     # Sub-scanline i lies at y = top − 0.5 + (i + 0.5) / SUBLINES; rows' centres are at integers.
     scaled = (edges[..., 1] - top + 0.5) * SUBLINES - 0.5
-    start, end = np.ceil(scaled.min(axis=1)), np.ceil(scaled.max(axis=1))
+    first, last = scaled.T
+    start, end = np.ceil(np.minimum(first, last)), np.ceil(np.maximum(first, last))
     start, end = (np.clip(v, 0, rows * SUBLINES).astype(np.int64) for v in (start, end))
     count = end - start
     index = np.repeat(np.arange(len(edges)), count)
@@ -164,8 +158,9 @@ def _integrate(row: npt.NDArray[np.int64], x: Array, step: Array, rows: int, col
     stride = columns + 2
     flat = row * stride + column
     spread = step * share
-    steps = np.bincount(
-        np.concatenate([flat, flat + 1]), weights=np.concatenate([step - spread, spread]), minlength=rows * stride
-    )
-    table = steps.astype(np.float32).reshape(rows, stride)
-    return np.cumsum(table, axis=1, out=table)[:, :columns]
+    steps = np.zeros(rows * stride, dtype=np.float32)
+    np.add.at(steps, flat, (step - spread).astype(np.float32))
+    np.add.at(steps, flat + 1, spread.astype(np.float32))
+    # Two rows of an integral image differ by the running sum along one: a quarter of the time of numpy's.
+    integral = cv2.integral(steps.reshape(rows, stride)[:, :columns], sdepth=cv2.CV_32F)[:, 1:]
+    return np.asarray(cv2.subtract(integral[1:], integral[:-1]))

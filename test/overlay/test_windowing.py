@@ -23,5 +23,12 @@ def test_windowing_spans_black_to_white_and_ignores_single_pixels():
 def test_windowing_survives_a_flat_image_and_given_limits():
     assert window_image(np.full((20, 20), 77, np.uint8)).max() == 0
     np.testing.assert_array_equal(
-        window_image(np.array([[0, 50, 100, 200]], np.uint8), (50.0, 150.0)), [[0, 0, 128, 255]]
+        window_image(np.array([[0, 50, 110, 200]], np.uint8), (50.0, 150.0)), [[0, 0, 153, 255]]
     )
+
+
+@pytest.mark.parametrize("bits", [8, 12, 16])
+def test_the_limits_are_numpys_quantiles(bits):
+    image = np.random.default_rng(bits).integers(0, 2**bits, (300, 417)).astype(np.uint8 if bits == 8 else np.uint16)
+    step = int(np.sqrt(image.size / 65_536))
+    assert window_limits(image) == pytest.approx(np.quantile(image[::step, ::step], (0.005, 0.995)))
