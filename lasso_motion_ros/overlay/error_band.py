@@ -52,7 +52,10 @@ def pixel_covariances(covariance: Array, points: Array, projection: Projection) 
     """
     to_pixels = projection.jacobian(points)
     # A point moves by v + ω × p, so a pixel by J v + (p × J) · ω, row by row.
-    whole = np.concatenate([to_pixels, np.cross(points[:, None, :], to_pixels)], axis=-1)
+    whole = np.empty((*to_pixels.shape[:2], 6))
+    whole[..., :3] = to_pixels
+    (x, y, z), (a, b, c) = points.T[..., None], np.moveaxis(to_pixels, -1, 0)
+    whole[..., 3], whole[..., 4], whole[..., 5] = y * c - z * b, z * a - x * c, x * b - y * a
     return np.asarray(whole @ covariance @ whole.transpose(0, 2, 1))
 
 
@@ -73,18 +76,19 @@ def error_band(
         return AlphaMask(np.zeros((0, 0), dtype=np.uint8), 0, 0)
     ends = shape.ends[outer]
     vertices, place = np.unique(ends, return_inverse=True)
-    ellipses = _ellipses(pixel_covariances(covariance, apply(motion, mesh.vertices[vertices]), projection))
-    edges = shape.edges[outer]
-    corners = edges[:, :, None, :] + ellipses[place.reshape(ends.shape)]
+    places = np.empty((len(vertices), 1, 2))
+    places[place.reshape(ends.shape), 0] = shape.edges[outer]
+    # (vertices, corners, 2)
+    ellipses = places + _ellipses(pixel_covariances(covariance, apply(motion, mesh.vertices[vertices]), projection))
     size = np.array([projection.width, projection.height])
     # Only the part that holds the band: blending takes longer than drawing it.
-    low = np.clip(np.floor(corners.min(axis=(0, 1, 2))).astype(int) - 1, 0, size - 1)
-    high = np.clip(np.ceil(corners.max(axis=(0, 1, 2))).astype(int) + 2, low + 1, size)
+    low = np.clip(np.floor(ellipses.min(axis=(0, 1))).astype(int) - 1, 0, size - 1)
+    high = np.clip(np.ceil(ellipses.max(axis=(0, 1))).astype(int) + 2, low + 1, size)
     band = np.zeros(tuple((high - low)[::-1].tolist()), dtype=np.uint8)
     # Far outside the image, coordinates would overflow OpenCV's fixed-point format.
-    fixed = np.rint(np.clip(corners - low, -1e4, 1e4) * 2**_TUNING.subpixel_bits).astype(np.int32)
+    fixed = np.rint(np.clip(ellipses - low, -1e4, 1e4) * 2**_TUNING.subpixel_bits).astype(np.int32)
     opacity = round(255 * _TUNING.opacity)
-    for both in fixed.reshape(len(fixed), -1, 2):
+    for both in fixed[place.reshape(ends.shape)].reshape(len(ends), -1, 2):
         cv2.fillConvexPoly(band, cv2.convexHull(both), opacity, cv2.LINE_AA, _TUNING.subpixel_bits)
     return AlphaMask(band, int(low[0]), int(low[1]))
 
@@ -94,13 +98,16 @@ def _on_the_rim(shape: Silhouette) -> npt.NDArray[np.bool_]:
     rows, columns = shape.coverage.shape
     if rows == 0 or columns == 0:
         return np.zeros(len(shape.edges), dtype=bool)
-    padded = cv2.copyMakeBorder(shape.coverage, 2, 2, 2, 2, cv2.BORDER_CONSTANT, value=0.0)
-    inside = cv2.erode(padded, np.ones((3, 3), np.uint8))
-    middle = shape.edges.mean(axis=1) - (shape.left - 2, shape.top - 2)
+    middle = 0.5 * (shape.edges[:, 0] + shape.edges[:, 1]) - (shape.left, shape.top)
     x, y = np.rint(np.clip(middle, -1e6, 1e6)).astype(np.int64).T
-    seen = (x >= 0) & (y >= 0) & (x < columns + 4) & (y < rows + 4)
+    seen = (x >= -2) & (y >= -2) & (x < columns + 2) & (y < rows + 2)
     rim = np.zeros(len(shape.edges), dtype=bool)
-    rim[seen] = inside[y[seen], x[seen]] < 0.5
+    # Something of the 3 × 3 pixels about it is not inside; beside the box nothing is.
+    beside = np.arange(-1, 2)
+    x, y = x[seen, None, None] + beside, y[seen, None, None] + beside[:, None]
+    in_box = (x >= 0) & (y >= 0) & (x < columns) & (y < rows)
+    inside = shape.coverage[np.clip(y, 0, rows - 1), np.clip(x, 0, columns - 1)] >= 0.5
+    rim[seen] = ~(inside & in_box).all(axis=(1, 2))
     return rim
 
 

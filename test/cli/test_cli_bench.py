@@ -35,6 +35,7 @@ def test_a_recording_is_measured_stage_by_stage(
     assert 19_000 < overlay["triangles"] < 22_000
     assert (overlay["side_px"], overlay["pictures"]) == (1024, 12)
     assert 0.0 < overlay["median_ms"] <= overlay["p95_ms"]
+    assert min(overlay["moving_gantry_ms"], overlay["band_ms"]) > 0.0
     assert overlay["processor_per_wall"] <= 1.05
     outer = sum(spent for name, spent in stages.items() if not name.startswith(" "))
     assert outer == pytest.approx(1e3 / measured["pairs_per_s"], rel=0.2)
