@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any, TypeVar
 
 import numpy as np
@@ -37,6 +38,15 @@ def distance_to_curve(points: Array, curve: Array) -> Array:
     offset = points - start[nearest]
     along = np.clip((offset * per_length[nearest]).sum(axis=1), 0.0, 1.0)
     return np.asarray(np.linalg.norm(offset - along[:, None] * step[nearest], axis=1))
+
+
+def distance_of_point(point: Array, curve: Array) -> float:
+    """Distance of one point (D,) to an open polyline (M, D), exact on its segments: `distance_to_curve` in a third."""
+    step, offset = np.diff(curve, axis=0), point - curve[:-1]
+    squared = np.maximum((step * step).sum(axis=1), np.finfo(np.float64).tiny)
+    along = np.minimum(np.maximum((offset * step).sum(axis=1) / squared, 0.0), 1.0)
+    offset -= along[:, None] * step
+    return math.sqrt(float((offset * offset).sum(axis=1).min()))
 
 
 def _nearest_segments(points: Array, start: Array, step: Array, per_length: Array) -> npt.NDArray[np.int64]:

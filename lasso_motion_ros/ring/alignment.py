@@ -125,7 +125,7 @@ def align(
     limits = np.array(
         [TUNING.largest_step_mm * 1e-3] * shared + [TUNING.largest_turn_rad] * 3 + [TUNING.largest_stretch]
     )
-    usual = float(views.usual.mean())
+    usual = float(views.usual.sum()) / len(planes)
     normal = np.diag([*[TUNING.nothing_seen_m**-2] * shared, *precision])
     correlations: tuple[float, ...] = ()
     is_given_up = False

@@ -8,12 +8,13 @@ one breath ago, and of the first one for good.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.curves import distance_of_point
 
 Array = npt.NDArray[np.float64]
 
@@ -75,6 +76,7 @@ class BreathingCurve:
         self._past = (np.inf, -np.inf), 0.0  # first and last time of the places looked at, and their odds of a slide
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
+        self._last_asked, self._last_off = (-np.inf, -np.inf, b""), (0.0, 0.0, 0.0)
 
     @property
     def is_complete(self) -> bool:
@@ -123,8 +125,7 @@ class BreathingCurve:
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         if self.is_complete:
-            curve = self._vouching(time_s)
-            self._off.append((time_s, self._across(displacement, curve, _principal_axis(curve)[0])[0]))
+            self._off.append((time_s, self._off_curve(time_s, displacement)[0]))
             del self._off[: -self._tuning.points]
         self._points = np.vstack([self._points, displacement])[-self._tuning.points :]
         self._times_s = np.append(self._times_s, time_s)[-self._tuning.points :]
@@ -176,7 +177,8 @@ class BreathingCurve:
         # Of what is believed to be breathing: a slide may be larger than a small breath, and would be taken for it.
         axis = self._axis
         along = points @ axis
-        across = points - points.mean(axis=0) - (along - along.mean())[:, None] * axis
+        mean = points.sum(axis=0) / len(points)
+        across = points - mean - (along - mean @ axis)[:, None] * axis
         speed = _speed(along, intervals)
         along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
         still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
@@ -235,12 +237,10 @@ class BreathingCurve:
             displacement: (3,) metres.
             sigma_m: of the displacement itself, with the heartbeat's, metres.
         """
-        curve = self._vouching(time_s)
-        axis, spread_m = (self._axis, self._spread_m) if curve is self._points else _principal_axis(curve)
+        across, beyond, spread_m = self._off_curve(time_s, displacement)
         if not self.is_complete and spread_m < self._tuning.first_axis_m:
             away = float(np.linalg.norm(displacement - self._points.mean(axis=0)))
             return 3.0 * away / self._tuning.first_reach_m
-        across, beyond = self._across(displacement, curve, axis)
         drift_m = self._tuning.drift_m_s * min(time_s - self._times_s[0], self._tuning.drift_s)
         wider_m = self._tuning.widening * beyond
         if not self.is_complete:  # a strong heart hides where breathing is going to
@@ -256,18 +256,32 @@ class BreathingCurve:
         old = self._times_s <= max(time_s - self._tuning.settled_s, self._times_s[min(3, len(self._times_s) - 1)])
         return self._points if old.sum() < 4 else self._points[old]
 
-    def _across(self, displacement: Array, curve: Array, axis: Array) -> tuple[float, float]:
-        """(across, beyond): distance off the curve (N, 3), and how far along its axis (3,) beyond its ends, metres."""
-        mean = curve.mean(axis=0)
+    def _off_curve(self, time_s: float, displacement: Array) -> tuple[float, float, float]:
+        """How far a displacement (3,) m lies off the curve that vouches at a time.
+
+        The last answer is kept: a place is accepted just after it was judged.
+
+        Returns:
+            Metres across the curve, along its axis beyond its ends, and the root mean square of the curve along it.
+        """
+        asked = time_s, float(self._times_s[-1]), displacement.tobytes()
+        if asked != self._last_asked:
+            self._last_asked, self._last_off = asked, self._compared(displacement, self._vouching(time_s))
+        return self._last_off
+
+    def _compared(self, displacement: Array, curve: Array) -> tuple[float, float, float]:
+        """What `_off_curve` tells, for a curve (N, 3)."""
+        axis, spread_m = (self._axis, self._spread_m) if curve is self._points else _principal_axis(curve)
+        mean = curve.sum(axis=0) / len(curve)
         axis = axis if len(curve) > 2 else self._axis
         along = (curve - mean) @ axis
         at = float((displacement - mean) @ axis)
         beyond = max(at - float(along.max()), float(along.min()) - at, 0.0)
         if self._complete_s is None:  # so far a line: the way back may lie beside the way in
             off = displacement - mean - at * axis
-            return float(np.linalg.norm(off)), beyond
-        distance = float(distance_to_curve(displacement[None], curve)[0])
-        return float(np.sqrt(max(distance**2 - beyond**2, 0.0))), beyond
+            return float(np.linalg.norm(off)), beyond, spread_m
+        distance = distance_of_point(displacement, curve)
+        return math.sqrt(max(distance**2 - beyond**2, 0.0)), beyond, spread_m
 
 
 def _count_turns(along: Array, tuning: CurveTuning) -> int:
@@ -304,6 +318,6 @@ def _speed(along: Array, intervals: Array) -> Array:
 
 def _principal_axis(points: Array) -> tuple[Array, float]:
     """(3,) direction of largest spread, and the root mean square along it, metres."""
-    off = points - points.mean(axis=0)
+    off = points - points.sum(axis=0) / len(points)
     squares, directions = np.linalg.eigh(off.T @ off)
     return directions[:, -1], float(np.sqrt(max(squares[-1], 0.0) / len(points)))

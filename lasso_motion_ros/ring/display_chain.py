@@ -38,6 +38,7 @@ rate, size, read-out, geometry, dose or window all is learned anew.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import cv2
@@ -198,8 +199,8 @@ class PlaneChain:
             return False
         if frame.pixels.dtype != last.pixels.dtype:
             return False
-        now, then = (one.projection.matrix / np.linalg.norm(one.projection.matrix[2, :3]) for one in (frame, last))
-        if np.abs(now - then).max() > self._tuning.projection_step * np.linalg.norm(then[0, :3]):
+        now, then = frame.projection.matrix, last.projection.matrix  # of the same scale: Projection sees to that
+        if np.abs(now - then).max() > self._tuning.projection_step * math.sqrt(float(then[0, :3] @ then[0, :3])):
             return False
         return abs(grey_change(sample, before)) <= self._tuning.grey_step
 

@@ -120,8 +120,9 @@ class RingTemplate:
 
     def _along(self, strip: Image) -> Image:
         """(L,) what a strip shows on the curve itself, as far as it may count for the ring."""
-        centre = strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].mean(axis=1, keepdims=True)
-        smooth = cv2.GaussianBlur(centre, (1, 5), sigmaX=0.01, sigmaY=self._tuning.smoothing_points)
+        before, on, after = strip[:, HALF_WIDTH - 1 : HALF_WIDTH + 2].T
+        centre = (before + on + after) / np.float32(3.0)
+        smooth = cv2.GaussianBlur(centre[:, None], (1, 5), sigmaX=0.01, sigmaY=self._tuning.smoothing_points)
         return np.asarray(np.clip(smooth.reshape(-1), 0.0, np.float32(self._tuning.ceiling)))
 
     def _show(self, values: Image) -> None:

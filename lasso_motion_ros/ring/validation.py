@@ -59,7 +59,8 @@ def contradiction(track: Track, states: StateTuning) -> str:
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
     """Why a detection is only what a filter over time has left of the ring; empty if it is the ring."""
-    left = np.mean([fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()])
+    shares = [fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()]
+    left = sum(shares) / len(shares)
     if left < tuning.ghost_contrast:
         text = f"only {100 * left:.0f} % of its contrast is left"
         return f"{text}: gone, and still in the images' filter over time?"

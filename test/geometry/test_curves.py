@@ -1,7 +1,15 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve, quarter_turn, resample, slope, unit_tangents
+from lasso_motion_ros.geometry.curves import (
+    arc_length,
+    distance_of_point,
+    distance_to_curve,
+    quarter_turn,
+    resample,
+    slope,
+    unit_tangents,
+)
 
 CORNER = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])  # 3 along x, then 4 along y
 
@@ -38,11 +46,14 @@ def test_resampling_passes_over_repeated_points():
 )
 def test_distance_by_hand(point, distance):
     assert distance_to_curve(np.array([point]), CORNER)[0] == pytest.approx(distance)
+    assert distance_of_point(np.array(point, dtype=float), CORNER) == pytest.approx(distance)
 
 
 def test_distance_in_space_and_with_a_repeated_point():
     curve = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [0.0, 0.0, 2.0]])
-    np.testing.assert_allclose(distance_to_curve(np.array([[3.0, 4.0, 1.0], [0.0, 0.0, 3.0]]), curve), [5.0, 1.0])
+    points = np.array([[3.0, 4.0, 1.0], [0.0, 0.0, 3.0]])
+    np.testing.assert_allclose(distance_to_curve(points, curve), [5.0, 1.0])
+    np.testing.assert_allclose([distance_of_point(point, curve) for point in points], [5.0, 1.0])
 
 
 def test_slopes_are_central_differences_one_sided_at_the_ends():
