@@ -36,9 +36,9 @@ class Silhouette:
         wall_count: (⌈h/4⌉, ⌈w/4⌉) float32 how many triangles lie over each cell of 4×4 pixels (2 for a convex body).
         edges: (E, 2, 2) pixels, the fold and border edges.
         ends: (E, 2) numbers of the vertices that they join.
-        centroids: (T, 2) pixels, the projected triangles' centroids.
-        facing: (T,) cosine between each triangle's normal and the ray, 0 (edge-on) to 1.
-        depth: (T,) depth of the centroids, metres.
+        centroids: (T, 2) float32 pixels, the triangles' centroids.
+        facing: (T,) float32 cosine between each triangle's normal and the ray, 0 (edge-on) to 1.
+        depth: (T,) float32 depth of the centroids, metres.
     """
 
     left: int
@@ -47,9 +47,9 @@ class Silhouette:
     wall_count: npt.NDArray[np.float32]
     edges: Array
     ends: npt.NDArray[np.int32]
-    centroids: Array
-    facing: Array
-    depth: Array
+    centroids: npt.NDArray[np.float32]
+    facing: npt.NDArray[np.float32]
+    depth: npt.NDArray[np.float32]
 
 
 def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> Silhouette:
@@ -77,10 +77,11 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
     kept = np.flatnonzero(net)
     ends = table.ends[kept]
     edges = pixels.T[ends]
-    centre_depth = np.maximum(moved[2, :3] @ mesh.centroids + moved[2, 3], _NEAREST_DEPTH_M)
+    centres = moved[:, :3].astype(np.float32) @ mesh.centroids + moved[:, 3:].astype(np.float32)
+    centre_depth = np.maximum(centres[2], np.float32(_NEAREST_DEPTH_M))
     # Seen at an angle, a triangle's image shrinks by the cosine: |A_image| = A cos θ (f / z)², to first order.
-    scale = projection.focal_length_px / centre_depth
-    facing = np.abs(0.5 * doubled) / np.maximum(mesh.areas * scale * scale, 1e-30)
+    facing = np.abs(doubled).astype(np.float32) * centre_depth * centre_depth
+    facing *= mesh.inverse_areas * np.float32(0.5 / projection.focal_length_px**2)
     left, top, coverage, wall_count = _fill(
         edges, np.asarray(net[kept], dtype=np.float64), projection.width, projection.height
     )
@@ -91,8 +92,8 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
         wall_count=wall_count,
         edges=edges,
         ends=ends,
-        centroids=np.array([(at[0] + at[1] + at[2]) / 3.0 for at in (x, y)]).T,  # numpy's mean takes longer
-        facing=np.minimum(facing, 1.0) * (turn != 0.0),
+        centroids=(centres[:2] / centre_depth).T,
+        facing=np.minimum(facing, np.float32(1.0)) * (turn != 0.0),
         depth=centre_depth,
     )
 

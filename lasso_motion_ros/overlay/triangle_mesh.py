@@ -84,15 +84,21 @@ class TriangleMesh:
         )
 
     @cached_property
-    def centroids(self) -> Array:
-        """(3, T) of the triangles, metres."""
-        return np.ascontiguousarray(self.vertices.T[:, self.corners].mean(axis=1))
+    def centroids(self) -> npt.NDArray[np.float32]:
+        """(3, T) of the triangles, metres; for shading, which asks for no more digits."""
+        return np.ascontiguousarray(self.vertices.T[:, self.corners].mean(axis=1), dtype=np.float32)
 
     @cached_property
     def areas(self) -> Array:
         """(T,) areas of the triangles, m²."""
         a, b, c = (self.vertices[self.triangles[:, i]] for i in range(3))
         return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+    @cached_property
+    def inverse_areas(self) -> npt.NDArray[np.float32]:
+        """(T,) 1/m²; 0 for a triangle without area."""
+        has_area = self.areas > 0.0
+        return np.asarray(has_area / np.where(has_area, self.areas, 1.0), dtype=np.float32)
 
     def moved(self, transform: Array) -> TriangleMesh:
         """The surface moved by a (4, 4) transform, metres."""
