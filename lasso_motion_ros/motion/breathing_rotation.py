@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 # Columns of the regression: a constant (the ring's own tilt at the reference), displacement, stretch of the ring.
 CONSTANT, MOVED, STRETCHED = range(3)
-OTHERS = [CONSTANT, STRETCHED]
+OTHERS = slice(CONSTANT, STRETCHED + 1, STRETCHED - CONSTANT)
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ class BreathingRotation:
             # Each pair tells three components; as many coefficients were fitted as there are columns, three times.
             known = 3.0 * max(self._count - len(PRIOR_SD), 0)
             variance = (expected * TUNING.own_turn_rad**2 + max(residual, 0.0)) / (expected + known)
-        without = _Posterior(square[np.ix_(OTHERS, OTHERS)], cross[OTHERS], PRIOR_SD[OTHERS])
+        without = _Posterior(square[OTHERS, OTHERS], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
         return _Fit(

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
@@ -152,7 +153,7 @@ class RingDetector:
             expected["a"] = model.centre + foreseen.displacement
         if "b" in times:
             expected["b"] = model.centre + motion.expected_between(times["b"]).displacement
-        uncertainty_mm = 2e3 * float(np.sqrt(np.linalg.eigvalsh(foreseen.covariance)[-1]))
+        uncertainty_mm = 2e3 * largest_sigma(foreseen.covariance)
         search_mm = config.search.near_mm + min(uncertainty_mm, 20.0)
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
         images, peaks = {}, {}

@@ -188,10 +188,11 @@ class LoopViews:
         clusters = scores.shape[1]
         sandwich = nominal @ (scores @ scores.T) @ nominal * (clusters / (clusters - size))
         known = TUNING.nominal_segments
-        blended = (known * np.diag(nominal) + clusters * np.diag(sandwich)) / (known + clusters)
+        variances = nominal.diagonal()
+        blended = (known * variances + clusters * sandwich.diagonal()) / (known + clusters)
         # Never less than the noise alone leaves unknown.
-        wider = np.sqrt(np.maximum(blended / np.diag(nominal), 1.0))
-        return np.asarray(nominal * np.outer(wider, wider))
+        wider = np.sqrt(np.maximum(blended / variances, 1.0))
+        return np.asarray(nominal * wider[:, None] * wider)
 
     def fits(self, covariance: Array) -> list[PlaneFit]:
         """The results, with the share of the loop that looks as expected where it was last sampled.

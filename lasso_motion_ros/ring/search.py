@@ -99,7 +99,7 @@ def find_peaks(
     fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
     centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
     to_centre = centre_cell - expected + low
-    pixels = (np.stack([places % width, places // width], axis=1) + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
+    pixels = (np.array([places % width, places // width]).T + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
     return Peaks(at.astype(np.float64), pixels, image)
 
 

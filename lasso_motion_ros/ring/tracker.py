@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
 from lasso_motion_ros.motion.motion_model import Estimate
@@ -173,7 +175,7 @@ class RingTracker:
         position = position + track.display.covariance(track.way(best.displacement))
         # Report.
         position = covariance_since_reference(track, position, best)
-        sigma_mm = 1e3 * float(np.sqrt(np.linalg.eigvalsh(position)[-1]))
+        sigma_mm = 1e3 * largest_sigma(position)
         misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
         vague = f"its place is known to {sigma_mm:.1f} mm only"
         contradicts = contradiction(track, options.state)
@@ -191,7 +193,7 @@ class RingTracker:
         best, departure = association.best, 0.0
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
-            sigma_m = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1] + track.motion.heartbeat_m**2))
+            sigma_m = math.hypot(largest_sigma(covariance), track.motion.heartbeat_m)
             is_away = track.belief.away > self._options.state.displaced
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.evaluation.measures import centre_covariance
-from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, inverses, squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, inverses, largest_sigma, squared_mahalanobis
 
 RANDOM = np.random.default_rng(8)
 
@@ -60,3 +60,13 @@ def test_inverses_and_determinants_of_many(size):
     inverse, determinant = inverses(matrices)
     np.testing.assert_allclose(inverse @ matrices, np.broadcast_to(np.eye(size), matrices.shape), atol=1e-12)
     np.testing.assert_allclose(determinant, np.linalg.det(matrices), rtol=1e-12)
+
+
+def test_the_largest_sigma_of_any_covariance():
+    for scales in RANDOM.uniform(-4.0, 0.0, (100, 3)):
+        factor = 10.0**scales * RANDOM.normal(size=(3, 3))
+        covariance = factor @ factor.T
+        assert largest_sigma(covariance) == pytest.approx(np.sqrt(np.linalg.eigvalsh(covariance)[-1]), rel=1e-9)
+    assert largest_sigma(np.diag([4.0, 4.0, 4.0])) == 2.0
+    assert largest_sigma(np.diag([9.0, 4.0, 9.0])) == pytest.approx(3.0)
+    assert largest_sigma(np.zeros((3, 3))) == 0.0
