@@ -26,7 +26,7 @@ class DetectionTuning:
     )
     alone_penalty: float = 0.15  # what one plane alone shows is a coincidence more often
     smallest_coverage: float = 0.5  # of the profile inside the image: with less, a plane cannot show the ring
-    systematic_m: float = 3e-5  # interpolation, a background that moves
+    systematic_m: float = 2e-5  # interpolation, a background that moves
     clear_support: float = 1.95  # where the template fits less well than this, something pulls at it:
     pulled_m: float = 4.5e-4  # standard deviation for each unit of support that is missing
     same_m: float = 3e-4  # alignments that end so close are one

@@ -23,6 +23,9 @@ class _Tuning:
 
     # Working pixels share noise with their neighbours (detector, band-pass); so many count as one (docs/constants.md).
     noise_correlation: float = 8.0
+    # That holds the ring's own turn and size as they should be held; of a place it says too little. Of 3,700 simulated
+    # places, squared errors are this share of what it foretells (docs/constants.md).
+    place_share: float = 0.6
     outlier_sigmas: float = 4.0  # Tukey's weight is zero beyond
     segments: int = 12  # of the loop, each judged by itself
     segment_gain: float = 0.4  # a segment weaker than this, relative to what it was, is not seen
@@ -226,7 +229,7 @@ class LoopViews:
                 self.centres[i],
                 self._rays[i],
                 self._across[i],
-                covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
+                TUNING.place_share * covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
                 float(self._gains[i]) * self._images[i].contrast_unit(self.centres[i]),
                 float(self.correlation[i]),
                 evidence[i],

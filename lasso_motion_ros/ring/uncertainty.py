@@ -13,7 +13,7 @@ CALIBRATION_SHARE = 0.0015
 SOURCE_DISTANCE_M = 0.75
 # The point about which the ring tilts and stretches by itself is known as well as this (standard deviation, metres):
 # an open or overlapping loop's centre is no better defined.
-PIVOT_M = 2e-3
+PIVOT_M = 1e-3
 
 
 def calibration_covariance(displacement: Array, gap_mm: float) -> Array:

@@ -95,7 +95,7 @@ def test_an_observation_is_the_displacement_across_the_ray_and_its_covariance():
     for plane in "ab":
         observed = clear.observation(plane, HERE - moved)
         np.testing.assert_allclose(observed.value, observed.across @ moved, atol=1e-12)
-        np.testing.assert_allclose(observed.covariance, (4e-5**2 + 3e-5**2) * np.eye(2), rtol=1e-9)
+        np.testing.assert_allclose(observed.covariance, (4e-5**2 + 2e-5**2) * np.eye(2), rtol=1e-9)
         source = VIEWS[plane].source
         np.testing.assert_allclose(observed.across @ (HERE - source) / np.linalg.norm(HERE - source), 0.0, atol=1e-12)
 
@@ -105,4 +105,4 @@ def test_where_the_support_is_weak_something_pulls_and_less_is_known():
     weak = detection_at(HERE, evidence=1.2, sigma_m=4e-5).observation("a", HERE)
     pulled_m = WORTH.pulled_m * (WORTH.clear_support - 1.56)
     assert 1e3 * pulled_m == pytest.approx(0.1755)
-    np.testing.assert_allclose(weak.covariance, (4e-5**2 + 3e-5**2 + pulled_m**2) * np.eye(2), rtol=1e-6)
+    np.testing.assert_allclose(weak.covariance, (4e-5**2 + 2e-5**2 + pulled_m**2) * np.eye(2), rtol=1e-6)

@@ -16,10 +16,10 @@ def test_a_displacement_is_known_to_its_share():
 
 
 def test_a_pivot_that_is_off_moves_the_centre_by_hand_and_by_sampling():
-    # Turned by 0.05 rad about z: an offset along z does nothing, across it 2 mm become 0.1 mm.
-    by_hand = np.diag([1e-4, 1e-4, 0.0]) ** 2
+    # Turned by 0.05 rad about z: an offset along z does nothing, across it 1 mm becomes 0.05 mm.
+    by_hand = np.diag([5e-5, 5e-5, 0.0]) ** 2
     np.testing.assert_allclose(pivot_covariance(np.array([0.0, 0.0, 0.05]), 0.0), by_hand, atol=1e-20)
     turn, stretch = np.array([0.03, -0.05, 0.02]), 0.04
-    offsets = 2e-3 * RANDOM.normal(size=(200_000, 3))
+    offsets = 1e-3 * RANDOM.normal(size=(200_000, 3))
     moved = offsets @ rotation_from_vector(turn).T * np.exp(stretch) - offsets
     np.testing.assert_allclose(np.cov(moved.T), pivot_covariance(turn, stretch), atol=0.05 * np.var(moved))
