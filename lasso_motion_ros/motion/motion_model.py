@@ -3,7 +3,7 @@
 The process is a Matérn-5/2 in state-space form (Hartikainen and Särkkä, "Kalman filtering and smoothing solutions to
 temporal Gaussian process regression models", MLSP 2010), its directional covariance learned from the motion so far, at
 first that of `breathing_prior`: breathing nearly follows a line, so depth follows from height. On top of it lie the
-heartbeat, for which there are several sizes and directions, each a model of its own, and a mean.
+heartbeat, for which there are several sizes and shapes, each a model of its own, and a mean.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class MotionTuning:
     """What is expected of breathing, heart and measurements."""
 
     first_spread_m: float = 0.010  # standard deviation before any motion was seen, along the body if that is known
-    smallest_spread_m: float = 0.0008  # and at least, however little has been seen
+    smallest_spread_m: float = 0.0005  # and at least, however little has been seen
     seen_spread_m: float = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
     sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
     # After these many sure displacements the past is gone through again with the spread learned since. What it changes
@@ -45,13 +45,16 @@ class MotionTuning:
     # Of breathing, which is smoother than a Matérn process: longer than its period over 2π.
     time_scale_s: float = 1.0
     # Standard deviations of the heart's motion, alike in all directions.
-    heartbeats_m: tuple[float, ...] = (0.00015, 0.0004, 0.0009, 0.0018)
-    # Or mostly along the direction that both planes see, as hearts and jet ventilators may well move it: then little
-    # of it is in either plane's depth. This share of it is across.
-    heartbeats_along_m: tuple[float, ...] = (0.0009, 0.0018)
+    heartbeats_m: tuple[float, ...] = (0.0001, 0.0004, 0.0009, 0.0018)
+    # Or of the shape that was learned: a heart moves to and fro on nearly the same way, whichever that is, so that what
+    # a plane shows of it tells what is in that plane's depth.
+    heartbeats_shaped_m: tuple[float, ...] = (0.0003, 0.0006, 0.0012, 0.0020)
+    # Before any beat was seen, the shape is one along the direction that both planes see, with this share of it across,
+    first_beat_m: float = 0.0005  # which counts as one beat of so much;
     across_share: float = 0.35
+    smallest_share: float = 0.15  # and at least this across, whatever was learned.
     # Before any measurement, of the one kind and the other.
-    heartbeat_odds: tuple[float, ...] = (0.2, 0.25, 0.15, 0.1, 0.15, 0.15)
+    heartbeat_odds: tuple[float, ...] = (0.1, 0.1, 0.05, 0.05, 0.2, 0.2, 0.2, 0.1)
     heartbeat_time_scale_s: float = 0.12
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
@@ -63,7 +66,7 @@ class MotionTuning:
     @cached_property
     def heart_variances(self) -> Array:
         """(filters,) m², along the direction in which it is largest."""
-        return np.square((*self.heartbeats_m, *self.heartbeats_along_m))
+        return np.square((*self.heartbeats_m, *self.heartbeats_shaped_m))
 
     @cached_property
     def odds(self) -> Array:
@@ -75,11 +78,9 @@ class MotionTuning:
         """(filters,) their natural logarithms."""
         return np.log(self.odds)
 
-    def heart_covariances(self, along: Array) -> Array:
-        """(filters, 3, 3) m² of the heartbeat; `along` (3,) is the unit vector that both planes see."""
-        across = self.across_share**2
-        shapes = [_IDENTITY_3] * len(self.heartbeats_m)
-        shapes += [across * _IDENTITY_3 + (1.0 - across) * np.outer(along, along)] * len(self.heartbeats_along_m)
+    def heart_covariances(self, shape: Array) -> Array:
+        """(filters, 3, 3) m² of the heartbeat; `shape` (3, 3) is what was learned of it, 1 in its largest direction."""
+        shapes = [_IDENTITY_3] * len(self.heartbeats_m) + [shape] * len(self.heartbeats_shaped_m)
         return self.heart_variances[:, None, None] * np.stack(shapes)
 
 
@@ -158,6 +159,38 @@ class Spread:
         (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
         """
         return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
+
+
+@dataclass(frozen=True, eq=False)
+class HeartShape:
+    """Which way the heart moves the ring, learned from what is taken for its beats.
+
+    Each beat counts by its second moment, what is unknown of it included, so that what no plane shows stays as it was:
+    a step of expectation maximisation (Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39, 1977).
+
+    Attributes:
+        along: (3,) unit vector that both planes see.
+        tuning: what is expected of it.
+        moments: (3, 3) m², sum over the beats.
+    """
+
+    along: Array
+    tuning: MotionTuning
+    moments: Array = field(default_factory=lambda: np.zeros((3, 3)))
+
+    @cached_property
+    def covariance(self) -> Array:
+        """(3, 3) of it, in units of the variance along the direction in which it is largest."""
+        tuning = self.tuning
+        across = tuning.across_share**2
+        first = across * _IDENTITY_3 + (1.0 - across) * np.outer(self.along, self.along)
+        sum_ = tuning.first_beat_m**2 * first + self.moments
+        share = tuning.smallest_share**2
+        return np.asarray((1.0 - share) * sum_ / np.linalg.eigvalsh(sum_)[-1] + share * _IDENTITY_3)
+
+    def learned(self, moment: Array) -> HeartShape:
+        """With another beat's second moment (3, 3) m²."""
+        return replace(self, moments=self.moments + moment)
 
 
 def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:

@@ -4,10 +4,10 @@ Every exposure of a plane measures the centre across its ray, at its own time. A
 stationary process (`motion_model`) joins them: it brackets plane A's exposure between two of plane B's, carries the
 depth over a missing plane, predicts the next pair and gives the covariance of all that.
 
-How far the heartbeat moves the atrium differs tenfold between patients, and so does its direction. Both are learned:
-filters that differ only in that run side by side, each weighted by the probability that it gives to the measurements so
-far (a static bank of models: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
-2001, section 11.6.2).
+How far the heartbeat moves the atrium differs tenfold between patients, and which way. Both are learned: the way by
+what the filter takes for the heart's part of the motion (`HeartShape`); how far by filters that differ only in that,
+side by side, each weighted by the probability that it gives to the measurements so far (a static bank of models:
+Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 11.6.2).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ import numpy.typing as npt
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
     DISPLACEMENT,
+    HEARTBEAT,
     MEAN,
     ORIGIN_B,
     POSITION,
@@ -30,6 +31,7 @@ from lasso_motion_ros.motion.motion_model import (
     TUNING,
     VELOCITY,
     Estimate,
+    HeartShape,
     MotionTuning,
     Observation,
     Spread,
@@ -84,7 +86,7 @@ class RespiratoryMotion:
         self._start_s = time_a_s, time_b_s
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
-        self._heart = tuning.heart_covariances(along)
+        self._become_shaped(HeartShape(along, tuning))
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._weights: Array | None = None  # not worked out yet
@@ -100,6 +102,7 @@ class RespiratoryMotion:
         self._blocks: dict[int, Estimate] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
+        self._marked = self._state, self._covariance
         self._clone(AT_A)
         self._advance(time_b_s)
         if self._between is not None:
@@ -159,6 +162,11 @@ class RespiratoryMotion:
         """Standard deviation of the heartbeat's motion along its largest direction, as learned so far, metres."""
         return float(np.sqrt(self.weights @ self._tuning.heart_variances))
 
+    @property
+    def heart_shape(self) -> Array:
+        """(3, 3) covariance of the heart's motion, learned so far, in units of that along its largest direction."""
+        return self._shape.covariance
+
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
         """A linear function h (3, SIZE) of the state, over all filters."""
         return self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T)
@@ -194,6 +202,7 @@ class RespiratoryMotion:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
         self._remember(_Exposure(time_s, None, None, is_mark=True))
         self._advance(time_s)
+        self._marked = self._state, self._covariance
         self._clone(AT_A)
 
     @property
@@ -217,12 +226,26 @@ class RespiratoryMotion:
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
         self._spread, self._ahead = self._spread.learned(displacement), {}
+        # At the one plane's exposure and at the other's: each shows what the other does not.
+        self._become_shaped(self._shape.learned(0.5 * (self._beat(*self._marked) + self._beat_now)))
         if not self._keeps_history:
             return
         if self._spread.count in self._tuning.rebuild_at and self._start_s[0] != self._start_s[1]:
             self._rebuild()
         if self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
+
+    def _beat(self, state: Array, covariance: Array) -> Array:
+        """(3, 3) m² second moment of the heart's motion in a state."""
+        beat = self._mixed(state[:, HEARTBEAT], self._weighted(covariance[:, HEARTBEAT, HEARTBEAT]))
+        return np.asarray(np.outer(beat.displacement, beat.displacement) + beat.covariance)
+
+    @property
+    def _beat_now(self) -> Array:
+        return self._beat(self._state, self._covariance)
+
+    def _become_shaped(self, shape: HeartShape) -> None:
+        self._shape, self._heart = shape, self._tuning.heart_covariances(shape.covariance)
 
     def move(self, displacement: Array) -> None:
         """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
@@ -266,11 +289,16 @@ class RespiratoryMotion:
         """Filter the past again, with the spread learned since."""
         history, self._history = self._history, ()
         self._begin()
+        shape = HeartShape(self._shape.along, self._tuning)
         for exposure in history:
             if exposure.is_mark:
                 self.mark_a(exposure.time_s)
+                shape = shape.learned(0.5 * self._beat(*self._marked))
             else:
                 self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
+                if exposure.b is not None:
+                    shape = shape.learned(0.5 * self._beat_now)
+        self._become_shaped(shape)
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
         """State and covariance at a later time, kept for when they are asked for again."""

@@ -9,24 +9,33 @@ from support.respiration_inputs import DIRECTION, INTERVAL_S, RISE, SIGHT, breat
 from lasso_motion_ros.motion.motion_model import TUNING
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
-ALIKE = replace(TUNING, heartbeats_m=(4e-4,) * 4, heartbeats_along_m=(), heartbeat_odds=(0.25,) * 4)
+ALIKE = replace(TUNING, heartbeats_m=(4e-4,) * 4, heartbeats_shaped_m=(), heartbeat_odds=(0.25,) * 4)
 
 
-def beating(heart_m, late_s, pairs=60, seed=0, tuning=TUNING):
+OBLIQUE = np.array([0.5, -0.5, 0.7]) / np.linalg.norm([0.5, -0.5, 0.7])
+
+
+def beating(heart_m, late_s, pairs=60, seed=0, tuning=TUNING, way=None):
     """A motion whose heart moves the ring at random, no two exposures alike, and the errors in units of the covariance.
 
     The heart's standard deviation, in each direction or (3,) of them, changes to nothing in the time in which one
-    exposure is taken.
+    exposure is taken. With a way (3,) it moves to and fro on that alone.
     """
     random = np.random.default_rng(seed)
+
+    def beats():
+        if way is None:
+            return random.normal(scale=heart_m, size=(2, 3))
+        return random.normal(scale=heart_m, size=(2, 1)) * way
+
     motion = RespiratoryMotion(0.0, late_s, tuning=tuning)
-    first = random.normal(scale=heart_m, size=(2, 3))
+    first = beats()
     if late_s == 0.0:
         first[1] = first[0]
     normalised = []
     for index in range(1, pairs + 1):
         time_s = index * INTERVAL_S
-        heart = random.normal(scale=heart_m, size=(2, 3))
+        heart = beats()
         if late_s == 0.0:
             heart[1] = heart[0]
         now = breathing(time_s) + heart[0] - first[0]
@@ -50,28 +59,30 @@ def test_the_hearts_size_is_learned_from_the_measurements(heart_mm, least_mm, mo
 
 @pytest.mark.parametrize("heart_mm", [0.0, 1.0, 2.0])
 def test_the_covariance_follows_the_heart_that_was_learned(heart_mm):
-    # With plane B half a frame late depth and heart are told apart only as well as that.
+    # With plane B half a frame late depth and heart are told apart only as well as that; worst where the heart goes any
+    # way, as none does.
     normalised = np.concatenate([beating(1e-3 * heart_mm, 0.15, seed=seed)[1][15:] for seed in range(4)])
-    assert 0.5 < np.mean(normalised) < 4.5
-    assert np.mean(normalised < 7.8) > 0.88  # 95 % of three
+    assert 0.5 < np.mean(normalised) < 5.0
+    assert np.mean(normalised < 7.8) > 0.8  # 95 % of three
+    to_and_fro = [beating(1e-3 * heart_mm, 0.15, seed=seed, way=OBLIQUE)[1][15:] for seed in range(4)]
+    assert np.mean(np.concatenate(to_and_fro) < 7.8) > 0.9
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_heart_that_moves_in_the_direction_that_both_planes_see_leaves_the_depth_alone(seed):
-    along = 1e-3 * np.array([0.4, 0.4, 1.8])
-    motion, normalised = beating(along, 0.15, seed=seed)
-    assert motion.weights[len(TUNING.heartbeats_m) :].sum() > 0.6
-    any_way = replace(TUNING, heartbeats_along_m=(), heartbeat_odds=TUNING.heartbeat_odds[:4])
-    blind, _ = beating(along, 0.15, seed=seed, tuning=any_way)
-    # Plane A measures along its image: its depth is what only plane B tells, half a frame later.
+def test_which_way_the_heart_goes_is_learned_and_tells_the_depth(seed):
+    motion, _ = beating(1.6e-3, 0.15, pairs=25, seed=seed, way=OBLIQUE)
+    spreads, ways = np.linalg.eigh(motion.heart_shape)
+    assert abs(ways[:, -1] @ OBLIQUE) > 0.8  # it began with the direction that both planes see: 0.70
+    assert spreads[-2] < 0.4
+    any_way = replace(TUNING, heartbeats_shaped_m=(), heartbeat_odds=TUNING.heartbeat_odds[:4])
+    blind, _ = beating(1.6e-3, 0.15, pairs=25, seed=seed, way=OBLIQUE, tuning=any_way)
     depth, blind_depth = (np.sqrt(SIGHT["a"] @ one.at_a.covariance @ SIGHT["a"]) for one in (motion, blind))
-    assert depth < 0.85 * blind_depth
-    assert np.mean(normalised[15:] < 7.8) > 0.88  # 95 % of three: and yet it is no less true
+    assert depth < 0.75 * blind_depth
 
 
-def test_a_heart_that_moves_in_all_directions_is_not_taken_for_one_that_moves_in_one():
-    motion, _ = beating(1.2e-3, 0.15)
-    assert motion.weights[len(TUNING.heartbeats_m) :].sum() < 0.3
+def test_a_heart_that_goes_all_ways_has_a_round_shape():
+    motion, _ = beating(1.6e-3, 0.0)
+    assert np.linalg.eigvalsh(motion.heart_shape)[-2] > 0.5
 
 
 def test_before_any_measurement_the_heart_is_of_any_size():
