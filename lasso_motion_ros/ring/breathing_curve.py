@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -52,9 +53,36 @@ class CurveTuning:
     fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
     shortest_slide_s: float = 1.5
     smallest_slide_m: float = 0.00095  # across, which is a part of it: a patient who settles down drifts by less
+    # Of all places, those between these shares are usual, and what is not deeper by more than a share, or than so much.
+    usual_depth: tuple[float, float] = (0.15, 0.85)
+    unusual_share: float = 0.5
+    unusual_m: float = 0.003
     slide_penalty: float = 4.0  # log odds against, for a drift of two components that starts at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
     drift_s: float = 9.0  # for so long
+
+
+class Slide(NamedTuple):
+    """Whether the ring slides off its place, as far as that shows.
+
+    Attributes:
+        across_m: how far it has slid by now across the direction of its breathing, which alone shows; metres.
+        log_odds: natural logarithm of the odds that it has; 0 where nothing speaks for it.
+    """
+
+    across_m: float = 0.0
+    log_odds: float = 0.0
+
+    def beyond(self, limit_m: float) -> float:
+        """Probability that it has slid by more than a limit, metres.
+
+        It may slide in any direction of space, and mostly along the breath. Of all directions, those within an angle θ
+        of the breath, on either side, have a share of 1 − cos θ; what shows is sin θ of the way.
+        """
+        if self.log_odds <= 0.0:
+            return 0.0
+        share = min(self.across_m / limit_m, 1.0)
+        return (1.0 - math.sqrt(1.0 - share**2)) / (1.0 + math.exp(-self.log_odds))
 
 
 class BreathingCurve:
@@ -134,26 +162,23 @@ class BreathingCurve:
         if self._complete_s is None and is_moving and _count_turns(self._points @ self._axis, self._tuning) >= 2:
             self._complete_s = time_s
 
-    def slide(self, time_s: float, displacement: Array) -> tuple[float, float]:
-        """How far the ring has slid off its place by a displacement (3,) m, and the log odds that it has.
+    def slide(self, time_s: float, displacement: Array) -> Slide:
+        """Whether the ring has slid off its place by a displacement (3,) m.
 
         Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides
         adds a steady drift from some time on. Both are fitted by least squares to the places of the last minute, for
         every time from which it may have slid (a change-point regression). The newest place counts whichever planes
         show it, since it adds nothing to the odds of those before it.
-
-        Returns:
-            Metres slid by now, and the natural logarithm of the odds.
         """
         recent = self._seen_s > time_s - self._tuning.slide_memory_s
         points, times, is_whole = self._seen[recent], self._seen_s[recent], self._is_whole[recent]
         odds = self._past_odds(points, times, is_whole)
         if odds == 0.0:  # one place proves nothing, the newest least of all
-            return 0.0, 0.0
+            return Slide()
         with_newest = self._change_point(
             np.vstack([points, displacement]), np.append(times, time_s), np.append(is_whole, True)
         )
-        return with_newest[0], min(odds, with_newest[1])
+        return Slide(with_newest.across_m, min(odds, with_newest.log_odds))
 
     def _past_odds(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> float:
         """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
@@ -161,25 +186,30 @@ class BreathingCurve:
             return 0.0
         span = float(times[0]), float(times[-1])
         if span != self._past[0]:
-            self._past = span, self._change_point(points, times, is_whole)[1]
+            self._past = span, self._change_point(points, times, is_whole).log_odds
         return self._past[1]
 
-    def _change_point(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> tuple[float, float]:
-        """Metres slid at the last of the places (N, 3) m at times (N,) s, and the log odds of a slide."""
+    def _change_point(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> Slide:
+        """The slide by the last of the places (N, 3) m at times (N,) s."""
         if len(points) < self._tuning.slide_points:
-            return 0.0, 0.0
+            return Slide()
         intervals = np.diff(times)
         # How fast it breathed beside a gap nobody saw.
         longest = self._tuning.longest_gap * _median(intervals)
         seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest) & is_whole
         if seen.sum() < self._tuning.slide_points:
-            return 0.0, 0.0
+            return Slide()
         # Of what is believed to be breathing: a slide may be larger than a small breath, and would be taken for it.
         axis = self._axis
         along = points @ axis
         mean = points.sum(axis=0) / len(points)
         across = points - mean - (along - mean @ axis)[:, None] * axis
         speed = _speed(along, intervals)
+        # What a cough or a sigh does aside is unknown, and how fast it breathed right before and after it.
+        is_usual = self._is_usual(along)
+        seen &= is_usual & np.append(is_usual[1:], True) & np.append(True, is_usual[:-1])
+        if seen.sum() < self._tuning.slide_points:
+            return Slide()
         along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
         still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
         basis = np.linalg.qr(still)[0]
@@ -201,24 +231,33 @@ class BreathingCurve:
         odds[power < 1e-6] = 0.0
         best = int(np.argmax(odds))
         if odds[best] <= 0.0:
-            return 0.0, 0.0
-        return float(held[best] * speed[best] * (times[-1] - starts[best])), float(odds[best])
+            return Slide()
+        return Slide(float(held[best] * speed[best] * (times[-1] - starts[best])), float(odds[best]))
 
-    def departure_sigmas(self, time_s: float, displacement: Array, sigma_m: float, *, is_away: bool = False) -> float:
+    def _is_usual(self, along: Array) -> npt.NDArray[np.bool_]:
+        """(N,) whether places along the breath (N,) m are as deep as most, or not much deeper."""
+        low, high = np.quantile(along, self._tuning.usual_depth)
+        margin = max(self._tuning.unusual_share * (high - low), self._tuning.unusual_m)
+        return np.asarray((along > low - margin) & (along < high + margin))
+
+    def departure_sigmas(
+        self, time_s: float, displacement: Array, sigma_m: float, slide: Slide, *, is_away: bool = False
+    ) -> float:
         """How far a displacement (3,) m is from breathing, in standard deviations: off its curve, too fast, or sliding.
 
         Args:
             time_s: when.
             displacement: (3,) metres.
             sigma_m: of the displacement itself, with the heartbeat's, metres.
+            slide: by that displacement.
             is_away: the ring has been displaced, and has to come back to where it was seen.
         """
         off = max(self.distance_sigmas(time_s, displacement, sigma_m), self._speed_sigmas(time_s, displacement))
         if is_away and not self.is_complete:
             nearest = float(np.linalg.norm(self._points - displacement, axis=1).min())
             off = max(off, nearest / float(np.hypot(self._tuning.first_sigma_m, sigma_m)))
-        slid_m, odds = self.slide(time_s, displacement)
-        return max(off, float(np.sqrt(2.0 * odds))) if slid_m > self._tuning.smallest_slide_m else off
+        has_slid = slide.across_m > self._tuning.smallest_slide_m
+        return max(off, math.sqrt(2.0 * slide.log_odds)) if has_slid else off
 
     def _speed_sigmas(self, time_s: float, displacement: Array) -> float:
         """How far a displacement (3,) m is beyond what a breath or a cough does since the last one believed."""

@@ -11,7 +11,7 @@ from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
-from lasso_motion_ros.ring.breathing_curve import BreathingCurve
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve, Slide
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
@@ -52,6 +52,7 @@ class Track:
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
+        slide: whether it has slid off its place by the last pair.
         last_s: time of the last pair, seconds since the seed pair.
         interval_s: between the last two pairs, seconds.
         displacement: (3,) m of its centre in the last pair, in its place or displaced; None where it is not believed.
@@ -84,6 +85,7 @@ class Track:
     contrast: dict[Plane, float]
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
+    slide: Slide = field(default_factory=Slide)
     last_support: float = -1.0
     last_s: float = 0.0
     interval_s: float = 0.0
@@ -106,7 +108,7 @@ class Track:
         if self.displacement is not None:
             self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
-        self.last_support = -1.0
+        self.last_support, self.slide = -1.0, Slide()
         return time_s
 
     def way(self, displacement: Array) -> Array:

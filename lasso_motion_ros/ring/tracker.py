@@ -32,8 +32,7 @@ from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
-from lasso_motion_ros.ring.track_state import probability_beyond
-from lasso_motion_ros.ring.validation import contradiction, fading, quality, refusal
+from lasso_motion_ros.ring.validation import contradiction, fading, misleading, quality, refusal, unforeseen
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -167,8 +166,8 @@ class RingTracker:
         if track.belief.in_place < options.state.pose:
             track.curve.see_aside(time_s, best.displacement, is_whole=best.is_whole)
             return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
-        if best.probability * (1.0 - best.alike) < options.state.pose:
-            return self._lost(track, pair, "it is far from where it was foretold: something else that looks like it?")
+        if reason := unforeseen(best, config.judgement, options.validation, options.state):
+            return self._lost(track, pair, reason)
         # Update.
         state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         position = self._update(track, best, association, time_s, state)
@@ -176,15 +175,14 @@ class RingTracker:
         # Report.
         position = covariance_since_reference(track, position, best)
         sigma_mm = 1e3 * largest_sigma(position)
-        misleads = probability_beyond(options.state.misleading_mm, sigma_mm)
-        vague = f"its place is known to {sigma_mm:.1f} mm only"
+        misleads, doubt = misleading(track, sigma_mm, options.state)
         contradicts = contradiction(track, options.state)
         if contradicts or misleads > options.state.misleads_pose:
             # It is seen, and followed and learned on; only no pose rests on it.
             track.displacement = None
-            return without_pose(track, pair, TrackerState.LOST, contradicts or vague)
+            return without_pose(track, pair, TrackerState.LOST, contradicts or doubt)
         if misleads > options.state.misleads_tracking and not reason:
-            state, reason = TrackerState.DEGRADED, vague
+            state, reason = TrackerState.DEGRADED, doubt
         result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
         return with_pose(result, track, position)
 
@@ -195,7 +193,8 @@ class RingTracker:
             covariance = best.motion.at_a.covariance + association.spread
             sigma_m = math.hypot(largest_sigma(covariance), track.motion.heartbeat_m)
             is_away = track.belief.away > self._options.state.displaced
-            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, is_away=is_away)
+            track.slide = track.curve.slide(time_s, best.displacement)
+            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, track.slide, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
             if best.is_whole:

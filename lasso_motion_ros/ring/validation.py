@@ -10,7 +10,7 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.track import Track
-from lasso_motion_ros.ring.track_state import StateTuning
+from lasso_motion_ros.ring.track_state import StateTuning, probability_beyond
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 MOVED_C_ARM = "moved C-arm without a new calibration?"
@@ -50,11 +50,36 @@ def refusal(
     return ""
 
 
+def unforeseen(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning, states: StateTuning) -> str:
+    """Why a detection may be something that is just like the ring; empty if it is where motion foretold the ring."""
+    if best.probability * (1.0 - best.alike) >= states.pose:
+        return ""
+    if _disagree(best, limits, tuning):
+        return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
+    return "it is far from where it was foretold: something else that looks like it?"
+
+
 def contradiction(track: Track, states: StateTuning) -> str:
     """Why no pose rests on a ring that is seen: one plane shows something else, far enough off to mislead; or empty."""
     planes = track.contradiction
     is_likely = planes.probability > 1.0 - states.pose
     return planes.text if is_likely and planes.size_mm > states.misleading_mm else ""
+
+
+def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[float, str]:
+    """Probability that a pose is off by so much that it misleads, and what speaks for that most.
+
+    Args:
+        track: all that is known; whether it slides by what this pair shows.
+        sigma_mm: of the pose, along the direction known worst, mm.
+        states: how far off misleads.
+    """
+    vague = probability_beyond(states.misleading_mm, sigma_mm)
+    slid = track.slide.beyond(1e-3 * states.misleading_mm)
+    why = f"its place is known to {sigma_mm:.1f} mm only"
+    if slid > vague:
+        why = f"it seems to slide: {1e3 * track.slide.across_m:.1f} mm across its breathing, and perhaps more along it"
+    return 1.0 - (1.0 - vague) * (1.0 - slid), why
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
@@ -83,7 +108,7 @@ def quality(
         return TrackerState.DEGRADED, f"plane {other.upper()} {why}: depth from the breathing so far"
     if (turned_deg := _turned_deg(track, best)) > limits.degraded_turn_deg:
         return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
-    if abs(best.gap_mm) > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm):
+    if _disagree(best, limits, tuning):
         return TrackerState.DEGRADED, f"the planes disagree by {abs(best.gap_mm):.1f} mm"
     if track.contradiction.probability > 1.0 - states.tracking:
         return TrackerState.DEGRADED, track.contradiction.text
@@ -111,6 +136,11 @@ def _unseen(association: Association, pair: FramePair) -> str:
     if strong < 1.0:
         return "the lasso is not seen"
     return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
+
+
+def _disagree(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning) -> bool:
+    """Whether the planes disagree so much that it is a doubt."""
+    return abs(best.gap_mm) > max(limits.degraded_gap_mm, tuning.degraded_slacks * best.slack_mm)
 
 
 def _turned_deg(track: Track, best: Hypothesis) -> float:

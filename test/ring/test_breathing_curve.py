@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning, _median, _speed
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning, Slide, _median, _speed
 
 TUNING = CurveTuning()
 UP, ASIDE = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
@@ -128,8 +128,9 @@ def slid(speed_mm_s, *, pair_s=PAIR_S, hysteresis_mm=1.5, start_s=12.0, until_mm
         time_s += pair_s
         true_mm = speed_mm_s * (time_s - start_s)
         place = wave(time_s, hysteresis_mm=hysteresis_mm) + 1e-3 * (true_mm * ASIDE + jitter_mm * random.normal(size=3))
-        found_m, odds = curve.slide(time_s, place)
-        rows.append((true_mm, 1e3 * found_m, odds, curve.departure_sigmas(time_s, place, SIGMA_M)))
+        slide = curve.slide(time_s, place)
+        departure = curve.departure_sigmas(time_s, place, SIGMA_M, slide)
+        rows.append((true_mm, 1e3 * slide.across_m, slide.log_odds, departure))
         curve.accept(time_s, place)  # as long as nobody knows
     return np.array(rows)
 
@@ -163,10 +164,21 @@ def test_a_cough_is_no_slide():
         place = wave(now_s, hysteresis_mm=1.0) + 1e-3 * cough_mm * (0.3 * ASIDE + 0.95 * UP)
         found_m, odds = curve.slide(now_s, place)
         if index * PAIR_S > 1.0:
-            departures.append(curve.departure_sigmas(now_s, place, SIGMA_M))
+            departures.append(curve.departure_sigmas(now_s, place, SIGMA_M, curve.slide(now_s, place)))
             assert found_m < TUNING.smallest_slide_m or odds < 0.5 * 3.3**2
         curve.accept(now_s, place)
     assert max(departures) < 3.3
+
+
+def test_a_cough_before_a_breath_that_is_held_is_no_slide():
+    # Further than a breath goes, and aside, for two pairs; then ten seconds at rest.
+    curve, time_s = breathed(8.0, pair_s=0.5, hysteresis_mm=1.0)
+    random = np.random.default_rng(5)
+    for index in range(1, 23):
+        cough = 5e-3 * ASIDE - 9e-3 * UP if index < 3 else 0.0
+        place = wave(8.0, hysteresis_mm=1.0) + cough + 4e-4 * random.normal(size=3)
+        assert curve.slide(time_s + 0.5 * index, place).beyond(2e-3) < 0.05
+        curve.accept(time_s + 0.5 * index, place)
 
 
 @pytest.mark.parametrize("gap_s", [0.6, 1.0, 2.0, 5.0])
@@ -176,7 +188,20 @@ def test_breathing_after_a_gap_is_no_slide(gap_s, hysteresis_mm):
     for phase in np.arange(0.0, 4.0, 0.5):
         curve, time_s = breathed(14.0 + phase, hysteresis_mm=hysteresis_mm)
         back = wave(time_s + gap_s, hysteresis_mm=hysteresis_mm)
-        assert curve.departure_sigmas(time_s + gap_s, back, SIGMA_M) < 3.3
+        assert curve.departure_sigmas(time_s + gap_s, back, SIGMA_M, curve.slide(time_s + gap_s, back)) < 3.3
+
+
+def test_what_slides_may_slide_along_the_breath_too_where_nothing_shows():
+    # Half of all directions are within 60° of a line: of them 1.73 mm across or less are 2 mm of a slide.
+    assert Slide(2e-3 * np.sin(np.radians(60.0)), 50.0).beyond(2e-3) == pytest.approx(0.5)
+    assert Slide(3e-3, 50.0).beyond(2e-3) == pytest.approx(1.0)
+    assert Slide(1e-3, 50.0).beyond(2e-3) == pytest.approx(1.0 - np.cos(np.radians(30.0)))
+    assert Slide(3e-3, np.log(3.0)).beyond(2e-3) == pytest.approx(0.75)
+    assert Slide(3e-3, 0.0).beyond(2e-3) == Slide(0.0, 9.0).beyond(2e-3) == 0.0
+    # Counted: directions drawn at random, each with a slide of which 1 mm shows.
+    directions = np.random.default_rng(0).normal(size=(100_000, 3))
+    shows = np.linalg.norm(directions[:, :2], axis=1) / np.linalg.norm(directions, axis=1)
+    assert np.mean(1e-3 / shows > 2e-3) == pytest.approx(Slide(1e-3, 50.0).beyond(2e-3), abs=0.003)
 
 
 def test_one_outlier_is_no_slide():
@@ -302,7 +327,7 @@ def test_a_slide_that_is_known_stays_known_while_it_goes_on_and_while_it_stands(
         true_mm = 0.5 * min(time_s - start_s, 10.0)
         place = wave(time_s, hysteresis_mm=1.5) + 1e-3 * (true_mm * ASIDE + 0.1 * random.normal(size=3))
         found_m, _ = curve.slide(time_s, place)
-        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M))
+        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M, curve.slide(time_s, place)))
         if max(departures) < 3.3:
             curve.accept(time_s, place)
         else:
@@ -324,7 +349,7 @@ def test_a_slide_that_outgrows_a_small_breath_is_not_taken_for_it():
         time_s += PAIR_S
         slid_m = 0.5e-3 * (time_s - start_s) * np.array([0.3, 0.95, 0.0])
         place = wave(time_s, depth_mm=2.0, period_s=1.7) + slid_m + 1e-4 * random.normal(size=3)
-        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M))
+        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M, curve.slide(time_s, place)))
         if max(departures) < 3.3:
             curve.accept(time_s, place)
         else:

@@ -11,9 +11,18 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
+from lasso_motion_ros.ring.breathing_curve import Slide
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
-from lasso_motion_ros.ring.validation import ValidationTuning, contradiction, fading, quality, refusal
+from lasso_motion_ros.ring.validation import (
+    ValidationTuning,
+    contradiction,
+    fading,
+    misleading,
+    quality,
+    refusal,
+    unforeseen,
+)
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 LIMITS = JudgementConfig(degraded_gap_mm=0.8, lost_gap_mm=1.6, degraded_turn_deg=6.0, lost_turn_deg=8.0)
@@ -34,6 +43,7 @@ def track(
     usual=2.2,
     contradicts=0.0,
     size_mm=4.0,
+    slide=Slide(),  # noqa: B008
 ):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
@@ -43,6 +53,7 @@ def track(
         agreement=SeedAgreement(0.0, doubt),
         contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
         usual_support=usual,
+        slide=slide,
     )
 
 
@@ -117,6 +128,26 @@ def test_planes_that_likely_disagree_by_so_much_that_it_misleads_leave_no_pose()
     assert contradiction(track(contradicts=0.2), STATES) == "they contradict each other"
     assert contradiction(track(contradicts=0.05), STATES) == ""
     assert contradiction(track(contradicts=0.2, size_mm=1.9), STATES) == ""
+
+
+def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
+    # Two standard deviations of 1 mm, and half of what shows: 1 mm of a slide that is sure, 0.134 of it more than 2 mm.
+    vague, said = misleading(track(), 1.0, STATES)
+    assert (vague, said) == (pytest.approx(0.0455, abs=1e-4), "its place is known to 1.0 mm only")
+    slid, said = misleading(track(slide=Slide(1e-3, 50.0)), 0.1, STATES)
+    assert slid == pytest.approx(1.0 - np.sqrt(0.75))
+    assert said == "it seems to slide: 1.0 mm across its breathing, and perhaps more along it"
+    both, said = misleading(track(slide=Slide(1e-3, 50.0)), 1.0, STATES)
+    assert both == pytest.approx(1.0 - (1.0 - vague) * (1.0 - slid))
+    assert said.startswith("it seems to slide")
+
+
+def test_what_is_far_from_where_it_was_foretold_may_be_something_else():
+    asked = LIMITS, TUNING, STATES
+    assert unforeseen(best(alike=0.09), *asked) == ""
+    assert unforeseen(best(alike=0.2), *asked).startswith("it is far from where it was foretold")
+    # Where the planes disagree that is what is off.
+    assert unforeseen(best(alike=0.2, gap_mm=-1.2), *asked) == f"the planes disagree by 1.2 mm: {MOVED_C_ARM}"
 
 
 @pytest.mark.parametrize(
