@@ -143,7 +143,9 @@ class BreathingCurve:
 
         Args as of `see`.
         """
-        if self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
+        reach_m = self._tuning.at_once_m + self._tuning.fastest_slide_m_s * (time_s - self._times_s[0])
+        is_near = float(np.linalg.norm(self._points - displacement, axis=1).min()) < reach_m
+        if is_near and self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
             self.see(time_s, displacement, is_whole=is_whole)
 
     def accept(self, time_s: float, displacement: Array) -> None:
