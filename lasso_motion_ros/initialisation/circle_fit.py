@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
-from lasso_motion_ros.initialisation.circles import TURN, Circles, laid
+from lasso_motion_ros.initialisation.circles import TURN, Circles, is_narrow, laid, outward
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.line_maps import LineMaps, nearest_direction, tangents
+from lasso_motion_ros.initialisation.line_maps import DIRECTIONS, LineMaps, nearest_direction, tangents
 
 Array = npt.NDArray[np.float64]
 
@@ -43,10 +43,14 @@ class _Round:
 class _Tuning:
     """How circles come to lie on lines."""
 
-    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 120, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 2e-3, 0.9))
+    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 120, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 1.2e-3, 0.97))
     nearer_share: float = 0.6  # standard deviation of where the line is, of the reach
     beside_m: float = 2e-3  # a ring has nothing there
     beside_share: float = 0.5  # of it counts against the circle
+    beyond_m: tuple[float, ...] = (2e-3, 3.5e-3, 5e-3)  # the ends of a ring seen edge-on: a line would go on
+    beyond_share: float = 1.0
+    narrow_beside: float = 0.4  # a narrow ellipse lies on many a line
+    tilts: tuple[float, ...] = (-0.25, 0.0, 0.25)  # sines, out of a plane's view, that are tried of a narrow circle
     # What keeps a circle where no line says otherwise, in weights of points along it: centre, tilt, radius, lift.
     inertia: tuple[float, ...] = (0.2, 0.2, 0.2, 2e-5, 2e-5, 0.2)
     lift_inertia: tuple[float, float] = (2.0, 10.0)  # where plane B is exposed later, and where not
@@ -59,23 +63,45 @@ class _Tuning:
 TUNING = _Tuning()
 
 
-def find_circles(maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float) -> Circles:
+def find_circles(
+    maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
+) -> Circles:
     """The best circles that both planes show, refined and distinct, best first.
 
     Args:
         maps: both planes'.
         grid: on which they are laid out.
         between_s: from plane A's exposure to plane B's.
+        check: called again and again; what it raises ends the search.
     """
-    circles = scored(search_circles(maps, grid, between_s), maps, grid)
+    circles = scored(search_circles(maps, grid, between_s, check), maps, grid)
     lift_inertia = TUNING.lift_inertia[0 if abs(between_s) > TUNING.later_s else 1]
-    for one in TUNING.rounds:
+    for number, one in enumerate(TUNING.rounds):
+        if number:
+            circles = scored(_with_tilted(circles, grid), maps, grid)
         moved = circles
         for _ in range(one.repeats):
+            check()
             moved = scored(_moved(moved, maps, grid, one, lift_inertia), maps, grid)
             circles = circles.better_of(moved)
         circles = circles.distinct(one.kept, one.same_m, one.same_cosine)
     return circles
+
+
+def _with_tilted(circles: Circles, grid: EpipolarGrid) -> Circles:
+    """The circles, and those that are nearly edge-on in a plane tilted this way and that, too.
+
+    Such a circle's two sides lie so close together that it may have come to rest between them, or on the wrong ones.
+    """
+    parts = [circles]
+    for plane in PLANES:
+        few = circles[is_narrow(circles, plane, grid)]
+        view = grid.view[plane]
+        across = few.normals - (few.normals @ view)[:, None] * view
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        for sine in TUNING.tilts:
+            parts.append(replace(few, normals=np.sqrt(1.0 - sine**2) * across + sine * view))
+    return Circles.joined(parts)
 
 
 def scored(circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid) -> Circles:
@@ -91,8 +117,30 @@ def scored(circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid)
             at = column + scale * (columns - column), row + scale * (rows - row)  # noqa: B023 - called at once
             return np.asarray(maps[plane].at(*at, direction, widened=True).mean(axis=1), np.float64)  # noqa: B023 - likewise
 
-        means.append(mean(1.0) - 0.5 * TUNING.beside_share * (mean(larger) + mean(2.0 - larger)))
+        beside = 0.5 * (mean(larger) + mean(2.0 - larger))
+        narrow = is_narrow(circles, plane, grid)
+        if narrow.any():
+            beside[narrow] = np.minimum(beside[narrow], _beside_narrow(columns[narrow], rows[narrow], maps[plane]))
+        means.append(mean(1.0) - TUNING.beside_share * beside)
     return replace(circles, scores=np.minimum(*means) + STRONGER_SHARE * np.maximum(*means))
+
+
+def _beside_narrow(columns: Array, rows: Array, maps: LineMaps) -> Array:
+    """(N,) what lies outside narrow ellipses (N, P): along their sides, and where their line would go on."""
+    x, y = outward(columns, rows)
+    aside = columns + TUNING.beside_m * x, rows + TUNING.beside_m * y
+    sides = maps.at(*aside, nearest_direction(columns, rows), widened=True).mean(axis=1)
+    flat = np.stack([columns, rows], axis=2)
+    middle = flat.mean(axis=1, keepdims=True)
+    far = np.linalg.norm(flat - middle, axis=2).argmax(axis=1)
+    tip = flat[np.arange(len(flat)), far] - middle[:, 0]
+    length = np.linalg.norm(tip, axis=1, keepdims=True)
+    axis = (tip / length)[:, None]
+    reach = length + TUNING.beyond_m
+    ends = np.concatenate([middle + reach[..., None] * axis, middle - reach[..., None] * axis], axis=1)
+    onward = np.rint(np.arctan2(axis[..., 1], axis[..., 0]) * (DIRECTIONS / np.pi)).astype(np.intp) % DIRECTIONS
+    beyond = maps.at(ends[..., 0], ends[..., 1], onward, widened=True).mean(axis=1)
+    return np.asarray(TUNING.narrow_beside + sides + TUNING.beyond_share * beyond, np.float64)
 
 
 def _moved(

@@ -11,7 +11,7 @@ circles show that are a little smaller and larger counts against it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import cv2
@@ -53,21 +53,26 @@ _CELL_M = 1e-3 * CELL_MM * TUNING.fine_cells  # of a coarse cell
 STRONGER_SHARE = 0.3  # of the plane that shows more: a circle is what the weaker one shows of it
 
 
-def search_circles(maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float) -> Circles:
+def search_circles(
+    maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
+) -> Circles:
     """The best circles, distinct, best first.
 
     Args:
         maps: both planes'.
         grid: on which they are laid out.
         between_s: from plane A's exposure to plane B's.
+        check: called again and again; what it raises ends the search.
     """
     shapes = _shapes(grid)
-    shown = {plane: _contrasts(maps[plane], shapes, plane, grid) for plane in PLANES}
+    shown = {plane: _contrasts(maps[plane], shapes, plane, grid, check) for plane in PLANES}
     best = {plane: one.max(axis=2) for plane, one in shown.items()}
+    check()
     lift = max(TUNING.agreeing_m, min(TUNING.largest_lift_m, TUNING.fastest_m_s * abs(between_s)))
     steps = round(lift / _CELL_M)
     rows = [_best_rows(best, step) for step in range(-steps, steps + 1)]
     of_shape, row, step, scores = (np.concatenate(part) for part in zip(*rows, strict=True))
+    check()
     order = np.argsort(-scores, kind="stable")[: TUNING.rows]
     of_shape, row, step = of_shape[order], row[order], step[order]
     # In each plane two places of the row: the best may be another thing.
@@ -109,9 +114,12 @@ def _of_inner(count: int) -> Indices:
     return np.arange(count).reshape(-1, len(TUNING.radii_mm))[:, 1:-1].reshape(-1)
 
 
-def _contrasts(maps: LineMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid) -> Contrast:
+def _contrasts(
+    maps: LineMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]
+) -> Contrast:
     """(inner shapes, H, W) what a plane shows along each in all places, less half of what it shows beside it."""
-    sums = _sums(_pooled(maps), shapes, plane, grid)
+    sums = _sums(_pooled(maps), shapes, plane, grid, check)
+    check()
     on = sums.reshape(-1, len(TUNING.radii_mm), *sums.shape[1:]).astype(np.int16)
     contrast = on[:, 1:-1] - ((on[:, :-2] + on[:, 2:]) >> 2)
     return np.maximum(contrast, 0, out=contrast).reshape(-1, *sums.shape[1:])
@@ -125,7 +133,7 @@ def _pooled(maps: LineMaps) -> Coarse:
     return np.asarray(np.rint(wide * TUNING.levels), np.uint8)
 
 
-def _sums(pooled: Coarse, shapes: Circles, plane: Plane, grid: EpipolarGrid) -> Coarse:
+def _sums(pooled: Coarse, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]) -> Coarse:
     """(shapes, H, W) sums of the responses along each shape, by the place of its middle."""
     columns, rows = laid(shapes, plane, grid)
     direction = nearest_direction(columns, rows)
@@ -139,7 +147,9 @@ def _sums(pooled: Coarse, shapes: Circles, plane: Plane, grid: EpipolarGrid) -> 
     offsets += np.rint(columns / _CELL_M).astype(np.intp) + reach
     length = (height - 1) * stride + width
     sums = np.zeros((len(shapes), height * stride), np.uint8)
-    for total, starts, directions in zip(sums, offsets.tolist(), direction.tolist(), strict=True):
+    for number, (total, starts, directions) in enumerate(zip(sums, offsets.tolist(), direction.tolist(), strict=True)):
+        if number % TUNING.normals == 0:
+            check()
         part = total[:length]
         for start, k in zip(starts, directions, strict=True):
             np.add(part, flat[k, start : start + length], out=part)

@@ -11,11 +11,13 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.line_maps import tangents
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 POINTS = 36  # along a circle: 2 mm apart, as long as a line filter
+NARROW_M = 3e-3  # from the middle to either side, of a circle as a plane shows it
 TURN = 2.0 * np.pi * np.arange(POINTS) / POINTS
 
 
@@ -82,6 +84,19 @@ class Circles:
             near = k + np.flatnonzero(np.einsum("ni,ni->n", away, away) < same_m**2)
             is_left[near[np.abs(ordered.normals[near] @ ordered.normals[k]) > same_cosine]] = False
         return ordered[np.array(chosen, dtype=np.intp)]
+
+
+def is_narrow(circles: Circles, plane: Plane, grid: EpipolarGrid) -> npt.NDArray[np.bool_]:
+    """(N,) whether a plane sees circles so nearly edge-on that what lies inside is their own other half."""
+    return np.asarray(circles.radii * np.abs(circles.normals @ grid.view[plane]) < NARROW_M)
+
+
+def outward(columns: Array, rows: Array) -> tuple[Array, Array]:
+    """(N, P) unit vectors across closed convex curves, away from their inside, along columns and rows."""
+    along, down, _ = tangents(columns, rows)
+    area = (columns * np.roll(rows, -1, axis=1) - rows * np.roll(columns, -1, axis=1)).sum(axis=1, keepdims=True)
+    way = np.where(area < 0.0, -1.0, 1.0)
+    return way * down, -way * along
 
 
 def laid(circles: Circles, plane: Plane, grid: EpipolarGrid) -> tuple[Array, Array]:

@@ -1,69 +1,53 @@
-"""From a circle to clicks: the lines beside it in both planes, as a person would click them."""
+"""From a circle in space to a ring's model, and from that to clicks, as a person would set them."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, Seed
-from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.ring.line_map import LineMap
-from lasso_motion_ros.ring.loop_curve import CurveFit, snap
+from lasso_motion_ros.ring.loop_model import LoopModel, model_beside
+from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.seeding.cones import Ellipse3D
 
 Array = npt.NDArray[np.float64]
 
-ROUNDS = 3
 CLICKS = 20
-ALONG = np.linspace(0.0, 2.0 * np.pi, 96)
 
 
-@dataclass(frozen=True, eq=False)
-class Outline:
-    """The lines beside a circle.
-
-    Attributes:
-        curve: (L, 3) in space, along which both planes show them, world metres.
-        lift: (3,) metres by which plane B sees it moved.
-    """
-
-    curve: Array
-    lift: Array
-
-    def pixels(self, plane: Plane, projection: Projection) -> Array:
-        """(L, 2) where a plane's image shows it."""
-        return projection.project(self.curve + self.lift if plane == "b" else self.curve)
-
-    def seed(self, frames: dict[Plane, Frame]) -> Seed:
-        """Clicks along it."""
-        places = np.linspace(0, len(self.curve) - 1, CLICKS + 1).astype(int)[:-1]
-        a, b = (self.pixels(plane, frames[plane].projection)[places] for plane in PLANES)
-        return Seed(a, b)
-
-
-def outline_of(
-    circle: Circles, frames: dict[Plane, Frame], grid: EpipolarGrid, *, bright: bool, line_sigma_mm: float
-) -> Outline:
-    """The lines beside one circle.
+def model_of(circle: Circles, images: SeedImages, grid: EpipolarGrid) -> LoopModel:
+    """The ring whose curve follows the lines beside one circle in both planes.
 
     Args:
         circle: one.
-        frames: of both planes.
+        images: of the pair.
         grid: of the two planes.
-        bright: whether the catheter is brighter than its background.
-        line_sigma_mm: scale of the line filter.
+
+    Raises:
+        ReconstructionError: there is none.
     """
     centre, points = circle.centres[0], circle.points(np.array([0.0, 0.5 * np.pi]))[0]
-    ellipse = Ellipse3D(centre, points[0] - centre, points[1] - centre)
-    projections = {plane: frames[plane].projection for plane in PLANES}
-    lift = grid.upward * circle.lifts[0]
-    projections["b"] = projections["b"].shifted(*(projections["b"].jacobian(centre) @ lift))
-    lines = {plane: LineMap(frames[plane], bright=bright, sigma_mm=line_sigma_mm) for plane in PLANES}
-    fit, curve = CurveFit(ellipse, ALONG), circle.points(ALONG)[0]
-    for _ in range(ROUNDS):
-        curve = fit(projections, snap(curve, lines, projections)).points
-    return Outline(curve, lift)
+    lift, share_of_a = grid.upward * circle.lifts[0], images.share_of_a
+    shares: dict[Plane, float] = {"a": -share_of_a, "b": 1.0 - share_of_a}
+    shifts = {plane: share * (images.projections[plane].jacobian(centre) @ lift) for plane, share in shares.items()}
+    return model_beside(Ellipse3D(centre, points[0] - centre, points[1] - centre), images, shifts)
+
+
+def clicks_along(model: LoopModel, images: SeedImages) -> Seed:
+    """Clicks along a ring in both planes."""
+    places = np.linspace(0, len(model.points) - 1, CLICKS + 1).astype(int)[:-1]
+    a, b = (
+        images.projections[plane].project(model.points[places]) + model.shift(plane, images.projections[plane])
+        for plane in PLANES
+    )
+    return Seed(a, b)
+
+
+def places_along(model: LoopModel, images: SeedImages) -> dict[Plane, Array]:
+    """Per plane, (L, 2) where a ring's curve lies in the image, mm at the ring."""
+    return {
+        plane: view.project(model.points) * view.millimetres_per_pixel(model.centre)
+        for plane, view in images.projections.items()
+    }

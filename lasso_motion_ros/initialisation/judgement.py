@@ -8,7 +8,7 @@ same again, moved by one rigid motion.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -26,20 +26,38 @@ class _Tuning:
 
     segments: int = 12  # of the arc
     shown: float = 0.3  # mean of the lesser of both planes' evidence, from which on a segment is one of a ring
-    smallest_covered: float = 0.7  # share of such segments
-    smallest_spread: float = 0.84  # entropy of the electrodes along the arc, of that of an even one
-    smallest_agreement: float = 0.3  # correlation of both planes' evidence along the arc, what is slow left out
-    smallest_comb: float = 16.0  # score of equally spaced poles
+    # Less of any of these is shown by no ring that both planes show well.
+    smallest_covered: float = 0.5  # share of such segments
+    smallest_spread: float = 0.8  # entropy of the electrodes along the arc, of that of an even one
+    smallest_agreement: float = 0.15  # correlation of both planes' evidence along the arc, what is slow left out
+    smallest_comb: float = 8.0  # score of equally spaced poles
     smallest_roundness: float = 0.8  # nearest by farthest point of the curve from its middle
-    smallest_support: float = 1.9
-    rival_share: float = 0.5  # of the better ring's score
-    rival_covered: float = 0.6
-    rival_roundness: float = 0.65
+    smallest_support: float = 1.5
     diameter_mm: tuple[float, float] = (12.5, 33.0)
+    # What each is worth as evidence (log odds), by logistic regression over the rings and all else that was followed in
+    # development; much of one makes up for little of another.
+    per_spread: float = 11.5
+    per_agreement: float = 1.3
+    per_comb: float = 2.95  # of its logarithm
+    per_roundness: float = 13.8
+    per_support: float = 3.6
+    per_worth: float = 12.0
+    per_small_mm: float = 1.4  # by which it is smaller than most: what else makes a ring is small
+    small_mm: float = 16.0
+    enough_comb: float = 30.0  # more proves no more
+    enough_support: float = 2.3
+    enough_worth: float = 1.1
+    nothing: float = 48.7
+    # Of what was no ring the most was -0.9; of rings one in twenty has less than this.
+    believed: float = 1.5
+    rival: float = -0.5
+    same_place_mm: float = 0.8  # in an image: half an electrode's length and more
+    apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
     slow_points: float = 10.0  # standard deviation, of some hundred points along the arc
     # Of the lines beside a circle, before a model is made and followed: less than the mean of several pairs shows.
-    glance_covered: float = 0.6
-    glance_agreement: float = 0.1
+    glance_covered: float = 0.5
+    glance_agreement: float = 0.0
+    first_support: float = 1.95
 
 
 TUNING = _Tuning()
@@ -53,11 +71,11 @@ class Judgement:
         covered: share of the arc on which both planes show something of a ring.
         spread: how evenly the electrodes lie along the arc, 1 at most.
         agreement: correlation of what the two planes show.
-        comb: score of equally spaced poles.
+        comb: score of equally spaced poles; 0 where all else speaks against a ring already.
         roundness: nearest by farthest point of the curve from its middle.
-        support: what the planes usually show of it, by the tracker's own measure.
+        support: what the planes show of it in later pairs, by the tracker's own measure.
         diameter_mm: of the ring.
-        followed: whether every later pair showed it, too.
+        worth: of the circle that it comes from: lines all along it, and the same electrodes in both planes.
     """
 
     covered: float
@@ -67,7 +85,21 @@ class Judgement:
     roundness: float
     support: float
     diameter_mm: float
-    followed: bool
+    worth: float
+
+    @property
+    def evidence(self) -> float:
+        """Log odds for a ring, by all of that together."""
+        return (
+            TUNING.per_spread * self.spread
+            + TUNING.per_agreement * self.agreement
+            + TUNING.per_comb * float(np.log(np.clip(self.comb, 1.0, TUNING.enough_comb)))
+            + TUNING.per_roundness * self.roundness
+            + TUNING.per_support * min(self.support, TUNING.enough_support)
+            + TUNING.per_worth * min(self.worth, TUNING.enough_worth)
+            - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
+            - TUNING.nothing
+        )
 
     @property
     def is_ring(self) -> bool:
@@ -77,27 +109,26 @@ class Judgement:
     @property
     def doubt(self) -> str:
         """Why it is not; empty if it is."""
-        low, high = TUNING.diameter_mm
+        return self.missing or ("" if self.evidence >= TUNING.believed else "all in all it shows too little of a ring")
+
+    @property
+    def missing(self) -> str:
+        """Which of the things that every ring shows it does not; empty if it shows all."""
         checks = (
-            (self.followed, "later pairs do not show it"),
-            (low <= self.diameter_mm <= high, f"{self.diameter_mm:.0f} mm across"),
+            (has_ring_size(self.diameter_mm), f"{self.diameter_mm:.0f} mm across"),
             (self.roundness >= TUNING.smallest_roundness, f"not round: {self.roundness:.2f}"),
             (self.covered >= TUNING.smallest_covered, f"seen along {100 * self.covered:.0f} % of its arc"),
             (self.spread >= TUNING.smallest_spread, "its electrodes lie on one side"),
             (self.agreement >= TUNING.smallest_agreement, "the planes show different electrodes"),
-            (self.comb >= TUNING.smallest_comb, "its electrodes are not equally far apart"),
             (self.support >= TUNING.smallest_support, "faint"),
+            (self.comb >= TUNING.smallest_comb, "its electrodes are not equally far apart"),
         )
         return next((words for is_met, words in checks if not is_met), "")
 
-    def is_rival_of(self, other: Judgement) -> bool:
-        """Whether it fits nearly as well as a better one: then nothing is started without being asked."""
-        return self.is_ring or (
-            self.followed
-            and self.comb >= TUNING.rival_share * other.comb
-            and self.covered >= TUNING.rival_covered
-            and self.roundness >= TUNING.rival_roundness
-        )
+    @property
+    def is_rival(self) -> bool:
+        """Whether it may be a ring, beside one that is: then nothing is started without being asked."""
+        return not self.missing and self.evidence >= TUNING.rival
 
 
 @dataclass(frozen=True)
@@ -118,40 +149,72 @@ class Glance:
         return self.covered >= TUNING.glance_covered and self.agreement >= TUNING.glance_agreement
 
     @classmethod
-    def at(cls, shown: Mapping[Plane, Image]) -> Glance:
-        """Of what each plane shows (L,) along a curve."""
+    def at(cls, shown: Mapping[Plane, Image], places: Mapping[Plane, Array]) -> Glance:
+        """Of what each plane shows (L,) along a closed curve, at its places (L, 2), mm."""
         a, b = (np.asarray(shown[plane], dtype=np.float64) for plane in PLANES)
         lesser = np.maximum(np.minimum(a, b), 0.0)
         means = np.add.reduceat(lesser, _starts(len(lesser))) * (TUNING.segments / len(lesser))
-        a, b = _without_slow(a), _without_slow(b)
+        # A plane that sees it edge-on shows at one place what lies on either side.
+        a, b = _without_slow(_doubled(a, places["b"])), _without_slow(_doubled(b, places["a"]))
         scale = float(np.linalg.norm(a) * np.linalg.norm(b))
         return cls(float((means > TUNING.shown).mean()), float(a @ b) / max(scale, 1e-9))
 
 
-def judge(evidence: RingEvidence, weights: Array, *, roundness: float, support: float, followed: bool) -> Judgement:
+def has_ring_size(diameter_mm: float) -> bool:
+    """Whether a ring is as large as a lasso's."""
+    low, high = TUNING.diameter_mm
+    return low <= diameter_mm <= high
+
+
+def is_shown_at_first(support: float) -> bool:
+    """Whether the first pair shows a ring, by the tracker's own measure: what was fitted to it shows more there."""
+    return support >= TUNING.first_support
+
+
+def judge(
+    evidence: RingEvidence,
+    places: Mapping[Plane, Array],
+    weights: Array,
+    *,
+    roundness: float,
+    support: float,
+    worth: float,
+) -> Judgement:
     """Judge a ring by what the planes show along its curve.
 
     Args:
         evidence: of both planes, mean of the pairs.
+        places: per plane, (L, 2) where its curve lies in the image, mm.
         weights: (L,) where the electrodes are, of sum 1.
         roundness: of its curve.
-        support: what the planes usually show of it.
-        followed: whether every later pair showed it.
+        support: what later pairs show of it.
+        worth: of the circle that it comes from.
     """
-    glance = Glance.at(evidence.shown)
+    glance = Glance.at(evidence.shown, places)
     shares = np.add.reduceat(weights, _starts(len(weights)))
     spread = -float((shares * np.log(np.maximum(shares, 1e-9))).sum()) / float(np.log(TUNING.segments))
-    comb = evidence.comb
-    return Judgement(
+    judgement = Judgement(
         covered=glance.covered,
         spread=spread,
         agreement=glance.agreement,
-        comb=0.0 if comb is None else comb.score,
+        comb=np.inf,
         roundness=roundness,
         support=support,
         diameter_mm=evidence.diameter_mm,
-        followed=followed,
+        worth=worth,
     )
+    # The comb is what takes time.
+    comb = None if judgement.missing else evidence.comb
+    return replace(judgement, comb=0.0 if comb is None else comb.score)
+
+
+def _doubled(values: Array, places: Array) -> Array:
+    """(L,) along a closed curve, the larger of what is at a point and at another that lies in the same place (L, 2)."""
+    length = len(values)
+    along = np.abs(np.arange(length)[:, None] - np.arange(length))
+    apart = np.minimum(along, length - along) >= TUNING.apart_share * length
+    is_same = apart & (np.linalg.norm(places[:, None] - places, axis=2) < TUNING.same_place_mm)
+    return np.asarray(np.maximum(values, np.where(is_same, values, -np.inf).max(axis=1)))
 
 
 def _starts(length: int) -> npt.NDArray[np.intp]:

@@ -4,21 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
+from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circles import Circles
-from lasso_motion_ros.initialisation.clicks import Outline, outline_of
+from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, judge
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
 from lasso_motion_ros.initialisation.line_maps import LineMaps, curvature, line_maps, row_range
+from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
+from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.tracker import RingTracker
-from lasso_motion_ros.ring.working_image import WorkingImage, working_image
 
 Array = npt.NDArray[np.float64]
 
@@ -28,13 +31,14 @@ class _Tuning:
     """How many circles are followed."""
 
     pairs: int = 3  # that have to show a ring
-    glanced: int = 20  # circles of a look that are drawn along the lines beside them
-    tried: int = 4  # of those, whose model is built and followed
+    glanced: int = 20  # circles of a look beside which a ring's model is made
+    tried: int = 6  # of those, that are followed
     agreement_share: float = 0.5  # of the planes' agreement in a circle's worth
     smallest_score: float = 0.5
-    rival_share: float = 0.75  # of the worth of the circle that led to a ring; with less another leads to no rival
+    rival_share: float = 0.5  # of the worth of the circle that led to a ring; with less another leads to no rival
     smallest_field_m: float = 0.02  # that both planes have in common
-    same_m: float = 4e-3  # rings whose centres are closer are one
+    same_m: float = 8e-3  # rings whose centres are closer share much of what they rest on: only the better is one
+    astray_m: float = 0.7e-3  # mean distance of the curve that clicks lead to from the one they were set along
 
 
 TUNING = _Tuning()
@@ -105,105 +109,114 @@ def find_rings(
     bright, maps = _maps(frames, grid, rows, config.polarity, other_polarity)
     _check(go_on)
     between_s = 1e-9 * (frames["b"].stamp_ns - frames["a"].stamp_ns)
-    circles = find_circles(maps, grid, between_s)
+    circles = find_circles(maps, grid, between_s, partial(_check, go_on))
     decided = replace(config, polarity="bright" if bright else "dark")
-    images = {
-        plane: working_image(frame, grid.centre, bright=bright, shift=np.zeros(2)) for plane, frame in frames.items()
-    }
+    images = SeedImages(pairs[0], bright=bright, line_sigma_mm=config.path.line_sigma_mm)
     tried: list[Proposal] = []
     believed = 0.0  # worth of the best circle that has led to a ring
-    for one in _worth_following(circles, frames, images, grid, decided, go_on)[: TUNING.tried]:
+    for one in _worth_following(circles, images, grid, go_on)[: TUNING.tried]:
         if one.worth < TUNING.rival_share * believed:
             break
         _check(go_on)
-        ring = _followed(one.outline.seed(frames), pairs, decided, go_on)
+        ring = _followed(one, images, pairs, decided, go_on)
         if ring is not None:
             tried.append(ring)
             if ring.judgement.is_ring:
                 believed = max(believed, one.worth)
-    tried.sort(key=lambda one: -one.judgement.comb)
+    tried.sort(key=lambda one: -one.judgement.evidence)
     found: list[Proposal] = []
     for ring in tried:
         if ring.judgement.is_ring and not any(_are_same(ring, other) for other in found):
-            found.append(ring)
+            _check(go_on)
+            if (clicked := _clicked(ring, decided)) is not None:
+                found.append(clicked)
     return [replace(ring, rivals=_count_rivals(ring, tried)) for ring in found]
 
 
 def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
     others: list[Proposal] = []
     for one in tried:
-        if one.judgement.is_rival_of(ring.judgement) and not any(_are_same(one, other) for other in [ring, *others]):
+        if one.judgement.is_rival and not any(_are_same(one, other) for other in [ring, *others]):
             others.append(one)
     return len(others)
 
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A circle drawn along the lines beside it.
+    """A ring along the lines beside a circle.
 
     Attributes:
-        outline: the lines.
+        model: the ring.
         worth: what speaks for it: lines all along the circle, and the same electrodes in both planes.
     """
 
-    outline: Outline
+    model: LoopModel
     worth: float
 
 
 def _worth_following(
-    circles: Circles,
-    frames: dict[Plane, Frame],
-    images: Mapping[Plane, WorkingImage],
-    grid: EpipolarGrid,
-    config: TrackerConfig,
-    go_on: Callable[[], bool],
+    circles: Circles, images: SeedImages, grid: EpipolarGrid, go_on: Callable[[], bool]
 ) -> list[_Candidate]:
     """The best circles beside which both planes show something of a ring, best first."""
-    bright, sigma_mm = config.polarity == "bright", config.path.line_sigma_mm
     candidates = []
     for k in range(min(TUNING.glanced, len(circles))):
         if circles.scores[k] < TUNING.smallest_score:
             break
         _check(go_on)
         try:
-            outline = outline_of(circles[k : k + 1], frames, grid, bright=bright, line_sigma_mm=sigma_mm)
+            model = model_of(circles[k : k + 1], images, grid)
         except (LassoMotionError, ValueError, np.linalg.LinAlgError):
             continue
-        shown = {plane: image.evidence_at(outline.pixels(plane, image.projection)) for plane, image in images.items()}
-        glance = Glance.at(shown)
-        if glance.is_worth_following:
+        seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
+        along = {p: image.projection.project(model.points) for p, image in seen.items()}
+        glance = Glance.at({p: image.evidence_at(along[p]) for p, image in seen.items()}, places_along(model, images))
+        if glance.is_worth_following and has_ring_size(model.diameter_mm):
             worth = float(circles.scores[k]) + TUNING.agreement_share * glance.agreement
-            candidates.append(_Candidate(outline, worth))
+            candidates.append(_Candidate(model, worth))
     return sorted(candidates, key=lambda one: -one.worth)
 
 
 def _followed(
-    seed: Seed, pairs: Sequence[FramePair], config: TrackerConfig, go_on: Callable[[], bool]
+    one: _Candidate, images: SeedImages, pairs: Sequence[FramePair], config: TrackerConfig, go_on: Callable[[], bool]
 ) -> Proposal | None:
-    """What clicks lead to, once their model has been followed through the pairs; None where there is no ring."""
+    """What a ring leads to, once it has been followed through the pairs; None where there is no ring."""
     first = pairs[0]
     tracker = RingTracker(config)
+    supports = []
     try:
-        tracker.initialise(first, seed)
-        followed = True
+        track = tracker.begin(first, one.model)
+        if not is_shown_at_first(track.seed_support):
+            return None
         for pair in pairs[1:]:
             _check(go_on)
-            result = tracker.track(pair)
-            followed = followed and result.motion is not None
+            tracker.track(pair)
+            if not track.is_followed:
+                return None
+            supports.append(track.last_support)
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
-    track = tracker.known
-    if track is None:
-        return None
+    _check(go_on)
     evidence = replace(track.electrodes, shown=track.template.shown)
     judgement = judge(
         evidence,
+        places_along(track.model, images),
         np.asarray(track.template.weights, dtype=np.float64),
         roundness=track.model.roundness,
-        support=track.usual_support,
-        followed=followed,
+        support=float(np.mean(supports)),
+        worth=one.worth,
     )
-    return Proposal(first, seed, track.model.points, judgement, 0, evidence.text)
+    text = "" if judgement.missing else evidence.text
+    return Proposal(first, clicks_along(track.model, images), track.model.points, judgement, 0, text)
+
+
+def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
+    """The ring with the curve that the tracker makes of its clicks; None where they lead astray."""
+    try:
+        points = build_loop_model(ring.pair, ring.seed, config).points
+    except (LassoMotionError, ValueError, np.linalg.LinAlgError):
+        return None
+    away = max(float(distance_to_curve(*ways).mean()) for ways in ((points, ring.points), (ring.points, points)))
+    return replace(ring, points=points) if away < TUNING.astray_m else None
 
 
 def _maps(

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.geometry.curves import distance_to_curve, resample
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.loop_curve import CurveFit, LoopCurve, snap
@@ -271,24 +271,11 @@ def _in_common(images: SeedImages, model: LoopModel) -> float:
 
 def _around(start: _Start, images: SeedImages, count: int) -> LoopModel:
     """The model whose curve follows the wire in both planes, from an ellipse on."""
-    projections, share_of_a = images.projections, images.share_of_a
-    ellipse, shifted = start.ellipse, _shifted(projections, start.shifts)
-    outline = LoopOutline(ellipse, shifted, start.paths)
+    outline = LoopOutline(start.ellipse, _shifted(images.projections, start.shifts), start.paths)
 
     def fitted(low: float, high: float) -> tuple[LoopCurve, dict[Plane, Array]]:
-        """The curve between two eccentric angles, and the planes' shifts that go with it."""
-        angles, moved, views = angles_between(low, high), start.shifts, shifted
-        points = on_ellipse(ellipse, angles)
-        found = {p: views[p].project(points) for p in PLANES} if start.is_searched else outline.at(angles)
-        fit = CurveFit(ellipse, angles)
-        curve = fit(views, found)
-        for _ in range(TUNING.rounds):
-            found = snap(curve.points, images.lines, views)
-            # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
-            moved = epipolar_shift(projections, found, share_of_a)
-            views = _shifted(projections, moved)
-            curve = fit(views, found)
-        return curve, moved
+        angles = angles_between(low, high)
+        return _fitted(start.ellipse, angles, images, start.shifts, None if start.is_searched else outline.at(angles))
 
     low, high = outline.extent
     curve, moved = fitted(low, high)
@@ -299,8 +286,60 @@ def _around(start: _Start, images: SeedImages, count: int) -> LoopModel:
         if inside < TUNING.open_contrast * whole:
             low, high = gap[1] - TURN, gap[0]
             curve, moved = fitted(low, high)
+    return _along(curve, low, high, images, moved, count)
+
+
+def _fitted(
+    ellipse: Ellipse3D,
+    angles: Array,
+    images: SeedImages,
+    shifts: dict[Plane, Array],
+    outlines: dict[Plane, Array] | None = None,
+) -> tuple[LoopCurve, dict[Plane, Array]]:
+    """The curve at eccentric angles (N,), and the planes' shifts that go with it.
+
+    Args:
+        ellipse: to begin with.
+        angles: rising.
+        images: of both planes.
+        shifts: per plane, (2,) pixels, to begin with.
+        outlines: per plane, (N, 2) pixels along the loop; None: where the ellipse lies.
+    """
+    moved, views = shifts, _shifted(images.projections, shifts)
+    fit = CurveFit(ellipse, angles)
+    points = on_ellipse(ellipse, angles) if outlines is None else fit(views, outlines).points
+    for _ in range(TUNING.rounds):
+        found = snap(points, images.lines, views)
+        # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
+        moved = epipolar_shift(images.projections, found, images.share_of_a)
+        views = _shifted(images.projections, moved)
+        curve = fit(views, found)
+        points = curve.points
+    return curve, moved
+
+
+def _along(
+    curve: LoopCurve, low: float, high: float, images: SeedImages, shifts: dict[Plane, Array], count: int
+) -> LoopModel:
+    """The model of a curve between two eccentric angles."""
     points = resample(curve(np.linspace(low, high, 8 * count)), count)
-    return _model(points, images.bright, moved, projections, simultaneous=share_of_a > 0.0)
+    return _model(points, images.bright, shifts, images.projections, simultaneous=images.share_of_a > 0.0)
+
+
+def model_beside(ellipse: Ellipse3D, images: SeedImages, shifts: dict[Plane, Array], points: int = POINTS) -> LoopModel:
+    """The model of a closed loop that follows the lines beside an ellipse in both planes, whoever drew it.
+
+    Args:
+        ellipse: in space, world metres.
+        images: of the pair.
+        shifts: per plane, (2,) pixels by which its images lie off their calibration, about.
+        points: of the curve.
+
+    Raises:
+        ReconstructionError: the two views are the same.
+    """
+    curve, moved = _fitted(ellipse, angles_between(0.0, TURN), images, shifts)
+    return _along(curve, 0.0, TURN, images, moved, points)
 
 
 def _model(

@@ -72,6 +72,19 @@ class RingTracker:
         self._begin = partial(self._started, pair)
         return result
 
+    def begin(self, pair: FramePair, model: LoopModel) -> Track:
+        """Begin with a ring whose curve is known, on `pair`, as `initialise` does; there is no other curve to choose.
+
+        Returns:
+            What is known of the ring; it is what `known` gives until another seed.
+
+        Raises:
+            SeedError: planes that disagree by more than any usable calibration, or a ring of no lasso's shape.
+        """
+        track, _ = self._started(pair, model)
+        self._track, self._choice, self._begin = track, None, None
+        return track
+
     def _started(self, pair: FramePair, model: LoopModel) -> tuple[Track, TrackResult]:
         """A track of a model, begun on the seed pair."""
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)

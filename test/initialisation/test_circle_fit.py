@@ -16,6 +16,7 @@ from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.line_maps import curvature, line_maps, row_range
 
 UP = np.array([0.0, 0.0, 4e-3])
+BEST = 3  # of which models are made first
 RADIUS = float(np.linalg.norm(LOOP.semi_major))
 
 
@@ -43,18 +44,22 @@ def _found(curve: np.ndarray, lift: np.ndarray, between_s: float, *, wires: bool
     return find_circles(maps, grid, between_s)
 
 
-@pytest.mark.parametrize("case", ["open", "edge-on", "wires", "late"])
-def test_the_best_of_all_circles_lies_on_the_ring(case: str) -> None:
-    edge_on = np.cross(VIEWS["b"].source - LOOP.centre, [0.2, 0.1, 1.0])
-    curve, normal = _tilted(edge_on if case == "edge-on" else LOOP.normal + 1e-6)
+@pytest.mark.parametrize("case", ["open", "edge-on", "nearly edge-on", "wires", "late"])
+def test_one_of_the_best_of_all_circles_lies_on_the_ring(case: str) -> None:
+    view = VIEWS["b"].source - LOOP.centre
+    edge_on = np.cross(view, [0.2, 0.1, 1.0])
+    nearly = edge_on / np.linalg.norm(edge_on) + 0.2 * view / np.linalg.norm(view)
+    curve, normal = _tilted({"edge-on": edge_on, "nearly edge-on": nearly}.get(case, LOOP.normal + 1e-6))
     lift = UP if case == "late" else np.zeros(3)
     circles = _found(curve, lift, 0.17 if case == "late" else 0.0, wires=case == "wires")
-    assert np.linalg.norm(circles.centres[0] - curve.mean(axis=0)) < 1.2e-3
-    assert abs(circles.normals[0] @ normal) > np.cos(np.radians(8.0))
-    assert circles.radii[0] == pytest.approx(RADIUS, rel=0.08)
+    away = np.linalg.norm(circles.centres[:BEST] - curve.mean(axis=0), axis=1)
+    aligned = np.abs(circles.normals[:BEST] @ normal) > np.cos(np.radians(8.0))
+    on = np.flatnonzero((away < 1.2e-3) & aligned)
+    assert len(on)
+    assert circles.radii[on[0]] == pytest.approx(RADIUS, rel=0.08)
     if case == "late":
         up = EpipolarGrid.of(VIEWS).upward
-        assert circles.lifts[0] == pytest.approx(float(UP @ up), abs=1.2e-3)
+        assert circles.lifts[on[0]] == pytest.approx(float(UP @ up), abs=1.2e-3)
 
 
 def test_circles_that_are_told_apart_are_the_best_of_their_neighbours() -> None:

@@ -7,7 +7,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from lasso_motion_ros.initialisation.judgement import Judgement, judge
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, judge
 from lasso_motion_ros.ring.electrodes import RingEvidence
 
 GOOD = Judgement(
@@ -18,7 +19,7 @@ GOOD = Judgement(
     roundness=0.95,
     support=2.3,
     diameter_mm=20.0,
-    followed=True,
+    worth=1.3,
 )
 ANGLE = np.linspace(0.0, 2.0 * np.pi, 120)
 RING = 0.01 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE), 0.0 * ANGLE])
@@ -37,13 +38,13 @@ def test_a_plain_ring_is_believed() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"followed": False}, "later pairs"),
         ({"diameter_mm": 9.0}, "9 mm across"),
         ({"roundness": 0.6}, "not round"),
-        ({"covered": 0.5}, "50 % of its arc"),
+        ({"covered": 0.4}, "40 % of its arc"),
         ({"spread": 0.7}, "one side"),
         ({"agreement": 0.1}, "different electrodes"),
-        ({"comb": 9.0}, "equally far apart"),
+        ({"comb": 5.0}, "equally far apart"),
+        ({"covered": 0.7, "spread": 0.84, "agreement": 0.3, "comb": 9.0, "support": 1.9, "worth": 0.85}, "all in all"),
         ({"support": 1.0}, "faint"),
     ],
 )
@@ -51,20 +52,37 @@ def test_whatever_is_missing_is_said(change: dict[str, float], words: str) -> No
     assert words in dataclasses.replace(GOOD, **change).doubt  # type: ignore[arg-type]
 
 
+def test_much_of_one_thing_makes_up_for_little_of_another() -> None:
+    few_poles = dataclasses.replace(GOOD, comb=10.0)
+    assert few_poles.is_ring
+    assert not dataclasses.replace(few_poles, spread=0.85, roundness=0.85, worth=0.8).is_ring
+
+
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
-    assert dataclasses.replace(GOOD, comb=21.0, spread=0.8).is_rival_of(GOOD)
-    assert not dataclasses.replace(GOOD, comb=12.0).is_rival_of(GOOD)
+    assert dataclasses.replace(GOOD, comb=12.0, spread=0.86, worth=0.85).is_rival
+    assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8).is_rival
+    assert not dataclasses.replace(GOOD, covered=0.4).is_rival
 
 
 def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:
     same = {"a": shown(10, 0.0, 1), "b": shown(10, 0.0, 2)}
     other = {"a": shown(10, 0.0, 1), "b": shown(10, np.pi, 2)}
     weights = np.full(120, 1.0 / 120.0)
+    places = dict.fromkeys(PLANES, 1e3 * RING[:, :2])
     good, bad = (
-        judge(RingEvidence(RING, evidence, 20.0), weights, roundness=0.95, support=2.3, followed=True)
+        judge(RingEvidence(RING, evidence, 20.0), places, weights, roundness=0.95, support=2.3, worth=1.3)
         for evidence in (same, other)
     )
     assert good.agreement > 0.9
     assert good.is_ring
     assert bad.agreement < 0.0
     assert not bad.is_ring
+
+
+def test_a_plane_that_sees_the_ring_edge_on_shows_either_half_in_the_other_ones_place() -> None:
+    both = shown(7, 0.8, 1)
+    edge_on = np.maximum(both, both[::-1])  # the near half and the far one, in one place
+    open_view, flat = 1e3 * RING[:, :2], 1e3 * RING[:, :2] * np.array([1.0, 0.01])
+    evidence = {"a": both, "b": edge_on}
+    blind, told = (Glance.at(evidence, {"a": open_view, "b": places}).agreement for places in (open_view, flat))
+    assert told > blind + 0.1

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import time
+
 import numpy as np
 import pytest
 from support.breathing_lasso import pair
 from support.lasso_inputs import CURVE, lasso_image, lasso_pair, pair_of
 from support.message_inputs import projection
-from support.tracking_inputs import VIEWS
+from support.tracking_inputs import LOOP, VIEWS
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
 from lasso_motion_ros.stream.automatic_start import only_ring
 
@@ -35,6 +38,27 @@ def test_of_two_lassos_both_are_proposed_and_none_is_started_with() -> None:
     assert middles == pytest.approx(sorted(expected), abs=0.7e-3)
     assert all(ring.rivals for ring in rings)
     assert only_ring(rings) is None
+
+
+@pytest.mark.slow
+def test_a_ring_that_a_plane_sees_edge_on_is_proposed_and_a_look_asks_often_whether_to_go_on() -> None:
+    normal = np.cross(VIEWS["b"].source - LOOP.centre, [0.2, 0.1, 1.0])
+    normal /= np.linalg.norm(normal)
+    axis = np.cross(LOOP.normal, normal)
+    turn = rotation_from_vector(axis / np.linalg.norm(axis) * np.arccos(LOOP.normal @ normal))
+    curve = LOOP.centre + (CURVE - LOOP.centre) @ turn.T
+    images = {plane: lasso_image(curve, view) for plane, view in VIEWS.items()}
+    asked = [time.thread_time()]
+
+    def go_on() -> bool:
+        asked.append(time.thread_time())
+        return True
+
+    (ring,) = find_rings([pair_of(index, images) for index in range(3)], CONFIG, go_on=go_on)
+    assert np.linalg.norm(ring.centre - curve.mean(axis=0)) < 1e-3
+    assert distance_to_curve(curve, ring.points).mean() < 0.6e-3
+    # Whoever clicks waits for none of it: so much of a look goes on at most.
+    assert max(np.diff([*asked, time.thread_time()])) < 0.25 * (time.thread_time() - asked[0])
 
 
 def test_one_plane_alone_proposes_nothing() -> None:
