@@ -109,7 +109,7 @@ class StreamConfig(TrackerConfig):
         "", "YAML file with the clicks of both planes, for unattended runs; see lasso-motion track --help"
     )
     automatic_initialisation: str = tuning(
-        "off",
+        "propose",
         "the ring is looked for without clicks while there is no model; propose: published on proposal until ~/accept"
         " or clicks say so; start: tracked at once, where no other ring fits nearly as well; off: clicks only",
         choices=("off", "propose", "start"),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -39,7 +41,9 @@ def serve_accept(node: Node, accept: Callable[[], str]) -> None:
 
 
 class AutomaticInitialisation:
-    """The pairs that have no model go in, and no pair waits for it: a look that is overtaken by a model gives up.
+    """The pairs that have no model go in, and no pair waits for it: a look that clicks or a model overtake gives up.
+
+    After a look the thread rests for as long as it took: while nobody clicks, half a core is busy at most.
 
     Args:
         config: the parameters.
@@ -63,7 +67,8 @@ class AutomaticInitialisation:
         self._is_wanted, self._on_proposals, self._on_start = is_wanted, on_proposals, on_start
         self._lock = threading.Lock()
         self._proposals: list[Proposal] = []
-        self._is_stopped, self._is_nice = False, False
+        self._stopped, self._is_nice = threading.Event(), False
+        self._overtaken = 0  # how often
         # One look may wait: of those that are overtaken the newest counts.
         self._worker: Worker[tuple[FramePair, ...]] = Worker(
             self._look, capacity=1, burst_capacity=1, takes_long=lambda _: False, on_error=on_error, name="lookout"
@@ -96,9 +101,14 @@ class AutomaticInitialisation:
                 raise TrackingError("no ring is proposed")
             return self._proposals[0]
 
+    def overtake(self) -> None:
+        """Clicks or a reset have come: give up what is being looked at; never waits."""
+        self._overtaken += 1
+        self._worker.clear()
+
     def stop(self, patience_s: float) -> None:
         """End the thread, with what it is looking at."""
-        self._is_stopped = True
+        self._stopped.set()
         self._worker.stop(patience_s)
         self._propose([])
 
@@ -106,19 +116,22 @@ class AutomaticInitialisation:
         if not self._is_nice:
             os.nice(NICENESS)
             self._is_nice = True
+        overtaken, begun_s = self._overtaken, time.monotonic()
+        goes_on = partial(self._goes_on, overtaken)
         try:
-            found = self._lookout.look(pairs, self._goes_on)
+            found = self._lookout.look(pairs, goes_on)
         except OvertakenError:
             return
-        if not found or not self._goes_on():
-            return  # what was proposed before stands
-        self._propose(found)
-        ring = only_ring(found)
-        if self._mode == "start" and ring is not None:
-            self._on_start(ring)
+        if found and goes_on():  # else what was proposed before stands
+            self._propose(found)
+            ring = only_ring(found)
+            if self._mode == "start" and ring is not None:
+                self._on_start(ring)
+        self._stopped.wait(time.monotonic() - begun_s)
 
-    def _goes_on(self) -> bool:
-        return not self._is_stopped and self._mode != "off" and self._is_wanted()
+    def _goes_on(self, overtaken: int) -> bool:
+        is_first = overtaken == self._overtaken and not self._stopped.is_set()
+        return is_first and self._mode != "off" and self._is_wanted()
 
     def _propose(self, found: list[Proposal]) -> None:
         with self._lock:

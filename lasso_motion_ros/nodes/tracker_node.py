@@ -299,6 +299,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         pipeline = self._active()
         with self._between_answers():
             self._found.clear()
+            if self._automatic is not None:
+                self._automatic.overtake()
             if self._worker is not None:
                 self._worker.clear()
             self._state_watch.timeout.forget()
@@ -344,6 +346,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
                 if not task.answered:  # else it waited for clicks, not for us
                     self._latencies.begin(task.number, time.monotonic())
             self._state_watch.timeout.asked(tasks[-1].number, time.monotonic())
+            if self._automatic is not None and any(task.seed is not None for task in tasks):
+                self._automatic.overtake()
             self._worker.put(tasks)
         self._complain()
 

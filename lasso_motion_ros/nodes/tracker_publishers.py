@@ -20,7 +20,7 @@ from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.nodes.qos import topic_publisher
 from lasso_motion_ros.nodes.standard_views import StandardViews, TransformPublisher
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.overlay.tracking_picture import draw_tracking
+from lasso_motion_ros.overlay.tracking_picture import PROPOSAL_COLOUR, draw_tracking
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.images import encode_image
@@ -40,7 +40,6 @@ from msg_adapters.topics import (
 )
 
 GOODBYE_WAIT_S = 1.0
-PROPOSAL_COLOUR = (0.2, 0.9, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +92,8 @@ class TrackerPublishers:
         self._held = False
         # What belongs to one pair goes out together: no state of another thread comes between a pair's state and pose.
         self._publishing = threading.RLock()
-        self._stated_s, self._proposed = 0.0, 0
+        self._stated_s = 0.0
+        self._proposed: tuple[npt.NDArray[np.float64], ...] = ()  # curves of the rings, world metres
         self.state = ""
         self._publishers: dict[str, Publisher] = {
             topic.name: topic_publisher(node, messages, topic)
@@ -144,14 +144,15 @@ class TrackerPublishers:
     def publish_proposals(self, proposals: Sequence[Proposal]) -> None:
         """Publish the rings that are proposed, best first, in place of those before."""
         header = header_fields(0, self._world_frame)
+        red, green, blue = (part / 255.0 for part in PROPOSAL_COLOUR)
         with self._publishing:
-            for number in range(self._proposed):
+            for number in range(len(self._proposed)):
                 self.publish_fields(PROPOSAL, encode_delete(header, "proposal") | {"id": number})
             for number, one in enumerate(proposals):
                 header = header_fields(one.pair.stamp_ns, self._world_frame)
-                fields = encode_line_strip(one.points, header, "proposal", PROPOSAL_COLOUR) | {"id": number}
+                fields = encode_line_strip(one.points, header, "proposal", (red, green, blue, 1.0)) | {"id": number}
                 self.publish_fields(PROPOSAL, fields)
-            self._proposed = len(proposals)
+            self._proposed = tuple(one.points for one in proposals)
 
     @property
     def watched(self) -> bool:
@@ -186,7 +187,13 @@ class TrackerPublishers:
                 continue
             clicks = picture.clicks.get(plane)
             drawn = draw_tracking(
-                frame, picture.loop, picture.state, picture.reason, clicks=clicks, remark=picture.remark
+                frame,
+                picture.loop,
+                picture.state,
+                picture.reason,
+                clicks=clicks,
+                remark=picture.remark,
+                proposed=self._proposed,
             )
             fields = encode_image(drawn, header_fields(frame.stamp_ns, picture.frame_ids.get(plane, "")))
             message = self._messages.make(IMAGE_TYPE, fields)

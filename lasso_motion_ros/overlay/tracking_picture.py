@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +33,7 @@ STATE_COLOURS: dict[TrackerState, Colour] = {
     TrackerState.DISPLACED: (255, 92, 80),
 }
 CLICK_COLOUR: Colour = (120, 190, 255)
+PROPOSAL_COLOUR: Colour = (51, 230, 255)
 
 
 def draw_tracking(
@@ -41,6 +44,7 @@ def draw_tracking(
     *,
     clicks: Array | None = None,
     remark: str = "",
+    proposed: Sequence[Array] = (),
 ) -> RgbImage:
     """One plane as `plane_x/tracking` shows it.
 
@@ -52,6 +56,8 @@ def draw_tracking(
         reason: why, in a few words; printed under the state.
         clicks: (M, 2) the user's clicks so far, pixels.
         remark: a further line under the reason.
+        proposed: (N, 3) each, curves of rings that were found without clicks, world metres; drawn while clicks are
+            waited for.
 
     Returns:
         (H, W, 3) uint8 RGB, of the image's size.
@@ -61,6 +67,9 @@ def draw_tracking(
     colour = STATE_COLOURS[state]
     if loop is not None and state.has_pose and isinstance(frame, Frame):
         draw_loop(picture, frame.projection, loop, colour)
+    if state is TrackerState.WAITING_FOR_SEED and isinstance(frame, Frame):
+        for curve in proposed:
+            draw_loop(picture, frame.projection, curve, PROPOSAL_COLOUR)
     if clicks is not None:
         size = max(5, picture.shape[0] // 100)
         for x, y in np.rint(clicks[np.isfinite(clicks).all(axis=1)]).astype(int):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,9 +15,13 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
+from support.breathing_lasso import pair
 from support.node_harness import Graph
 from support.ring_stream import HEARD, RIGHT_MM, RingStream, start_tracker
 
+from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal
+from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
 from msg_adapters.topics import PROPOSAL
 
 pytestmark = pytest.mark.ros
@@ -30,17 +36,28 @@ def graph(tmp_path: Path) -> Iterator[Graph]:
         yield started
 
 
-def test_a_ring_is_proposed_and_tracked_once_accepted_and_by_start_without(graph: Graph) -> None:
-    start_tracker(graph, "automatic_initialisation:=propose", "polarity:=dark")
+def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_start_without(graph: Graph) -> None:
+    start_tracker(graph, "polarity:=dark")
     graph.client(Trigger, "/lasso_tracker/accept")
     graph.client(SetParameters, "/lasso_tracker/set_parameters")
     stream = RingStream(graph)
     stream.connect()
+    shown = graph.heard.messages["proposal"]
+    # Clicks on a pair that is being looked at: they win, and what they lead to is tracked as ever.
+    clicked = stream.pairs(PAIRS)[0]
+    stream.clicks(clicked)
+    stream.await_state("TRACKING")
+    stream.pairs(2)
+    graph.heard.wait_for(lambda: len(stream.errors_mm()) >= PAIRS + 2, PATIENCE_S)
+    assert max(stream.errors_mm().values()) < RIGHT_MM
+    assert stream.references() == [clicked]
     refused = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
     assert not refused.success
     assert refused.message == "no ring is proposed"
-    shown = graph.heard.messages["proposal"]
-    stream.pairs(3)
+    assert not shown
+
+    stream.reset()
+    stream.pairs(PAIRS)
     graph.heard.wait_for(lambda: len(shown) > 0, PATIENCE_S)
     assert shown[-1].action == ADD
     assert len(shown[-1].points) >= 64
@@ -50,15 +67,41 @@ def test_a_ring_is_proposed_and_tracked_once_accepted_and_by_start_without(graph
     stream.await_state("TRACKING")
     stream.pairs(2)
     graph.heard.wait_for(lambda: shown[-1].action == DELETE, PATIENCE_S)
-    errors = stream.errors_mm()
+    errors = list(stream.errors_mm().values())[PAIRS + 2 :]
     assert errors
-    assert np.mean(list(errors.values())) < RIGHT_MM
+    assert np.mean(errors) < RIGHT_MM
 
     value = ParameterValue(type=ParameterType.PARAMETER_STRING, string_value="start")
     request = SetParameters.Request(parameters=[Parameter(name="automatic_initialisation", value=value)])
     assert graph.call(SetParameters, "/lasso_tracker/set_parameters", request).results[0].successful
     stream.reset()
     before = len(stream.references())
-    stream.pairs(3)
+    stream.pairs(PAIRS)
     graph.heard.wait_for(lambda: len(stream.references()) > before, PATIENCE_S)
     stream.await_state("TRACKING")
+
+
+def test_a_look_that_clicks_overtake_gives_up() -> None:
+    asked, proposed = list[float](), list[Proposal]()
+
+    def is_wanted() -> bool:
+        if threading.current_thread().name == "lookout":
+            asked.append(time.monotonic())
+        return True
+
+    automatic = AutomaticInitialisation(
+        StreamConfig(polarity="dark"), is_wanted, proposed.extend, proposed.extend, lambda _: None
+    )
+    try:
+        for index in range(PAIRS):
+            automatic.add(pair(index))
+        until = time.monotonic() + PATIENCE_S
+        while len(asked) < 5 and time.monotonic() < until:
+            time.sleep(0.01)
+        automatic.overtake()
+        before = len(asked)
+        time.sleep(max(1.0, 2.0 * max(np.diff(asked))))  # in which it would ask again
+        assert len(asked) <= before + 1
+        assert not proposed
+    finally:
+        automatic.stop(PATIENCE_S)

@@ -6,7 +6,7 @@ from support.rendering_inputs import views
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.overlay.tracking_picture import CLICK_COLOUR, STATE_COLOURS, draw_tracking
+from lasso_motion_ros.overlay.tracking_picture import CLICK_COLOUR, PROPOSAL_COLOUR, STATE_COLOURS, draw_tracking
 from lasso_motion_ros.overlay.windowing import window_image
 from lasso_motion_ros.tracking.tracker import TrackerState
 
@@ -46,6 +46,14 @@ def test_the_loop_lies_where_it_projects_in_the_colour_of_the_state(size, dtype,
 def test_no_curve_is_drawn_in_a_state_without_a_pose(state):
     with_loop, without = (draw_tracking(frame(), loop, state, "why") for loop in (LOOP, None))
     np.testing.assert_array_equal(with_loop, without)
+
+
+def test_a_proposed_ring_is_drawn_in_its_own_colour_while_clicks_are_waited_for_only():
+    shown = frame()
+    picture = draw_tracking(shown, None, "WAITING_FOR_SEED", proposed=[LOOP])
+    assert all(is_near(picture, point, PROPOSAL_COLOUR) for point in shown.projection.project(LOOP[::4]))
+    with_ring, without = (draw_tracking(shown, LOOP, "TRACKING", proposed=rings) for rings in ([LOOP], []))
+    np.testing.assert_array_equal(with_ring, without)
 
 
 @pytest.mark.parametrize("state", list(TrackerState))
