@@ -18,6 +18,7 @@ from lasso_motion_ros.web.plain_words import in_plain_words
 DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
 TRIGGERS = {
+    "accept": "The ring that was found is taken.",
     "reset": "The tracker has forgotten the catheter.",
     "set_reference": "The present phase is the reference now.",
 }

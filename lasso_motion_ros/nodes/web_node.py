@@ -41,6 +41,7 @@ from msg_adapters.topics import (
     DIAGNOSTICS,
     MOTION,
     MOTION_WITH_COVARIANCE,
+    PROPOSAL,
     STATE,
     overlay_topic,
     seed_topic,
@@ -119,6 +120,7 @@ class WebNode(ConfiguredNode[WebConfig]):
             (MOTION, self._on_motion),
             (MOTION_WITH_COVARIANCE, self._on_covariance),
             (CATHETER, self._on_catheter),
+            (PROPOSAL, self._on_proposal),
         ):
             topic_subscription(self, self.messages, topic, callback)
         self.create_subscription(
@@ -368,6 +370,11 @@ class WebNode(ConfiguredNode[WebConfig]):
     @guarded
     def _on_catheter(self, message: Marker) -> None:
         self._stream.add_catheter(message)
+        self._changed()
+
+    @guarded
+    def _on_proposal(self, message: Marker) -> None:
+        self._stream.add_proposal(message)
         self._changed()
 
     @guarded

@@ -15,6 +15,7 @@ from lasso_motion_ros.config.stream import SyncConfig
 from lasso_motion_ros.config.web import AUTO_AXES
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
+from lasso_motion_ros.tracking.tracker import TrackerState
 from lasso_motion_ros.web.click_answers import ClickAnswers
 from lasso_motion_ros.web.headline import TrackerWord
 from lasso_motion_ros.web.motion_trace import MotionTrace
@@ -75,6 +76,7 @@ class LiveStream:
         self._shown = ShownPairs(answer_wait_s, clock)
         self._word = TrackerWord(clock, self._health)
         self._had_pose = False
+        self._proposals: dict[int, Array] = {}
         self._tracker_latency_ms: float | None = None
         self.answers = ClickAnswers()
         self.new_runs = 0
@@ -159,6 +161,29 @@ class LiveStream:
             self._shown.add_loop(stamp_ns, loop)
             if loop is not None:
                 self._trace.add_loop(stamp_ns, loop)
+
+    def add_proposal(self, message: Any) -> None:
+        """Take a `proposal`: a ring that was found without clicks, by its rank, or that there is none of that rank.
+
+        Raises:
+            MessageError: another frame, or points that are none.
+        """
+        if message.action == DELETE:
+            with self._lock:
+                self._proposals.pop(message.id, None)
+            return
+        self._check_frame("proposal", message)
+        ring = decode_points(message)
+        if not np.isfinite(ring).all():
+            raise MessageError("proposal: a point is not finite")
+        with self._lock:
+            self._proposals[message.id] = ring
+
+    @property
+    def _best_proposal(self) -> Array | None:
+        """The ring that the tracker would accept; None where it does not wait for one."""
+        is_waited_for = self.state == TrackerState.WAITING_FOR_SEED.value
+        return self._proposals[min(self._proposals)] if is_waited_for and self._proposals else None
 
     def _check_frame(self, what: str, message: Any) -> None:
         if message.header.frame_id != self._world_frame:
@@ -262,6 +287,7 @@ class LiveStream:
             return {
                 **asdict(headline),
                 **self._patient.words(),
+                "proposed": self._best_proposal is not None,
                 "sigma_mm": None if sigma_mm is None else round(sigma_mm, 2),
                 "pose_age_s": None if age is None else round(age, 1 if age < 1.0 else None),
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},
@@ -281,4 +307,4 @@ class LiveStream:
     def picture(self, view: PageView, *, held: bool = False) -> Picture | None:
         """The newest picture that may be shown, or of the pair that is held."""
         with self._lock:
-            return self._shown.picture(view, has_pose=self.has_pose, held=held)
+            return self._shown.picture(view, has_pose=self.has_pose, held=held, proposed=self._best_proposal)

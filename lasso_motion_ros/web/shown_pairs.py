@@ -128,13 +128,16 @@ class ShownPairs:
         held = self._held
         return None if held is None else held.pair
 
-    def picture(self, view: PageView, *, has_pose: bool, held: bool = False) -> Picture | None:
+    def picture(
+        self, view: PageView, *, has_pose: bool, held: bool = False, proposed: Array | None = None
+    ) -> Picture | None:
         """The newest picture that may be shown.
 
         Args:
             view: the film, or the overlay node's pictures where they keep up.
             has_pose: whether the tracker has a pose, so that answers are to be expected, and loops to be shown.
             held: the pair that is held, if there is one.
+            proposed: (N, 3) a ring that was found, world metres, to be shown while there is no pose.
         """
         if held and self._held is not None:
             return _film(self._held, None, held=True)
@@ -144,7 +147,7 @@ class ShownPairs:
         now = self._clock()
         for seen in reversed(self._pairs):
             if not has_pose or seen.pair.stamp_ns in self._loops or now - seen.at_s >= self._wait_s:
-                return _film(seen, self._loops.get(seen.pair.stamp_ns) if has_pose else None, held=False)
+                return _film(seen, self._loops.get(seen.pair.stamp_ns) if has_pose else proposed, held=False)
         return None
 
     def _drawn(self, *, has_pose: bool) -> Picture | None:

@@ -1,4 +1,4 @@
-"""A page that is closed while the tracker still answers it: nothing stays held. A real page's server over DDS."""
+"""A page closed while the tracker still answers it, and one that accepts a ring: a real page's server over DDS."""
 
 from __future__ import annotations
 
@@ -14,14 +14,16 @@ pytest.importorskip("aiohttp", reason="needs the web extra")
 
 import aiohttp
 import numpy as np
-from std_srvs.srv import SetBool
+from std_srvs.srv import SetBool, Trigger
 from support.drawn_recording import SIDE, projections
 from support.node_harness import PATIENCE_S, Graph
 from support.page_client import Client
 
+from lasso_motion_ros.nodes.qos import topic_publisher
 from msg_adapters import topics
 from msg_adapters.calibrations import encode_camera_info
 from msg_adapters.images import encode_image
+from msg_adapters.markers import encode_line_strip
 from msg_adapters.messages import RosMessages, header_fields
 
 pytestmark = pytest.mark.ros
@@ -57,17 +59,51 @@ def send_pair(graph: Graph) -> None:
             publisher.publish(RosMessages().make(topic.type_name, fields))
 
 
+def served(graph: Graph) -> str:
+    """Start the page's server; its address."""
+    graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
+    graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
+    return graph.processes.log("web").partition("the page is at ")[2].split()[0]
+
+
 def status(client: Client) -> dict[str, Any]:
     said = client.of("status")
     return said[-1] if said else {}
 
 
+def test_a_page_shows_the_ring_that_is_proposed_and_accepts_it(tmp_path: Path) -> None:
+    with Graph((), tmp_path) as graph:
+        accepted: list[Trigger.Request] = []
+
+        def accept(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            accepted.append(request)
+            response.success = True
+            return response
+
+        graph.listener.node.create_service(Trigger, "lasso_tracker/accept", accept)
+        url = served(graph)
+        ring = encode_line_strip(np.eye(3), header_fields(STAMP_NS, "patient_table"), "proposal")
+        for topic, fields in ((topics.PROPOSAL, ring), (topics.STATE, {"data": "WAITING_FOR_SEED"})):
+            publisher = topic_publisher(graph.listener.node, RosMessages(), topic)
+            graph.wait_until(lambda publisher=publisher: publisher.get_subscription_count() > 0)
+            publisher.publish(RosMessages().make(topic.type_name, fields))
+
+        async def visit() -> None:
+            async with aiohttp.ClientSession() as session:
+                client = Client(await session.ws_connect(f"{url}live", origin=url.rstrip("/")))
+                await client.hear(lambda: status(client).get("proposed"))
+                await client.send(type="accept", id=1)
+                await client.hear(lambda: client.of("answer"))
+                assert client.of("answer")[0]["done"], client.of("answer")
+
+        asyncio.run(visit())
+        assert len(accepted) == 1
+
+
 def test_a_page_that_is_closed_while_it_is_answered_holds_nothing(tmp_path: Path) -> None:
     with Graph((), tmp_path) as graph:
         tracker = SlowTracker(graph)
-        graph.processes.start("web", "lasso_motion_ros.cli.main", ["web", "--port", "0"])
-        graph.wait_until(lambda: "the page is at" in graph.processes.log("web"))
-        url = graph.processes.log("web").partition("the page is at ")[2].split()[0]
+        url = served(graph)
         send_pair(graph)
 
         async def visit() -> None:

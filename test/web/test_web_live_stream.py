@@ -63,6 +63,12 @@ class Bench:
         fields = encode_delete(header, "c") if z_mm is None else encode_line_strip(points, header, "c")
         self.stream.add_catheter(MAKE(topics.CATHETER.type_name, fields))
 
+    def proposal(self, z_mm: float | None, frame: str = WORLD) -> None:
+        header = header_fields(stamp(0), frame)
+        points = apply(shift(z_mm or 0.0), loop())
+        fields = encode_delete(header, "c") if z_mm is None else encode_line_strip(points, header, "c")
+        self.stream.add_proposal(MAKE(topics.PROPOSAL.type_name, fields))
+
     def diagnostics(self, name: str, message: str, **values: str) -> None:
         entries = [{"key": key, "value": value} for key, value in values.items()]
         status = {"name": name, "message": message, "values": entries}
@@ -149,6 +155,23 @@ def test_no_loop_in_a_state_without_a_pose(bench: Bench, state: str) -> None:
     bench.stream.add_state(state)
     assert bench.shown() == (0, False)
     assert not bench.stream.status()["has_pose"]
+
+
+def test_a_proposed_ring_is_shown_while_the_tracker_waits_for_clicks_and_until_it_is_withdrawn(bench: Bench) -> None:
+    bench.stream.add_state("WAITING_FOR_SEED")
+    bench.pair(0)
+    assert bench.shown() == (0, False)
+    bench.proposal(0.0)
+    assert bench.shown() == (0, True)
+    assert bench.stream.status()["proposed"]
+    bench.stream.add_state("LOST")
+    assert bench.shown() == (0, False)
+    bench.stream.add_state("WAITING_FOR_SEED")
+    bench.proposal(None)
+    assert bench.shown() == (0, False)
+    assert not bench.stream.status()["proposed"]
+    with pytest.raises(MessageError, match="proposal is in frame 'map'"):
+        bench.proposal(1.0, frame="map")
 
 
 def test_half_a_pair_shows_the_plane_that_is_there(bench: Bench) -> None:

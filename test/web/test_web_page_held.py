@@ -20,32 +20,39 @@ from lasso_motion_ros.web.source import PageView, Picture, PlanePicture, TracePo
 pytestmark = pytest.mark.timeout(600)
 
 SIDE = 256
+TURN = np.linspace(0.0, 2.0 * np.pi, 60)
+RING = 128.0 + 60.0 * np.column_stack([np.cos(TURN), np.sin(TURN)])
+PROPOSAL_COLOUR = (51, 230, 255)
 
 
 class Laggard:
-    """A source that says at once that it holds; its held picture comes when it is let."""
+    """A source that says at once that it holds; its held picture comes when it is let. It may propose a ring."""
 
     def __init__(self) -> None:
-        self.held = self.let = False
+        self.held = self.let = self.proposes = False
+        self.commands: list[str] = []
         self._changed: Callable[[], None] = lambda: None
 
     def status(self, page: int) -> dict[str, Any]:
         both = dict.fromkeys("ab")
         said = {"mode": "live", "state": "WAITING_FOR_SEED", "reason": "", "has_pose": False, "stopped_s": both}
         seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "alarm": ""}
+        said |= {"proposed": self.proposes and not self.held}
         return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
 
     def picture(self, view: PageView, page: int) -> Picture:
         pixels = np.full((SIDE, SIDE), 90, np.uint8)
-        planes = {plane: PlanePicture(1, pixels, None) for plane in "ab"}
+        ring = RING if self.proposes else None
+        planes = {plane: PlanePicture(1, pixels, ring) for plane in "ab"}
         return Picture(2 if self.let else 1, self.let, planes)
 
     def trace(self, after: int) -> list[TracePoint]:
         return []
 
     def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
-        self.held = True
-        return "It is held."
+        self.commands.append(name)
+        self.held = name == "hold"
+        return "It is held." if self.held else "It is taken."
 
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
@@ -86,6 +93,32 @@ def test_the_picture_is_clicked_once_the_held_one_is_on_the_screen(tmp_path: Pat
             assert not asks_before_reload(page)  # there is nothing left that could be lost
     finally:
         server.stop()
+
+
+def test_a_proposed_ring_is_drawn_enter_takes_it_and_s_sets_clicks(tmp_path: Path) -> None:
+    require_browser()
+    source = Laggard()
+    source.proposes = True
+    server = WebServer(source, port=0)
+    server.start()
+    try:
+        with open_page(server.url, tmp_path / "profile") as page:
+            page.wait_for(lambda: all(is_ring_drawn(page, plane) for plane in "ab"), "the ring")
+            assert page.text("reason") == "A ring is found: is it the lasso?"
+            assert "Enter" in page.text("detail")
+            page.press("\ue007")  # Enter
+            page.wait_for(lambda: page.text("message-text") == "It is taken.", "the answer")
+            page.press("s")
+            page.wait_for(lambda: not is_ring_drawn(page, "a"), "the held picture without a ring")
+            assert source.commands == ["accept", "hold"]
+    finally:
+        server.stop()
+
+
+def is_ring_drawn(page: Page, plane: str) -> bool:
+    """Whether a plane's canvas has the proposal's colour."""
+    marks = page.pixels(plane, "marks").astype(int)
+    return bool((np.abs(marks[..., :3] - PROPOSAL_COLOUR).max(axis=2) + 255 - marks[..., 3] < 30).sum() > 50)
 
 
 def asks_before_reload(page: Page) -> bool:

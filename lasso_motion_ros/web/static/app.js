@@ -117,6 +117,7 @@ function takePicture(header, bitmaps) {
   for (const name of NAMES) {
     if (bitmaps[name]) planes[name].show(bitmaps[name], header.planes[name].loop);
     else planes[name].loop = null;
+    planes[name].ring = planes[name].loop;
     planes[name].missing = !bitmaps[name];
     planes[name].drawn = Boolean(header.planes[name]?.drawn);
   }
@@ -157,6 +158,8 @@ function refresh() {
   get("draw-panel").hidden = live;
   get("live-buttons").hidden = get("axes").hidden = clicking;
   for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && status?.state === "NO_TRACKER");
+  get("accept").hidden = !status?.proposed;
+  get("accept").disabled = !connected;
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
   get("keep").disabled = !connected || !status?.has_clicks;
   get("click-keep").disabled = !enough();
@@ -172,6 +175,9 @@ function refresh() {
     const silence = live ? status?.stopped_s?.[name] : null;
     plane.doubtful = status?.state === "DEGRADED";
     if (live && (!status?.has_pose || clicking)) plane.loop = null;
+    // The word that a ring is proposed may come after the picture with it.
+    plane.proposed = Boolean(live && status?.proposed && !clicking);
+    if (plane.proposed) plane.loop = plane.ring;
     plane.clicking = clicking;
     const fit = clicking && live && fits[name]?.clicks === clicks.points[name].length ? fits[name] : null;
     plane.ellipse = fit?.ellipse ?? null;
@@ -243,6 +249,7 @@ function announce(words) {
 function reasonWords() {
   if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
   if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
+  if (status.proposed) return "A ring is found: is it the lasso?";
   return status.reason || {
     TRACKING: "The loop is followed.",
     WAITING_FOR_SEED: "Click along the loop in both planes to begin.",
@@ -256,6 +263,7 @@ function detailWords() {
   if (status.held_elsewhere) return "Somebody is setting clicks in another window.";
   if (status.state === "WAITING_FOR_SEED") {
     if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
+    if (status.proposed && !status.sent) return "Press Enter to take it, or S to set clicks.";
     return status.sent ? "If nothing follows, press S and click again." : "Press S: the picture is held while you click.";
   }
   if (status.state === "NO_TRACKER") return "Start lasso_tracker; this page finds it by itself.";
@@ -431,6 +439,7 @@ function reset() {
 }
 
 const deeds = {
+  accept: () => ask("accept"),
   hold: () => ask("hold"),
   cancel: async () => {
     cancelling = true;
@@ -502,7 +511,7 @@ function whyNot(id) {
 
 const keys = {
   s: () => press("hold"),
-  Enter: () => press("send"),
+  Enter: () => press("send", "accept"),
   Escape: () => press("cancel"),
   z: () => press("undo", "draw-undo"),
   Backspace: () => press("undo", "draw-undo"),

@@ -7,6 +7,7 @@ const BUTTON_ZOOM = 1.5;
 const CLICK_COLOUR = "#78beff";
 const ELLIPSE_COLOUR = "#ff9df5"; // like nothing else on the page
 const LOOP_COLOUR = "#ffe240"; // as in the overlay node's pictures
+const PROPOSAL_COLOUR = "#33e6ff"; // as in plane_x/tracking
 
 export class Plane {
   /** act: {add, remove, grab, move, choose, window, refuse}: what to do when the user clicks, right-clicks, drags a point,
@@ -118,7 +119,7 @@ export class Plane {
     if (this.loop) {
       this.line(marks, this.loop, "#000000", 3.2 * ratio, 0.45);
       marks.setLineDash(this.doubtful ? [7 * ratio, 5 * ratio] : []);
-      this.line(marks, this.loop, LOOP_COLOUR, 1.8 * ratio, 1);
+      this.line(marks, this.loop, this.proposed ? PROPOSAL_COLOUR : LOOP_COLOUR, 1.8 * ratio, 1);
       marks.setLineDash([]);
     }
     if (this.ellipse) {
