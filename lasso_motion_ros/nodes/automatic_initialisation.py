@@ -8,36 +8,14 @@ import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
-from rclpy.node import Node
-from std_srvs.srv import Trigger
-
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.automatic_start import RingLookout, only_ring
 
 NICENESS = 10  # on Linux of this thread only: images and pairs go first
-
-
-def serve_accept(node: Node, accept: Callable[[], str]) -> None:
-    """Serve `~/accept`, which starts with the proposed ring.
-
-    Args:
-        node: the node.
-        accept: starts with it and says so, or raises LassoMotionError.
-    """
-
-    def answer(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            response.message = accept()
-            response.success = True
-        except LassoMotionError as error:
-            response.success, response.message = False, str(error)
-        return response
-
-    node.create_service(Trigger, "~/accept", answer)
 
 
 class AutomaticInitialisation:

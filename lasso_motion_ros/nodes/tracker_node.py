@@ -17,7 +17,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
 from lasso_motion_ros.initialisation.ring_finder import Proposal
-from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation, serve_accept
+from lasso_motion_ros.nodes.clickless_start import ClicklessStart
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.describer import Describer
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
@@ -90,14 +90,14 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
         )
-        self._found: list[Proposal] = []  # to start with, unasked
         self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(
             self, self._active, self._enqueue, self._reset, self._set_reference, self._show
         )
-        self._automatic: AutomaticInitialisation | None = None
-        serve_accept(self, self._accept)
+        self._clickless = ClicklessStart(
+            self, self._tracker_publishers.publish_proposals, self._start_with, self.complaints.error
+        )
         steady_timer(self, _TUNING.diagnostics_s, self._on_timer)
         steady_timer(self, _TUNING.look_s, self._on_look)
 
@@ -177,13 +177,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             idle=self._describe,
         )
         session = pipeline.session
-        self._automatic = AutomaticInitialisation(
-            config,
-            lambda: session.state is TrackerState.WAITING_FOR_SEED,
-            self._tracker_publishers.publish_proposals,
-            self._found.append,
-            self.complaints.error,
-        )
+        self._clickless.begin(config, lambda: session.state is TrackerState.WAITING_FOR_SEED)
         self._watch = StreamWatch(time.monotonic())
         self._state_watch.begin(config.stream_timeout_s)
         self._by_arrival = config.stamp_source == "arrival"
@@ -198,10 +192,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if self._inputs is not None:
             self._inputs.destroy()
             self._inputs = None
-        if self._automatic is not None:
-            self._automatic.stop(_TUNING.patience_s)
-            self._automatic = None
-            self._found.clear()
+        self._clickless.end(_TUNING.patience_s)
         if self._worker is not None:
             if not self._worker.stop(_TUNING.patience_s):
                 self.get_logger().error("the tracker hangs in a pair and is left behind: configure the node anew")
@@ -265,42 +256,24 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             with self._between_answers():
                 self._pipeline.session.reconfigure(config)
         self._state_watch.timeout.reconfigure(config.stream_timeout_s)
-        if self._automatic is not None:
-            self._automatic.reconfigure(config)
-
-    def _accept(self) -> str:
-        if self._automatic is None:
-            raise TrackingError("the node is not active")
-        ring = self._automatic.accepted()
-        self._start_with(ring)
-        return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken: {ring.text}"
+        self._clickless.reconfigure(config)
 
     def _start_with(self, ring: Proposal) -> None:
         self._enqueue([self._active().intake.seed_pair(ring.pair, ring.seed)])
 
     def _start_unasked(self) -> None:
-        """Start with the ring that was found, unless clicks have come meanwhile; here, where pairs are numbered."""
-        if (
-            not self._found
-            or self._worker is None
-            or self._worker.waiting
-            or not self._answering.acquire(blocking=False)
-        ):
-            return  # at the next look
-        try:
-            ring = self._found.pop()
-            self._found.clear()
-            if self._active().session.state is TrackerState.WAITING_FOR_SEED:
-                self._start_with(ring)
-        finally:
-            self._answering.release()
+        """Start with a ring that was found, while no pair is being answered; here, where pairs are numbered."""
+        is_free = self._worker is not None and not self._worker.waiting
+        if self._clickless.is_due and is_free and self._answering.acquire(blocking=False):  # else at the next look
+            try:
+                self._clickless.start_unasked()
+            finally:
+                self._answering.release()
 
     def _reset(self) -> None:
         pipeline = self._active()
         with self._between_answers():
-            self._found.clear()
-            if self._automatic is not None:
-                self._automatic.overtake()
+            self._clickless.reset()
             if self._worker is not None:
                 self._worker.clear()
             self._state_watch.timeout.forget()
@@ -346,8 +319,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
                 if not task.answered:  # else it waited for clicks, not for us
                     self._latencies.begin(task.number, time.monotonic())
             self._state_watch.timeout.asked(tasks[-1].number, time.monotonic())
-            if self._automatic is not None and any(task.seed is not None for task in tasks):
-                self._automatic.overtake()
+            if any(task.seed is not None for task in tasks):
+                self._clickless.overtake()
             self._worker.put(tasks)
         self._complain()
 
@@ -373,8 +346,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         age_s = (self.get_clock().now().nanoseconds - task.pair.stamp_ns) / NANOSECONDS
         self._latencies.end(task.number, time.monotonic(), age_s)
         self._complain()
-        if (automatic := self._automatic) is not None and task.seed is None:  # a seed's pair is one of the past
-            automatic.add(task.pair)
+        if task.seed is None:  # else its pair is one of the past
+            self._clickless.add(task.pair)
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -15,13 +13,10 @@ pytest.importorskip("rclpy", reason="needs ROS 2")
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
-from support.breathing_lasso import pair
 from support.node_harness import Graph
 from support.ring_stream import HEARD, RIGHT_MM, RingStream, start_tracker
 
-from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal
-from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
+from lasso_motion_ros.initialisation.ring_finder import PAIRS
 from msg_adapters.topics import PROPOSAL
 
 pytestmark = pytest.mark.ros
@@ -79,29 +74,3 @@ def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_
     stream.pairs(PAIRS)
     graph.heard.wait_for(lambda: len(stream.references()) > before, PATIENCE_S)
     stream.await_state("TRACKING")
-
-
-def test_a_look_that_clicks_overtake_gives_up() -> None:
-    asked, proposed = list[float](), list[Proposal]()
-
-    def is_wanted() -> bool:
-        if threading.current_thread().name == "lookout":
-            asked.append(time.monotonic())
-        return True
-
-    automatic = AutomaticInitialisation(
-        StreamConfig(polarity="dark"), is_wanted, proposed.extend, proposed.extend, lambda _: None
-    )
-    try:
-        for index in range(PAIRS):
-            automatic.add(pair(index))
-        until = time.monotonic() + PATIENCE_S
-        while len(asked) < 5 and time.monotonic() < until:
-            time.sleep(0.01)
-        automatic.overtake()
-        before = len(asked)
-        time.sleep(max(1.0, 2.0 * max(np.diff(asked))))  # in which it would ask again
-        assert len(asked) <= before + 1
-        assert not proposed
-    finally:
-        automatic.stop(PATIENCE_S)
