@@ -1,1 +1,4 @@
-"""What every room may use: errors, files, progress, signals, worker processes, plain YAML. Imports no other room."""
+"""What every room may use: errors, files, progress, signals, worker processes, plain YAML, log odds.
+
+It imports no other room.
+"""

@@ -10,11 +10,12 @@ other.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+from lasso_motion_ros.core.logistic import logistic
 
 Array = npt.NDArray[np.float64]
 
@@ -130,9 +131,7 @@ class BreathingRotation:
         without = _Posterior(square[OTHERS, OTHERS], cross[OTHERS], PRIOR_SD[OTHERS])
         slopes, covariance = posterior.coefficients(variance)
         evidence = posterior.log_evidence(variance) - without.log_evidence(variance)
-        return _Fit(
-            axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), 0.5 + 0.5 * math.tanh(0.5 * float(evidence))
-        )
+        return _Fit(axis, slopes[MOVED], covariance[MOVED, MOVED] * np.eye(3), logistic(float(evidence)))
 
 
 class _Posterior:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.logistic import logistic
 from lasso_motion_ros.geometry.curves import distance_of_point
 
 Array = npt.NDArray[np.float64]
@@ -82,7 +83,7 @@ class Slide(NamedTuple):
         if self.log_odds <= 0.0:
             return 0.0
         share = min(self.across_m / limit_m, 1.0)
-        return (1.0 - math.sqrt(1.0 - share**2)) / (1.0 + math.exp(-self.log_odds))
+        return (1.0 - math.sqrt(1.0 - share**2)) * logistic(self.log_odds)
 
 
 class BreathingCurve:

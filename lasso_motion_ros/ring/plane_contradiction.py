@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.logistic import logistic
 from lasso_motion_ros.motion import matern
 
 Array = npt.NDArray[np.float64]
@@ -59,7 +60,7 @@ class PlaneContradiction:
     @property
     def probability(self) -> float:
         """Probability that one of the planes shows something else."""
-        return 0.5 + 0.5 * math.tanh(0.5 * (self.evidence + self.tuning.odds))
+        return logistic(self.evidence + self.tuning.odds)
 
     @property
     def size_mm(self) -> float:
