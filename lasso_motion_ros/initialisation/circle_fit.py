@@ -12,8 +12,8 @@ from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
 from lasso_motion_ros.initialisation.circles import TURN, Circles, is_narrow, laid, outward
+from lasso_motion_ros.initialisation.direction_maps import DIRECTIONS, DirectionMaps, nearest_direction, tangents
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.line_maps import DIRECTIONS, LineMaps, nearest_direction, tangents
 
 Array = npt.NDArray[np.float64]
 
@@ -64,7 +64,7 @@ TUNING = _Tuning()
 
 
 def find_circles(
-    maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
+    maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
 ) -> Circles:
     """The best circles that both planes show, refined and distinct, best first.
 
@@ -104,7 +104,7 @@ def _with_tilted(circles: Circles, grid: EpipolarGrid) -> Circles:
     return Circles.joined(parts)
 
 
-def scored(circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid) -> Circles:
+def scored(circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid) -> Circles:
     """The circles with the mean response to lines along them, less that beside them: the weaker plane's above all."""
     larger = 1.0 + (TUNING.beside_m / circles.radii)[:, None]
     means = []
@@ -125,7 +125,7 @@ def scored(circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid)
     return replace(circles, scores=np.minimum(*means) + STRONGER_SHARE * np.maximum(*means))
 
 
-def _beside_narrow(columns: Array, rows: Array, maps: LineMaps) -> Array:
+def _beside_narrow(columns: Array, rows: Array, maps: DirectionMaps) -> Array:
     """(N,) what lies outside narrow ellipses (N, P): along their sides, and where their line would go on."""
     x, y = outward(columns, rows)
     aside = columns + TUNING.beside_m * x, rows + TUNING.beside_m * y
@@ -144,7 +144,7 @@ def _beside_narrow(columns: Array, rows: Array, maps: LineMaps) -> Array:
 
 
 def _moved(
-    circles: Circles, maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, one: _Round, lift_inertia: float
+    circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid, one: _Round, lift_inertia: float
 ) -> Circles:
     """The circles after one step towards the lines beside them (weighted least squares of the distances)."""
     inertia = np.array([*TUNING.inertia, lift_inertia])

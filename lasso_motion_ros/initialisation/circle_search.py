@@ -21,8 +21,8 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.directions import half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, laid
+from lasso_motion_ros.initialisation.direction_maps import CELL_MM, DirectionMaps, nearest_direction
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.line_maps import CELL_MM, LineMaps, nearest_direction
 
 Array = npt.NDArray[np.float64]
 Coarse = npt.NDArray[np.uint8]
@@ -54,7 +54,7 @@ STRONGER_SHARE = 0.3  # of the plane that shows more: a circle is what the weake
 
 
 def search_circles(
-    maps: Mapping[Plane, LineMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
+    maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid, between_s: float, check: Callable[[], None] = lambda: None
 ) -> Circles:
     """The best circles, distinct, best first.
 
@@ -115,7 +115,7 @@ def _of_inner(count: int) -> Indices:
 
 
 def _contrasts(
-    maps: LineMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]
+    maps: DirectionMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]
 ) -> Contrast:
     """(inner shapes, H, W) what a plane shows along each in all places, less half of what it shows beside it."""
     sums = _sums(_pooled(maps), shapes, plane, grid, check)
@@ -125,7 +125,7 @@ def _contrasts(
     return np.maximum(contrast, 0, out=contrast).reshape(-1, *sums.shape[1:])
 
 
-def _pooled(maps: LineMaps) -> Coarse:
+def _pooled(maps: DirectionMaps) -> Coarse:
     """(DIRECTIONS, H, W) the strongest response about each coarse cell's middle."""
     kernel = np.ones((TUNING.widened_cells, TUNING.widened_cells), np.uint8)
     cells = slice(TUNING.fine_cells // 2, None, TUNING.fine_cells)

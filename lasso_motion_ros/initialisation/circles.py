@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.initialisation.direction_maps import tangents
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.line_maps import tangents
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]

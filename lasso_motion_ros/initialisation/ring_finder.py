@@ -16,9 +16,9 @@ from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Se
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
+from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps, row_range
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
-from lasso_motion_ros.initialisation.line_maps import LineMaps, curvature, line_maps, row_range
 from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.tracker import RingTracker
@@ -221,7 +221,7 @@ def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
 
 def _maps(
     frames: Mapping[Plane, Frame], grid: EpipolarGrid, rows: tuple[float, float], polarity: str, other: bool
-) -> tuple[bool, dict[Plane, LineMaps]]:
+) -> tuple[bool, dict[Plane, DirectionMaps]]:
     """Whether the catheters are bright, and the planes' maps; electrodes stand out more than anything opposite."""
     seen = {plane: curvature(frame, plane, grid, rows) for plane, frame in frames.items()}
     if polarity == "auto":
@@ -229,7 +229,7 @@ def _maps(
         is_bright = (bright > dark) is not other
     else:
         is_bright = polarity == "bright"
-    return is_bright, {plane: line_maps(one, bright=is_bright) for plane, one in seen.items()}
+    return is_bright, {plane: direction_maps(one, bright=is_bright) for plane, one in seen.items()}
 
 
 def _are_same(one: Proposal, other: Proposal) -> bool:

@@ -12,8 +12,8 @@ from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps, row_range
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.line_maps import curvature, line_maps, row_range
 
 UP = np.array([0.0, 0.0, 4e-3])
 BEST = 3  # of which models are made first
@@ -40,7 +40,7 @@ def _found(curve: np.ndarray, lift: np.ndarray, between_s: float, *, wires: bool
         frames[plane] = Frame(0, noisy(image, ord(plane)), view)
     grid = EpipolarGrid.of(VIEWS)
     rows = row_range(frames, grid)
-    maps = {plane: line_maps(curvature(frame, plane, grid, rows), bright=False) for plane, frame in frames.items()}
+    maps = {plane: direction_maps(curvature(frame, plane, grid, rows), bright=False) for plane, frame in frames.items()}
     return find_circles(maps, grid, between_s)
 
 

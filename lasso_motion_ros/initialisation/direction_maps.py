@@ -1,4 +1,4 @@
-"""What each plane shows of dark lines, direction by direction, on the epipolar grid."""
+"""What each plane shows of dark or bright lines, a map for each direction, on the epipolar grid."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ _MIXED = np.array([[0.25, 0.0, -0.25], [0.0, 0.0, 0.0], [-0.25, 0.0, 0.25]], np.
 
 
 @dataclass(frozen=True, eq=False)
-class LineMaps:
-    """One plane.
+class DirectionMaps:
+    """One plane: a map of its lines for each direction.
 
     Attributes:
         responses: (DIRECTIONS, H, W) float32 in [0, 1], for a line's tangent at angle k·180°/DIRECTIONS from the
@@ -147,8 +147,8 @@ def curvature(frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float,
     return Curvature(xx, yy, xy, np.asarray(inside), float(xs[0]), float(hs[0]))
 
 
-def line_maps(seen: Curvature, *, bright: bool) -> LineMaps:
-    """The maps of lines that are darker, or brighter, than what is behind them."""
+def direction_maps(seen: Curvature, *, bright: bool) -> DirectionMaps:
+    """The maps of one plane's lines that are darker, or brighter, than what is behind them."""
     xx, yy, xy = (-one if bright else one for one in (seen.xx, seen.yy, seen.xy))
     height, width = xx.shape
     responses = np.zeros((DIRECTIONS, height, width), np.float32)
@@ -166,7 +166,7 @@ def line_maps(seen: Curvature, *, bright: bool) -> LineMaps:
     responses -= np.float32(TUNING.floor)
     responses *= np.float32(1.0 / (TUNING.ceiling - TUNING.floor))
     np.clip(responses, 0.0, 1.0, out=responses)
-    return LineMaps(responses, seen.left, seen.top)
+    return DirectionMaps(responses, seen.left, seen.top)
 
 
 def row_range(frames: dict[Plane, Frame], grid: EpipolarGrid) -> tuple[float, float]:
