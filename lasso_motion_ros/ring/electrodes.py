@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +20,6 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import Image
 
 Array = npt.NDArray[np.float64]
-Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -165,8 +163,24 @@ Kinds = list[tuple[float, float, Array]]
 """Which combs are tried: share of a pair (0: even), length of an electrode in mm, periods in mm."""
 
 
-def fit_comb(arc_mm: Array, shown: Mapping[Plane, Image]) -> Comb:
-    """The likeliest comb of any kind.
+def _any_kind() -> Kinds:
+    even, pairs = _distances(*TUNING.even_mm), _distances(*TUNING.pairs_mm)
+    kinds = [(0.0, length, even) for length in TUNING.even_lengths_mm]
+    return kinds + [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
+
+
+def _outcome(work: Generator[None, None, Comb | None]) -> Comb | None:
+    """What work in steps gives in the end."""
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            outcome: Comb | None = end.value
+            return outcome
+
+
+def _fitting(arc_mm: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Generator[None, None, Comb]:
+    """The likeliest comb of these kinds, in steps.
 
     The profile of each plane is a multiple, not negative, of the comb's, beside what varies slowly and normal noise of
     unknown size; both amplitudes and both sizes of noise are maximised over (profile likelihood), the place is averaged
@@ -175,28 +189,8 @@ def fit_comb(arc_mm: Array, shown: Mapping[Plane, Image]) -> Comb:
     Args:
         arc_mm: (L,) along the curve.
         shown: per plane, (L,) evidence.
+        kinds: which combs are tried.
     """
-    return _outcome(_fitting(arc_mm, shown, _any_kind()))
-
-
-def _any_kind() -> Kinds:
-    even, pairs = _distances(*TUNING.even_mm), _distances(*TUNING.pairs_mm)
-    kinds = [(0.0, length, even) for length in TUNING.even_lengths_mm]
-    return kinds + [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
-
-
-def _outcome(work: Generator[None, None, Outcome]) -> Outcome:
-    """What work in steps gives in the end."""
-    while True:
-        try:
-            next(work)
-        except StopIteration as end:
-            outcome: Outcome = end.value
-            return outcome
-
-
-def _fitting(arc_mm: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Generator[None, None, Comb]:
-    """As `fit_comb`, of these kinds, in steps."""
     slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(arc_mm)), TUNING.slow_terms)
     slow = np.linalg.qr(slow)[0]
     profiles = np.stack([np.asarray(shown[plane], dtype=np.float64) for plane in PLANES], axis=1)
