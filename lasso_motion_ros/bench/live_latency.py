@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.bench.overlay_times import GRID_STEP_MM
-from lasso_motion_ros.bench.publisher import publisher_arguments
+from lasso_motion_ros.bench.publisher import PublishedStream
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import DROPPED_PAIRS
@@ -160,8 +160,8 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
             graph.wait_until(answers.up.is_set, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
             # The tracker and the overlay take both; the plain subscriber takes the images only.
             nodes = 2 if overlay else 1
-            words = publisher_arguments(rate, pairs, side, nodes + 1, nodes, sent)
-            graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
+            stream = PublishedStream(rate, pairs, side, nodes + 1, nodes, sent)
+            graph.start("publisher", "lasso_motion_ros.bench.publisher", stream.words)
             graph.wait_until(
                 sent.is_file,
                 START_WAIT_S + pairs / rate,

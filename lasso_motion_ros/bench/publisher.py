@@ -1,6 +1,6 @@
 """Child process of the live benchmark: publishes a biplane stream at a steady rate and notes the times.
 
-`python -m lasso_motion_ros.bench.publisher RATE PAIRS SIDE IMAGE_TAKERS CALIBRATION_TAKERS NOTES.json MOST_AHEAD`
+`python -m lasso_motion_ros.bench.publisher` takes the words of a `PublishedStream`.
 """
 
 from __future__ import annotations
@@ -9,9 +9,10 @@ import json
 import sys
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import numpy as np
 from rclpy.node import Node
@@ -19,7 +20,7 @@ from rclpy.serialization import serialize_message
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
-from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
+from lasso_motion_ros.nodes.running import ThrottledLog, run_node
 from lasso_motion_ros.stream.drawn_ring import breath_mm, ring_image, ring_projection, ring_seed
 from lasso_motion_ros.tools.later_stamps import STAMP_OFFSET
 from msg_adapters.calibrations import encode_camera_info
@@ -51,12 +52,11 @@ class _Tuning:
 TUNING = _Tuning()
 
 
-class BenchPublisher(Node):  # type: ignore[misc]
-    """Publishes one seeded pair, waits for the tracker's answer to it, then the stream.
+@dataclass(frozen=True)
+class PublishedStream:
+    """What is published, and what is waited for: the child's command line, word for word.
 
-    The images of one breath are drawn beforehand and sent again and again with new stamps: drawing is not measured.
-
-    Args:
+    Attributes:
         rate: pairs a second.
         pairs: of the stream.
         side: of the images, pixels.
@@ -67,38 +67,60 @@ class BenchPublisher(Node):  # type: ignore[misc]
         most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector would.
     """
 
-    def __init__(
-        self,
-        rate: float,
-        pairs: int,
-        side: int,
-        image_subscribers: int,
-        calibration_subscribers: int,
-        notes: Path,
-        most_ahead: int = 0,
-    ) -> None:
+    rate: float
+    pairs: int
+    side: int
+    image_subscribers: int
+    calibration_subscribers: int
+    notes: Path
+    most_ahead: int = 0
+
+    @classmethod
+    def read(cls, words: Sequence[str]) -> PublishedStream:
+        """Take it from a command line.
+
+        Raises:
+            ValueError: there are more or fewer words, or one is no number.
+        """
+        kinds = get_type_hints(cls).values()
+        return cls(*(kind(word) for kind, word in zip(kinds, words, strict=True)))
+
+    @property
+    def words(self) -> list[str]:
+        """The command line that `read` takes."""
+        return [str(value) for value in vars(self).values()]
+
+
+class BenchPublisher(Node):  # type: ignore[misc]
+    """Publishes one seeded pair, waits for the tracker's answer to it, then the stream.
+
+    The images of one breath are drawn beforehand and sent again and again with new stamps: drawing is not measured.
+
+    Args:
+        stream: what is published.
+    """
+
+    def __init__(self, stream: PublishedStream) -> None:
         super().__init__("bench_publisher", enable_rosout=False)
         self.complaints = ThrottledLog(self.get_logger())
-        self._period_ns = round(NANOSECONDS / rate)
-        self._pairs, self._notes = pairs, notes
+        self._stream, self._period_ns = stream, round(NANOSECONDS / stream.rate)
         self._wanted = {
-            **{image_topic(plane).name: image_subscribers for plane in PLANES},
-            **{camera_info_topic(plane).name: calibration_subscribers for plane in PLANES},
+            **{image_topic(plane).name: stream.image_subscribers for plane in PLANES},
+            **{camera_info_topic(plane).name: stream.calibration_subscribers for plane in PLANES},
             **{seed_topic(plane).name: 1 for plane in PLANES},
         }
         self._messages = RosMessages()
         generator = np.random.default_rng(0)
-        steps = max(1, round(TUNING.breath_s * rate))
+        steps = max(1, round(TUNING.breath_s * stream.rate))
         self._images: dict[Plane, list[bytearray]] = {plane: [] for plane in PLANES}
         self._infos: dict[Plane, bytearray] = {}
         for plane in PLANES:
-            for step in range(min(steps, pairs + 1)):
-                displacement = breath_mm(step / rate, TUNING.breath_s)
-                pixels = ring_image(plane, side, displacement, generator)
+            for step in range(min(steps, stream.pairs + 1)):
+                displacement = breath_mm(step / stream.rate, TUNING.breath_s)
+                pixels = ring_image(plane, stream.side, displacement, generator)
                 self._images[plane].append(self._serialised(image_topic(plane), encode_image(pixels, header_fields(0))))
-            info = encode_camera_info(ring_projection(plane, side), header_fields(0))
+            info = encode_camera_info(ring_projection(plane, stream.side), header_fields(0))
             self._infos[plane] = self._serialised(camera_info_topic(plane), info)
-        self._side = side
         inputs = [make(plane) for plane in PLANES for make in (image_topic, camera_info_topic, seed_topic)]
         self._publishers = {
             topic.name: self.create_publisher(type(self._messages.make(topic.type_name, {})), topic.name, qos(depth=10))
@@ -107,8 +129,8 @@ class BenchPublisher(Node):  # type: ignore[misc]
         self._answered = threading.Event()
         motion = type(self._messages.make(MOTION.type_name, {}))
         self.create_subscription(motion, MOTION.name, lambda _: self._answered.set(), qos(depth=10))
-        self._most_ahead, self._answered_ns = most_ahead, START_NS
-        if most_ahead > 0:
+        self._answered_ns = START_NS
+        if stream.most_ahead > 0:
             catheter = type(self._messages.make(CATHETER.type_name, {}))
             self.create_subscription(catheter, CATHETER.name, self._on_answer, qos(depth=10))
         self._closing = threading.Event()
@@ -131,7 +153,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
             if self._closing.wait(TUNING.tick_s):
                 return
         self._publish_pair(0)
-        seed = ring_seed(self._side)
+        seed = ring_seed(self._stream.side)
         for plane in PLANES:
             topic = seed_topic(plane)
             fields = encode_polygon(seed.points(plane), header_fields(START_NS))
@@ -141,21 +163,21 @@ class BenchPublisher(Node):  # type: ignore[misc]
                 return
         published: dict[int, int] = {}
         began = time.monotonic()
-        for number in range(1, self._pairs + 1):
+        for number in range(1, self._stream.pairs + 1):
             left = began + number * self._period_ns / NANOSECONDS - time.monotonic()
             if self._closing.wait(max(0.0, left)) or not self._may_publish(number):
                 return
             published[START_NS + number * self._period_ns] = self._publish_pair(number)
-        self._notes.write_text(json.dumps({str(stamp): at for stamp, at in published.items()}), encoding="utf-8")
+        self._stream.notes.write_text(json.dumps({str(stamp): at for stamp, at in published.items()}), encoding="utf-8")
 
     def _on_answer(self, message: Any) -> None:
         self._answered_ns = stamp_to_ns(message.header.stamp)
 
     def _may_publish(self, number: int) -> bool:
         """Wait until enough of the earlier pairs are answered; False if the node closes meanwhile."""
-        needed_ns = START_NS + (number - self._most_ahead) * self._period_ns
+        needed_ns = START_NS + (number - self._stream.most_ahead) * self._period_ns
         given_up_s = time.monotonic() + TUNING.unanswered_s
-        while self._most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
+        while self._stream.most_ahead > 0 and self._answered_ns < needed_ns and time.monotonic() < given_up_s:
             if self._closing.wait(TUNING.answer_tick_s):
                 return False
         return True
@@ -177,29 +199,9 @@ class BenchPublisher(Node):  # type: ignore[misc]
         return began
 
 
-def publisher_arguments(
-    rate: float,
-    pairs: int,
-    side: int,
-    image_subscribers: int,
-    calibration_subscribers: int,
-    notes: Path,
-    most_ahead: int = 0,
-) -> list[str]:
-    """Command-line arguments that give `BenchPublisher` these values."""
-    values = (rate, pairs, side, image_subscribers, calibration_subscribers, notes, most_ahead)
-    return [str(value) for value in values]
-
-
 def main() -> int:
     """Run until stopped; returns the exit status."""
-    rate, *counts, notes, most_ahead = sys.argv[1:8]
-
-    def make() -> RunnableNode:
-        pairs, side, images, calibrations = map(int, counts)
-        return BenchPublisher(float(rate), pairs, side, images, calibrations, Path(notes), int(most_ahead))
-
-    return run_node(make, [])
+    return run_node(lambda: BenchPublisher(PublishedStream.read(sys.argv[1:])), [])
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lasso_motion_ros.bench.publisher import publisher_arguments
+from lasso_motion_ros.bench.publisher import PublishedStream
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.share import share_file
 from lasso_motion_ros.tools.child_graph import START_WAIT_S, child_graph
@@ -142,8 +142,8 @@ def soak(setting: SoakSetting = SETTING) -> SoakFigures:
             tracker = graph.start_tracker(share_file("config/tracker.yaml"))
             # The stream begins when the tracker has learnt of all that listen: what it says before would not be heard.
             graph.wait_until(lambda: answers.up, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
-            words = publisher_arguments(setting.rate, setting.pairs, setting.side, 1, 1, sent, setting.most_ahead)
-            graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
+            stream = PublishedStream(setting.rate, setting.pairs, setting.side, 1, 1, sent, setting.most_ahead)
+            graph.start("publisher", "lasso_motion_ros.bench.publisher", stream.words)
             last, changed_s = 0, time.monotonic() + START_WAIT_S
 
             def has_ended() -> bool:

@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
-from lasso_motion_ros.bench.publisher import publisher_arguments
+from lasso_motion_ros.bench.publisher import PublishedStream
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.tools.child_graph import child_graph
 from lasso_motion_ros.tools.listener import Listener
@@ -35,9 +35,10 @@ def test_nothing_is_sent_before_both_takers_of_the_calibration_are_there(tmp_pat
         heard.append(topic.name)
         came.set()
 
-    words = publisher_arguments(5.0, 2, 64, 1, 2, tmp_path / "sent.json")
+    stream = PublishedStream(5.0, 2, 64, 1, 2, tmp_path / "sent.json")
+    assert PublishedStream.read(stream.words) == stream
     with Listener(INPUTS, hear, domain=domain, raw=True) as first, child_graph(domain, tmp_path) as graph:
-        graph.start("publisher", "lasso_motion_ros.bench.publisher", words)
+        graph.start("publisher", "lasso_motion_ros.bench.publisher", stream.words)
         graph.wait_until(lambda: all(first.publishers(topic) == 1 for topic in INPUTS), PUBLISHER_FOUND_S)
         time.sleep(NOTHING_FOR_S)
         assert heard == []
