@@ -59,6 +59,7 @@ class CurveTuning:
     unusual_share: float = 0.5
     unusual_m: float = 0.003
     slide_penalty: float = 4.0  # log odds against, for a drift of two components that starts at any time
+    rest_penalty: float = 5.0  # and so much more for one that has come to rest at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
     drift_s: float = 9.0  # for so long
 
@@ -166,7 +167,7 @@ class BreathingCurve:
             self._complete_s = time_s
 
     def slide(self, time_s: float, displacement: Array) -> Slide:
-        """Whether the ring has slid off its place by a displacement (3,) m.
+        """Whether the ring has slid off its place by a displacement (3,) m, further than a patient settles down.
 
         Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides
         adds a steady drift from some time on. Both are fitted by least squares to the places of the last minute, for
@@ -181,6 +182,8 @@ class BreathingCurve:
         with_newest = self._change_point(
             np.vstack([points, displacement]), np.append(times, time_s), np.append(is_whole, True)
         )
+        if with_newest.across_m <= self._tuning.smallest_slide_m:
+            return Slide()
         return Slide(with_newest.across_m, min(odds, with_newest.log_odds))
 
     def _past_odds(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> float:
@@ -219,9 +222,12 @@ class BreathingCurve:
         rest = across - basis @ (basis.T @ across)
         freedom = 2.0 * (len(times) - still.shape[1])
         noise = (float(np.sum(rest**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 4.0)
-        # All starts at once: ramps (S, N), and what drift (S, 3) m/s along each explains of the rest.
+        # All starts and ends at once: ramps (S, N), and what drift (S, 3) m/s along each explains of the rest.
         starts = np.linspace(times[0], times[-1] - self._tuning.shortest_slide_s, self._tuning.slide_starts)
-        ramps = np.maximum(times - starts[:, None], 0.0)
+        # What slides goes on, or has come to rest at one of these times: a patient who settles down stays there.
+        first, last = np.triu_indices(len(starts) + 1, 1)
+        starts, ends = starts[first], np.append(starts, times[-1])[last]
+        ramps = np.clip(times, starts[:, None], ends[:, None]) - starts[:, None]
         ramps -= (ramps @ basis) @ basis.T
         power = (ramps * ramps).sum(axis=1)
         best_drift = ramps @ rest / np.maximum(power, 1e-6)[:, None]
@@ -231,11 +237,12 @@ class BreathingCurve:
         squares = float(np.sum(rest**2)) - explained + 4.0 * self._tuning.smallest_sigma_m**2
         remaining = np.maximum(squares / (freedom + 2.0), 1e-12)
         odds = 0.5 * (freedom + 4.0) * np.log(noise / remaining) - self._tuning.slide_penalty
+        odds[ends < times[-1]] -= self._tuning.rest_penalty
         odds[power < 1e-6] = 0.0
         best = int(np.argmax(odds))
         if odds[best] <= 0.0:
             return Slide()
-        return Slide(float(held[best] * speed[best] * (times[-1] - starts[best])), float(odds[best]))
+        return Slide(float(held[best] * speed[best] * (ends[best] - starts[best])), float(odds[best]))
 
     def _is_usual(self, along: Array) -> npt.NDArray[np.bool_]:
         """(N,) whether places along the breath (N,) m are as deep as most, or not much deeper."""
@@ -259,8 +266,7 @@ class BreathingCurve:
         if is_away and not self.is_complete:
             nearest = float(np.linalg.norm(self._points - displacement, axis=1).min())
             off = max(off, nearest / float(np.hypot(self._tuning.first_sigma_m, sigma_m)))
-        has_slid = slide.across_m > self._tuning.smallest_slide_m
-        return max(off, math.sqrt(2.0 * slide.log_odds)) if has_slid else off
+        return max(off, math.sqrt(2.0 * slide.log_odds))
 
     def _speed_sigmas(self, time_s: float, displacement: Array) -> float:
         """How far a displacement (3,) m is beyond what a breath or a cough does since the last one believed."""

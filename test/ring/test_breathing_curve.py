@@ -170,6 +170,18 @@ def test_a_cough_is_no_slide():
     assert max(departures) < 3.3
 
 
+def test_a_patient_who_settles_down_is_no_slide():
+    # By 0.8 mm in eight seconds, across the breath, and there it stays for good: no pose may be lost by that.
+    curve, time_s = breathed(12.0, hysteresis_mm=1.0)
+    for index in range(1, 120):
+        settled_m = 1e-4 * min(index * PAIR_S, 8.0)
+        place = wave(time_s + index * PAIR_S, hysteresis_mm=1.0) + settled_m * ASIDE
+        slide = curve.slide(time_s + index * PAIR_S, place)
+        assert slide.beyond(2e-3) == 0.0
+        assert curve.departure_sigmas(time_s + index * PAIR_S, place, SIGMA_M, slide) < 3.3
+        curve.accept(time_s + index * PAIR_S, place)
+
+
 def test_a_cough_before_a_breath_that_is_held_is_no_slide():
     # Further than a breath goes, and aside, for two pairs; then ten seconds at rest.
     curve, time_s = breathed(8.0, pair_s=0.5, hysteresis_mm=1.0)
