@@ -2,6 +2,6 @@
 
 A pair's way through it is `RingTracker.track` (`ring/tracker.py`). Once, from the clicks, `loop_model` makes the curve
 and `seed_template` the template. Then for each pair: `detector` (`working_image`, `search`, `alignment`: which places
-look like it?), `association` (which is it?), `breathing_curve` and `track_state` (is it in its place?), `validation`
-(what else is asked, in words), `track_result` and `uncertainty` (pose and covariance).
+look like it?), `association` (which is it?), `breathing_curve`, `slide` and `track_state` (is it in its place?),
+`validation` (what else is asked, in words), `track_result` and `uncertainty` (pose and covariance).
 """

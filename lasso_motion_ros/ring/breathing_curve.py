@@ -9,21 +9,20 @@ one breath ago, and of the first one for good.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.core.logistic import logistic
 from lasso_motion_ros.geometry.curves import distance_of_point
+from lasso_motion_ros.ring.slide import SeenPlaces, Slide, SlideTuning
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class CurveTuning:
-    """How breathing repeats."""
+    """How breathing repeats, and when a ring slides off its curve."""
 
     longest_breath_s: float = 9.0  # what is younger does not vouch for a place, once a breath is complete
     settled_s: float = 3.0  # before the first breath is complete: likewise
@@ -45,46 +44,10 @@ class CurveTuning:
     at_once_m: float = 0.002  # and so much besides, for the heartbeat
     longest_interval_s: float = 1.5  # after a longer pause speed tells nothing
     too_fast_sigmas: float = 4.0  # what just exceeds it
-    slide_memory_s: float = 60.0
-    slide_spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     aside_sigmas: float = 6.0  # off the curve: what is further away did not slide there unnoticed
-    slide_points: int = 8  # before, nothing tells a slide from breathing
-    longest_gap: float = 1.8  # of the usual interval
-    slide_starts: int = 8
-    fastest_slide_m_s: float = 0.0015  # what is faster is a cough, or a hand
-    shortest_slide_s: float = 1.5
-    smallest_slide_m: float = 0.00095  # across, which is a part of it: a patient who settles down drifts by less
-    # Of all places, those between these shares are usual, and what is not deeper by more than a share, or than so much.
-    usual_depth: tuple[float, float] = (0.15, 0.85)
-    unusual_share: float = 0.5
-    unusual_m: float = 0.003
-    slide_penalty: float = 4.0  # log odds against, for a drift of two components that starts at any time
-    rest_penalty: float = 5.0  # and so much more for one that has come to rest at any time
     drift_m_s: float = 1e-4  # of the end of expiration, in a patient who settles down,
     drift_s: float = 9.0  # for so long
-
-
-class Slide(NamedTuple):
-    """Whether the ring slides off its place, as far as that shows.
-
-    Attributes:
-        across_m: how far it has slid by now across the direction of its breathing, which alone shows; metres.
-        log_odds: natural logarithm of the odds that it has; 0 where nothing speaks for it.
-    """
-
-    across_m: float = 0.0
-    log_odds: float = 0.0
-
-    def beyond(self, limit_m: float) -> float:
-        """Probability that it has slid by more than a limit, metres.
-
-        It may slide in any direction of space, and mostly along the breath. Of all directions, those within an angle θ
-        of the breath, on either side, have a share of 1 − cos θ; what shows is sin θ of the way.
-        """
-        if self.log_odds <= 0.0:
-            return 0.0
-        share = min(self.across_m / limit_m, 1.0)
-        return (1.0 - math.sqrt(1.0 - share**2)) * logistic(self.log_odds)
+    slide: SlideTuning = field(default_factory=SlideTuning)
 
 
 class BreathingCurve:
@@ -101,9 +64,7 @@ class BreathingCurve:
         self._points, self._times_s = first[None], np.array([time_s])
         self._axis, self._spread_m = _principal_axis(self._points)
         self._last, self._last_s = np.array(first), time_s
-        # All places where it was seen, in its place or not: a slide shows in all of them together.
-        self._seen, self._seen_s, self._is_whole = first[None], np.array([time_s]), np.array([True])
-        self._past = (np.inf, -np.inf), 0.0  # first and last time of the places looked at, and their odds of a slide
+        self._seen = SeenPlaces(first, time_s, tuning.slide)
         self._complete_s: float | None = None
         self._off: list[tuple[float, float]] = []  # metres across, of breaths that repeated
         self._last_asked, self._last_off = (-np.inf, -np.inf, b""), (0.0, 0.0, 0.0)
@@ -134,18 +95,14 @@ class BreathingCurve:
             is_whole: both planes showed it. What one shows tells how fast it breathes, and not whether it slides: its
                 depth is taken from the breathing.
         """
-        if time_s - self._seen_s[-1] < self._tuning.slide_spacing_s:
-            return
-        self._seen = np.vstack([self._seen, displacement])[-self._tuning.points :]
-        self._seen_s = np.append(self._seen_s, time_s)[-self._tuning.points :]
-        self._is_whole = np.append(self._is_whole, is_whole)[-self._tuning.points :]
+        self._seen.add(time_s, displacement, is_whole=is_whole)
 
     def see_aside(self, time_s: float, displacement: Array, *, is_whole: bool) -> None:
         """Take note of a displaced ring (3,) m, if a slide may have taken it there: not what a hand put far away.
 
         Args as of `see`.
         """
-        reach_m = self._tuning.at_once_m + self._tuning.fastest_slide_m_s * (time_s - self._times_s[0])
+        reach_m = self._tuning.at_once_m + self._tuning.slide.fastest_m_s * (time_s - self._times_s[0])
         is_near = float(np.linalg.norm(self._points - displacement, axis=1).min()) < reach_m
         if is_near and self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
             self.see(time_s, displacement, is_whole=is_whole)
@@ -167,88 +124,9 @@ class BreathingCurve:
             self._complete_s = time_s
 
     def slide(self, time_s: float, displacement: Array) -> Slide:
-        """Whether the ring has slid off its place by a displacement (3,) m, further than a patient settles down.
-
-        Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides
-        adds a steady drift from some time on. Both are fitted by least squares to the places of the last minute, for
-        every time from which it may have slid (a change-point regression). The newest place counts whichever planes
-        show it, since it adds nothing to the odds of those before it.
-        """
-        recent = self._seen_s > time_s - self._tuning.slide_memory_s
-        points, times, is_whole = self._seen[recent], self._seen_s[recent], self._is_whole[recent]
-        odds = self._past_odds(points, times, is_whole)
-        if odds == 0.0:  # one place proves nothing, the newest least of all
-            return Slide()
-        with_newest = self._change_point(
-            np.vstack([points, displacement]), np.append(times, time_s), np.append(is_whole, True)
-        )
-        if with_newest.across_m <= self._tuning.smallest_slide_m:
-            return Slide()
-        return Slide(with_newest.across_m, min(odds, with_newest.log_odds))
-
-    def _past_odds(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> float:
-        """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
-        if len(times) < self._tuning.slide_points:
-            return 0.0
-        span = float(times[0]), float(times[-1])
-        if span != self._past[0]:
-            self._past = span, self._change_point(points, times, is_whole).log_odds
-        return self._past[1]
-
-    def _change_point(self, points: Array, times: Array, is_whole: npt.NDArray[np.bool_]) -> Slide:
-        """The slide by the last of the places (N, 3) m at times (N,) s."""
-        if len(points) < self._tuning.slide_points:
-            return Slide()
-        intervals = np.diff(times)
-        # How fast it breathed beside a gap nobody saw.
-        longest = self._tuning.longest_gap * _median(intervals)
-        seen = (np.append(intervals, 0.0) < longest) & (np.append(0.0, intervals) < longest) & is_whole
-        if seen.sum() < self._tuning.slide_points:
-            return Slide()
+        """Whether the ring has slid off its place by a displacement (3,) m, further than a patient settles down."""
         # Of what is believed to be breathing: a slide may be larger than a small breath, and would be taken for it.
-        axis = self._axis
-        along = points @ axis
-        mean = points.sum(axis=0) / len(points)
-        across = points - mean - (along - mean @ axis)[:, None] * axis
-        speed = _speed(along, intervals)
-        # What a cough or a sigh does aside is unknown, and how fast it breathed right before and after it.
-        is_usual = self._is_usual(along)
-        seen &= is_usual & np.append(is_usual[1:], True) & np.append(True, is_usual[:-1])
-        if seen.sum() < self._tuning.slide_points:
-            return Slide()
-        along, across, speed, times = along[seen], across[seen], speed[seen], times[seen]
-        still = np.column_stack([np.ones_like(times), along - along.mean(), speed])
-        basis = np.linalg.qr(still)[0]
-        rest = across - basis @ (basis.T @ across)
-        freedom = 2.0 * (len(times) - still.shape[1])
-        noise = (float(np.sum(rest**2)) + 4.0 * self._tuning.smallest_sigma_m**2) / (freedom + 4.0)
-        # All starts and ends at once: ramps (S, N), and what drift (S, 3) m/s along each explains of the rest.
-        starts = np.linspace(times[0], times[-1] - self._tuning.shortest_slide_s, self._tuning.slide_starts)
-        # What slides goes on, or has come to rest at one of these times: a patient who settles down stays there.
-        first, last = np.triu_indices(len(starts) + 1, 1)
-        starts, ends = starts[first], np.append(starts, times[-1])[last]
-        ramps = np.clip(times, starts[:, None], ends[:, None]) - starts[:, None]
-        ramps -= (ramps @ basis) @ basis.T
-        power = (ramps * ramps).sum(axis=1)
-        best_drift = ramps @ rest / np.maximum(power, 1e-6)[:, None]
-        speed = np.linalg.norm(best_drift, axis=1)
-        held = np.minimum(1.0, self._tuning.fastest_slide_m_s / np.maximum(speed, 1e-9))
-        explained = power * speed**2 * held * (2.0 - held)
-        squares = float(np.sum(rest**2)) - explained + 4.0 * self._tuning.smallest_sigma_m**2
-        remaining = np.maximum(squares / (freedom + 2.0), 1e-12)
-        odds = 0.5 * (freedom + 4.0) * np.log(noise / remaining) - self._tuning.slide_penalty
-        odds[ends < times[-1]] -= self._tuning.rest_penalty
-        odds[power < 1e-6] = 0.0
-        best = int(np.argmax(odds))
-        if odds[best] <= 0.0:
-            return Slide()
-        return Slide(float(held[best] * speed[best] * (ends[best] - starts[best])), float(odds[best]))
-
-    def _is_usual(self, along: Array) -> npt.NDArray[np.bool_]:
-        """(N,) whether places along the breath (N,) m are as deep as most, or not much deeper."""
-        low, high = np.quantile(along, self._tuning.usual_depth)
-        margin = max(self._tuning.unusual_share * (high - low), self._tuning.unusual_m)
-        return np.asarray((along > low - margin) & (along < high + margin))
+        return self._seen.slide(time_s, displacement, self._axis)
 
     def departure_sigmas(
         self, time_s: float, displacement: Array, sigma_m: float, slide: Slide, *, is_away: bool = False
@@ -345,23 +223,6 @@ def _count_turns(along: Array, tuning: CurveTuning) -> int:
         elif heading * (extreme - value) > threshold:
             turns, heading, extreme = turns + 1, -heading, value
     return turns
-
-
-def _median(values: Array) -> float:
-    """Of a few values (N,), N ≥ 1: numpy's takes ten times as long."""
-    ordered = np.sort(values)
-    return 0.5 * float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
-
-
-def _speed(along: Array, intervals: Array) -> Array:
-    """(N,) derivative of values (N,) that lie intervals (N - 1,) apart, of second order but for the ends."""
-    steps = np.diff(along) / intervals
-    speed = np.empty_like(along)
-    speed[0], speed[-1] = steps[0], steps[-1]
-    # Between two steps the shorter one counts for more.
-    before, after = intervals[:-1], intervals[1:]
-    speed[1:-1] = (steps[:-1] * after + steps[1:] * before) / (before + after)
-    return speed
 
 
 def _principal_axis(points: Array) -> tuple[Array, float]:

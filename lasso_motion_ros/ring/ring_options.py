@@ -30,7 +30,7 @@ class RingOptions:
         detection: what the evidence of two planes is worth.
         detector: where the ring is looked for.
         association: what images and motion are worth.
-        curve: how breathing repeats.
+        curve: how breathing repeats, and when the ring slides off it.
         contradiction: when the planes show two things.
         state: what the states ask for.
         validation: what else is asked of a detection.

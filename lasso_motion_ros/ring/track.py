@@ -11,7 +11,7 @@ from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
-from lasso_motion_ros.ring.breathing_curve import BreathingCurve, Slide
+from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
@@ -19,6 +19,7 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.seed_template import SeedView
+from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.track_state import TrackBelief
 

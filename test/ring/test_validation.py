@@ -11,8 +11,8 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
-from lasso_motion_ros.ring.breathing_curve import Slide
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
+from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
 from lasso_motion_ros.ring.validation import (
     ValidationTuning,

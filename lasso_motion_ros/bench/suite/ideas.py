@@ -25,6 +25,7 @@ from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.tracker import RingTracker
@@ -126,7 +127,7 @@ IDEAS: Mapping[str, Idea] = {
         Idea("translation", "publishing the translation alone: the ring's turn as well", around=TurningWithTheRing),
         # Whether it is in its place.
         Idea("curve", "judging by the breathing so far", options=_with(state=StateTuning(elsewhere_sigmas=OFF))),
-        Idea("slide", "noticing a slow slide", options=_with(curve=CurveTuning(slide_penalty=OFF))),
+        Idea("slide", "noticing a slow slide", options=_with(curve=CurveTuning(slide=SlideTuning(penalty=OFF)))),
         Idea(
             "ghost",
             "asking that contrast does not fade",
