@@ -14,8 +14,8 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, MessageError, TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
+from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, TrackingError
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.nodes.clickless_start import ClicklessStart
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
@@ -25,12 +25,12 @@ from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
 from lasso_motion_ros.nodes.state_watch import StateWatch
-from lasso_motion_ros.nodes.state_words import last_pose_words
 from lasso_motion_ros.nodes.steady_timer import steady_timer
 from lasso_motion_ros.nodes.tf_extrinsics import tf_extrinsics
 from lasso_motion_ros.nodes.tracker_inputs import InputCallbacks, TrackerInputs
-from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
+from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers
 from lasso_motion_ros.nodes.tracker_services import TrackerServices
+from lasso_motion_ros.nodes.tracking_view import TrackingView
 from lasso_motion_ros.nodes.watch import StreamWatch
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
@@ -38,7 +38,6 @@ from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.images import decode_image
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, camera_info_topic, image_topic, seed_topic
@@ -83,8 +82,6 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._inputs: TrackerInputs | None = None
         # Answers are published in the order in which they came about: nothing from before a reset comes after it.
         self._answering = threading.Lock()
-        self._frame_ids: dict[Plane, str] = {}
-        self._uncalibrated: dict[Plane, Frame | UncalibratedFrame] = {}
         self._latencies, self._describer = Latencies(), Describer()
         self._warm, self._silence = False, ""
         self._tracker_publishers = TrackerPublishers(
@@ -95,6 +92,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._tracker_services = TrackerServices(
             self, self._active, self._enqueue, self._reset, self._set_reference, self._show
         )
+        self._view = TrackingView(self._tracker_publishers, self._state_watch, self._tracker_services.board)
         self._clickless = ClicklessStart(
             self, self._tracker_publishers.publish_proposals, self._start_with, self.complaints.error
         )
@@ -210,7 +208,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
 
     @guarded
     def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
-        self._frame_ids[plane] = message.header.frame_id
+        self._view.name_frame(plane, message.header.frame_id)
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()
         pipeline = self._active()
@@ -223,10 +221,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self._watch.add_image(plane, stamp, time.monotonic_ns())
             self._state_watch.timeout.add_image(plane, time.monotonic())
         self._enqueue(tasks)
-        if plane in pipeline.intake.calibrated:
-            self._uncalibrated.pop(plane, None)
-        elif self._tracker_publishers.watched:
-            self._show_uncalibrated(plane, message)
+        self._view.add_image(pipeline, plane, message)
 
     @guarded
     def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
@@ -356,34 +351,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         return self._describer.step(None if result is None else result.catheter)
 
     def _show(self) -> None:
-        """Have the newest pair drawn, or the frozen one, while somebody watches."""
-        pipeline = self._pipeline
-        if pipeline is None or not self._tracker_publishers.watched:
-            return
-        board = self._tracker_services.board
-        pair = board.pair or pipeline.session.last_pair
-        if pair is None:
-            return
-        result, statistics = pipeline.session.last_result, self._told()
-        loop = result.loop if result is not None and result.stamp_ns == pair.stamp_ns else None
-        clicks = {plane: board.clicks(plane) for plane in PLANES}
-        frames: dict[Plane, Frame | UncalibratedFrame] = {**pair.frames}
-        ids, held = dict(self._frame_ids), pair is board.pair
-        age = last_pose_words(self._state_watch.pose_age_s) if statistics.state.is_alarm else ""
-        remark = f"last good pose {age}" if age else ""
-        self._tracker_publishers.show(
-            TrackingPicture(frames, loop, statistics.state, statistics.reason, clicks, ids, held, remark)
-        )
-
-    def _show_uncalibrated(self, plane: Plane, message: Image | CompressedImage) -> None:
-        """Have the newest images drawn as they are, so that whoever sets the system up sees that they arrive."""
-        with contextlib.suppress(MessageError):  # the intake has complained about it
-            source = self._active().intake.sources[plane]
-            stamp = source.exposure_ns(stamp_to_ns(message.header.stamp))
-            self._uncalibrated[plane] = UncalibratedFrame(stamp, decode_image(message, source.crop))
-            statistics = self._told()
-            shown, ids = dict(self._uncalibrated), dict(self._frame_ids)
-            self._tracker_publishers.show(TrackingPicture(shown, None, statistics.state, statistics.reason, {}, ids))
+        if self._pipeline is not None:
+            self._view.show(self._pipeline)
 
     def _complain(self) -> None:
         if self._pipeline is not None:
