@@ -9,7 +9,6 @@ from pathlib import Path
 
 from lasso_motion_ros.bench.model_experiment import DEFAULT_TRIALS, format_experiment, run_model_experiment
 from lasso_motion_ros.bench.suite.ablation import ablation_record, format_ablation
-from lasso_motion_ros.bench.suite.cache import SequenceCache
 from lasso_motion_ros.bench.suite.clinic_runs import run_clinic
 from lasso_motion_ros.bench.suite.clinic_scenarios import CLINIC_SEQUENCES, clinic_scenarios
 from lasso_motion_ros.bench.suite.clinic_tables import CLINIC_NOTE, class_measures, clinic_record, format_clinic
@@ -169,11 +168,10 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
 
 
 def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
-    rendered = SequenceCache(args.cache)
-    found = {}
+    pool, found = worker_pool(args), {}
     for name in SWEEPS if "all" in args.sweep else dict.fromkeys(args.sweep):
         sequences = args.sequences or SWEEP_SEQUENCES
-        found[name] = run_sweep(SWEEPS[name], args.seed, sequences, configs, rendered, args.quiet)
+        found[name] = run_sweep(SWEEPS[name], args.seed, sequences, configs, args.cache, pool, args.quiet)
         print(f"{format_sweep(SWEEPS[name], found[name])}\n", flush=True)
     if args.json is not None:
         write_json(args.json, sweeps_record(found))
@@ -183,8 +181,8 @@ def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
 
 
 def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
-    rendered = SequenceCache(args.cache)
-    found = run_traps(_chosen_traps(args), args.seed, args.sequences, configs, rendered, args.quiet)
+    chosen, pool = _chosen_traps(args), worker_pool(args)
+    found = run_traps(chosen, args.seed, args.sequences, configs, args.cache, pool, args.quiet)
     text = f"traps, seed {args.seed}\n{format_traps(found)}"
     print(text)
     if not args.quiet:
@@ -199,7 +197,7 @@ def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
     scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
     trapped = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed)]
     ideas = [IDEAS[name] for name in args.ablation or IDEAS]
-    outcomes = run_ablations(ideas, scenarios, trapped, config, SequenceCache(args.cache), args.quiet)
+    outcomes = run_ablations(ideas, scenarios, trapped, config, args.cache, worker_pool(args), args.quiet)
     text = format_ablation(outcomes)
     print(text)
     if args.json is not None:
@@ -222,8 +220,6 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     """Options that cannot both be meant, and values that are not allowed."""
     if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
-    if is_archive(args) and any(one is not None for one in (args.sweep, args.ablation, args.traps)):
-        raise LassoMotionError("--workers and --scheduler: for the random sequences and --clinic")
     elsewhere = (args.sweep, args.ablation, args.traps, args.model_experiment)
     if args.clinic and any(option is not None for option in elsewhere):
         raise LassoMotionError("--clinic: not together with --sweep, --ablation, --traps or --model-experiment")

@@ -2,13 +2,15 @@
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import pytest
-from support.suite_inputs import eventful, small
+from support.suite_inputs import SMALL, eventful, small
 
 from lasso_motion_ros.bench.model_experiment import run_model_experiment
 from lasso_motion_ros.bench.suite.sweeps import SWEEPS
+from lasso_motion_ros.bench.suite.traps import TRAPS
 from lasso_motion_ros.cli.main import main
 
 
@@ -71,6 +73,26 @@ def test_the_command_writes_the_table_of_the_ablation(
     assert "found nonsense" in capsys.readouterr().err
     assert main([*arguments, "--config", "config/tracker.yaml", "config/brost2009.yaml"]) == 2
     assert "one --config only" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "mode", [["--sweep", "offset", "--sequences", "1"], ["--ablation", "ghost", "--traps", "zoom"]]
+)
+def test_a_worker_finds_what_this_process_finds(
+    mode: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    late = dataclasses.replace(SMALL, plane_b_offset=0.37)
+    shift = dataclasses.replace(SWEEPS["offset"], values=(0.0, 0.37), apply=lambda _, value: late if value else SMALL)
+    monkeypatch.setitem(SWEEPS, "offset", shift)
+    monkeypatch.setitem(TRAPS, "zoom", dataclasses.replace(TRAPS["zoom"], sequences=1, apply=lambda *_: SMALL))
+    monkeypatch.setattr("lasso_motion_ros.cli.suite.suite_scenarios", lambda *_: (SMALL,))
+    found = []
+    for name, options in (("one", []), ("other", ["--workers", "1"])):
+        file = tmp_path / f"{name}.json"
+        assert main(["suite", "--quiet", *mode, *options, "--cache", str(tmp_path / "c"), "--json", str(file)]) == 0
+        found.append(re.sub(r'"ms": [^,}]*', "", file.read_text()))  # processor time is never twice the same
+    assert found[0] == found[1]
 
 
 def test_the_command_says_what_the_experiment_gave(tmp_path, capsys):

@@ -42,6 +42,19 @@ class NotableChange:
 NOTABLE = NotableChange()
 
 
+@dataclass(frozen=True, eq=False)
+class Variant:
+    """What a tracker, whole or with one idea switched off, made of one sequence.
+
+    Attributes:
+        result: its scores.
+        milliseconds: processor time of each pair.
+    """
+
+    result: SequenceResult
+    milliseconds: tuple[float, ...]
+
+
 @dataclass
 class Outcome:
     """What the tracker made of the suite, whole or with one idea switched off.
@@ -60,6 +73,15 @@ class Outcome:
     pairs: int = 0
     trapped: dict[str, list[SequenceResult]] = field(default_factory=dict)
 
+    def add(self, variant: Variant, trap: Trap | None = None) -> None:
+        """Count what became of another sequence, a random one or a trap's."""
+        if trap is not None:
+            self.trapped.setdefault(trap.name, []).append(variant.result)
+            return
+        self.results.append(variant.result)
+        self.spent_s += 1e-3 * sum(variant.milliseconds)
+        self.pairs += len(variant.milliseconds)
+
     @property
     def ms(self) -> float:
         """Processor time a pair, milliseconds."""
@@ -76,48 +98,21 @@ class Outcome:
         return {name: trap_measures(TRAPS[name], results) for name, results in self.trapped.items()}
 
 
-def run_ablation(
-    config: StreamConfig,
-    sequences: Iterable[RenderedSequence],
-    ideas: Iterable[Idea],
-    traps: Iterable[tuple[Trap, RenderedSequence]] = (),
-) -> list[Outcome]:
-    """Track every sequence with all ideas, then with each of them switched off.
+def track_variants(sequence: RenderedSequence, ideas: Iterable[Idea], config: StreamConfig) -> list[Variant]:
+    """Track a sequence with all ideas, then with each of these switched off.
 
     Args:
-        config: the whole tracker's.
-        sequences: rendered one at a time.
+        sequence: rendered.
         ideas: those to be switched off.
-        traps: each trap's sequences, rendered one at a time, too.
-
-    Returns:
-        The whole tracker's outcome, then each idea's.
+        config: the whole tracker's.
     """
-    outcomes = [Outcome(None), *(Outcome(idea) for idea in ideas)]
-    for sequence in sequences:
-        for outcome in outcomes:
-            _run(outcome, sequence, config)
-    for trap, sequence in traps:
-        for outcome in outcomes:
-            result, _ = _tracked(outcome.idea, sequence, config)
-            outcome.trapped.setdefault(trap.name, []).append(result)
-    return outcomes
+    return [_variant(idea, sequence, config) for idea in (None, *ideas)]
 
 
-def _run(outcome: Outcome, sequence: RenderedSequence, config: StreamConfig) -> None:
-    result, milliseconds = _tracked(outcome.idea, sequence, config)
-    outcome.results.append(result)
-    outcome.spent_s += 1e-3 * sum(milliseconds)
-    outcome.pairs += len(milliseconds)
-
-
-def _tracked(
-    without: Idea | None, sequence: RenderedSequence, config: StreamConfig
-) -> tuple[SequenceResult, Sequence[float]]:
-    """The result on a sequence, and the processor time of each pair, ms."""
+def _variant(without: Idea | None, sequence: RenderedSequence, config: StreamConfig) -> Variant:
     tracker = create_tracker(config) if without is None else without.tracker(config)
     timed = TimedTracker(tracker, time.process_time)
-    return run_sequence(sequence, timed), timed.milliseconds
+    return Variant(run_sequence(sequence, timed), tuple(timed.milliseconds))
 
 
 def ablation_record(outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
