@@ -29,7 +29,7 @@ class _Tuning:
     along_cells: float = 3.5  # standard deviation of the mean along a line: noise has no direction
     along_steps: tuple[int, ...] = (-6, -4, -2, 0, 2, 4, 6)  # cells
     margin_px: int = 8  # of the image, where its edge would be a line
-    distinct_quantile: float = 0.999
+    distinct_quantiles: tuple[float, ...] = (0.999, 0.9999)
     noise_window_cells: tuple[int, int] = (41, 41)
     outlier: float = 4.0  # in units of the local rms: what is denser counts no more
     floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
@@ -94,7 +94,7 @@ def nearest_direction(columns: Array, rows: Array) -> npt.NDArray[np.intp]:
 
 @dataclass(frozen=True, eq=False)
 class Curvature:
-    """The second derivatives of one plane's attenuation, relative to their local root mean square.
+    """The second derivatives of one plane's grey values or their logarithm, relative to their local root mean square.
 
     Attributes:
         xx: (H, W) float32 along the grid's columns' axis.
@@ -112,14 +112,31 @@ class Curvature:
     left: float
     top: float
 
-    def strength(self, *, bright: bool) -> float:
-        """How far the most distinct spots stand out, of electrodes that are darker or brighter than what is behind."""
-        spots = self.xx + self.yy
-        return float(np.quantile(-spots if bright else spots, TUNING.distinct_quantile))
+    @property
+    def brightness(self) -> float:
+        """How far the most distinct bright spots stand out beyond the most distinct dark ones (log of the ratio).
+
+        Of grey values themselves: their logarithm has more dark ones, whichever the electrodes are.
+        """
+        spots = (self.xx + self.yy)[self.inside > 0.0]
+        if not len(spots):
+            return 0.0
+        dark, bright = (np.quantile(way * spots, TUNING.distinct_quantiles) for way in (1.0, -1.0))
+        return float(np.log(np.maximum(bright, 1e-6) / np.maximum(dark, 1e-6)).sum())
 
 
-def curvature(frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float, float]) -> Curvature:
-    """The second derivatives of a frame between two rows, metres, laid out on the grid."""
+def curvature(
+    frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float, float], *, logarithm: bool
+) -> Curvature:
+    """The second derivatives of a frame between two rows, metres, laid out on the grid.
+
+    Args:
+        frame: the image.
+        plane: whose it is.
+        grid: on which it is laid out.
+        rows: the first and the last.
+        logarithm: of the grey values' logarithm, in which attenuation adds up; not so where dense things are bright.
+    """
     columns = _column_range(frame, plane, grid)
     xs = np.arange(columns[0], columns[1], CELL_MM * 1e-3)
     hs = np.arange(rows[0], rows[1], CELL_MM * 1e-3)
@@ -128,10 +145,11 @@ def curvature(frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float,
     grey = frame.pixels[: projection.height * factor, : projection.width * factor]
     if factor > 1:
         grey = cv2.resize(grey, (projection.width, projection.height), interpolation=cv2.INTER_AREA)
-    # In the logarithm attenuation adds up.
-    logarithm = cv2.log(np.maximum(grey, 1).astype(np.float32))
+    values = grey.astype(np.float32)
+    if logarithm:
+        values = cv2.log(np.maximum(values, np.float32(1.0)))
     sigma = TUNING.first_sigma_mm / projection.millimetres_per_pixel(grid.centre)
-    smooth = cv2.GaussianBlur(logarithm, (0, 0), sigma)
+    smooth = cv2.GaussianBlur(values, (0, 0), sigma)
     at = projection.project(grid.points(plane, xs, hs)).astype(np.float32)
     laid = cv2.remap(smooth, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     laid = cv2.GaussianBlur(laid, (0, 0), TUNING.second_sigma_mm / CELL_MM)

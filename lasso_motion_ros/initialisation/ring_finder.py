@@ -16,7 +16,13 @@ from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Se
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
-from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps, row_range
+from lasso_motion_ros.initialisation.direction_maps import (
+    Curvature,
+    DirectionMaps,
+    curvature,
+    direction_maps,
+    row_range,
+)
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
 from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
@@ -223,13 +229,19 @@ def _maps(
     frames: Mapping[Plane, Frame], grid: EpipolarGrid, rows: tuple[float, float], polarity: str, other: bool
 ) -> tuple[bool, dict[Plane, DirectionMaps]]:
     """Whether the catheters are bright, and the planes' maps; electrodes stand out more than anything opposite."""
-    seen = {plane: curvature(frame, plane, grid, rows) for plane, frame in frames.items()}
-    if polarity == "auto":
-        dark, bright = (sum(one.strength(bright=is_it) for one in seen.values()) for is_it in (False, True))
-        is_bright = (bright > dark) is not other
+
+    def seen(*, logarithm: bool) -> dict[Plane, Curvature]:
+        return {plane: curvature(frame, plane, grid, rows, logarithm=logarithm) for plane, frame in frames.items()}
+
+    if polarity != "auto":
+        bright = polarity == "bright"
+        shown = seen(logarithm=not bright)
     else:
-        is_bright = polarity == "bright"
-    return is_bright, {plane: direction_maps(one, bright=is_bright) for plane, one in seen.items()}
+        shown = seen(logarithm=False)
+        bright = (sum(one.brightness for one in shown.values()) > 0.0) is not other
+        if not bright:
+            shown = seen(logarithm=True)
+    return bright, {plane: direction_maps(one, bright=bright) for plane, one in shown.items()}
 
 
 def _are_same(one: Proposal, other: Proposal) -> bool:

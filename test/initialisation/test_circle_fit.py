@@ -40,7 +40,10 @@ def _found(curve: np.ndarray, lift: np.ndarray, between_s: float, *, wires: bool
         frames[plane] = Frame(0, noisy(image, ord(plane)), view)
     grid = EpipolarGrid.of(VIEWS)
     rows = row_range(frames, grid)
-    maps = {plane: direction_maps(curvature(frame, plane, grid, rows), bright=False) for plane, frame in frames.items()}
+    maps = {
+        plane: direction_maps(curvature(frame, plane, grid, rows, logarithm=True), bright=False)
+        for plane, frame in frames.items()
+    }
     return find_circles(maps, grid, between_s)
 
 
