@@ -31,6 +31,7 @@ from msg_adapters.topics import MOTION_RAW
 OUTER_STAGES = ("deserialise", "decode and pair", "tracking", "serialise")
 MESSAGES = "messages"  # making the answers, but for their bytes
 INNER_STAGES = (*get_args(Stage), MESSAGES)  # of tracking
+REST = "all else"  # of tracking: so that the parts add up
 
 TrackerFactory = Callable[[TrackerConfig, Stages], Tracker]
 
@@ -41,7 +42,7 @@ class Clock:
 
     Attributes:
         timer: what the stages are timed by, seconds: wall time, or processor time where other programs must not count.
-        spent_s: total by stage, seconds.
+        spent_s: total by stage, seconds; of one of tracking's own stages without those that lie inside it.
         pair_s: wall time of each pair that was tracked, from its first message to its last answer.
         processor_s: processor time of all threads over the same pairs.
     """
@@ -51,21 +52,22 @@ class Clock:
     pair_s: list[float] = field(default_factory=list)
     processor_s: float = 0.0
     _lap_s: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    _running: set[str] = field(default_factory=set)
+    _running: list[str] = field(default_factory=list)
 
     @contextmanager
     def __call__(self, name: str, /) -> Iterator[None]:
-        """Add the time of a block to a stage of this pair; a block of the stage within one of it counts once."""
-        if name in self._running:
-            yield
-            return
-        self._running.add(name)
+        """Add the time of a block to a stage of this pair, and take it from the stage of tracking that it lies in."""
+        about = self._running[-1] if self._running else None
+        self._running.append(name)
         begin = self.timer()
         try:
             yield
         finally:
-            self._lap_s[name] += self.timer() - begin
-            self._running.discard(name)
+            spent = self.timer() - begin
+            self._running.pop()
+            self._lap_s[name] += spent
+            if about is not None and about in INNER_STAGES:
+                self._lap_s[about] -= spent
 
     def keep(self, wall_s: float, processor_s: float) -> None:
         """Count what was spent since the last pair as that of a tracked one."""
@@ -92,7 +94,7 @@ class Benchmark:
         p95_ms: 95th percentile of a pair.
         p99_ms: 99th percentile of a pair.
         processor_per_wall: processor time by wall time; more than 1.05 would mean more than one thread.
-        stages_ms: mean wall time a pair, by stage, in order; the indented ones lie inside tracking.
+        stages_ms: mean wall time a pair, by stage, in order; the indented ones are tracking's parts, and add up to it.
         messages: who serialised.
         recording: the recording's name.
         configuration: the configuration's name.
@@ -215,12 +217,13 @@ def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) ->
 
 
 def stages_ms(clock: Clock) -> dict[str, float]:
-    """Mean time a pair by stage, in the order of the work; the indented ones lie inside tracking."""
+    """Mean time a pair by stage, in the order of the work; the indented ones are tracking's parts, and add up to it."""
+    spent_s = dict(clock.spent_s)
+    spent_s[REST] = spent_s["tracking"] - sum(spent_s.get(name, 0.0) for name in INNER_STAGES)
     *before, last = OUTER_STAGES
-    labels = {name: name for name in before} | {name: f"  {name}" for name in INNER_STAGES} | {last: last}
-    return {
-        label: 1e3 * clock.spent_s[name] / len(clock.pair_s) for name, label in labels.items() if name in clock.spent_s
-    }
+    parts = {name: f"  {name}" for name in (*INNER_STAGES, REST)}
+    labels = {name: name for name in before} | parts | {last: last}
+    return {label: 1e3 * spent_s[name] / len(clock.pair_s) for name, label in labels.items() if name in spent_s}
 
 
 def format_benchmark(benchmark: Benchmark) -> str:

@@ -149,13 +149,15 @@ class RingTracker:
         """Take a track to the next pair."""
         options, config = self._options, self._config
         time_s = track.begin(pair.stamp_ns)
-        pair = track.display.undone(pair)
+        with self._stages("display filter"):
+            pair = track.display.undone(pair)
         if planes := track.display.too_strong:
             names = " and ".join(plane.upper() for plane in planes)
             return self._lost(track, pair, f"too strong a filter over time in plane {names}: the images show what was")
         # Predict, and detect all places that show something like the ring.
         expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)
-        detections = track.detector.detect(pair, expected, config)
+        with self._stages("detection"):
+            detections = track.detector.detect(pair, expected, config)
         # Associate: which of them is the ring, if any?
         with self._stages("filter"):
             times = track.detector.exposures(pair)
@@ -182,22 +184,25 @@ class RingTracker:
         if reason := unforeseen(best, config.judgement, options.validation, options.state):
             return self._lost(track, pair, reason)
         # Update.
-        state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
-        position = self._update(track, best, association, time_s, state)
-        position = position + track.display.covariance(track.way(best.displacement))
+        with self._stages("judgement"):
+            state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
+        with self._stages("learning"):
+            position = self._update(track, best, association, time_s, state)
+            position = position + track.display.covariance(track.way(best.displacement))
         # Report.
-        position = covariance_since_reference(track, position, best)
-        sigma_mm = 1e3 * largest_sigma(position)
-        misleads, doubt = misleading(track, sigma_mm, options.state)
-        contradicts = contradiction(track, options.state)
-        if contradicts or misleads > options.state.misleads_pose:
-            # It is seen, and followed and learned on; only no pose rests on it.
-            track.displacement = None
-            return without_pose(track, pair, TrackerState.LOST, contradicts or doubt)
-        if misleads > options.state.misleads_tracking and not reason:
-            state, reason = TrackerState.DEGRADED, doubt
-        result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
-        return with_pose(result, track, position)
+        with self._stages("report"):
+            position = covariance_since_reference(track, position, best)
+            sigma_mm = 1e3 * largest_sigma(position)
+            misleads, doubt = misleading(track, sigma_mm, options.state)
+            contradicts = contradiction(track, options.state)
+            if contradicts or misleads > options.state.misleads_pose:
+                # It is seen, and followed and learned on; only no pose rests on it.
+                track.displacement = None
+                return without_pose(track, pair, TrackerState.LOST, contradicts or doubt)
+            if misleads > options.state.misleads_tracking and not reason:
+                state, reason = TrackerState.DEGRADED, doubt
+            result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
+            return with_pose(result, track, position)
 
     def _believe(self, track: Track, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""
