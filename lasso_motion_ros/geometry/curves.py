@@ -13,6 +13,7 @@ Real = TypeVar("Real", bound=np.floating[Any])
 
 SMALLEST_SPACING = 1e-9  # pixels; points nearer to each other than this have no direction
 _BLOCK = 1 << 14  # distances at once: what belongs to them stays in the processor's cache
+_QUARTER_TURN = np.array([-1.0, 1.0])
 
 
 def arc_length(points: Array) -> Array:
@@ -104,4 +105,4 @@ def unit_tangents(points: Array, *, closed: bool = False) -> tuple[Array, Array]
 
 def quarter_turn(vectors: Array) -> Array:
     """(..., 2) vectors (x, y) turned to (−y, x): a curve's normals from its tangents."""
-    return np.asarray(vectors[..., ::-1] * (-1.0, 1.0))
+    return np.asarray(vectors[..., ::-1] * _QUARTER_TURN)

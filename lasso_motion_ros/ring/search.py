@@ -91,7 +91,7 @@ def find_peaks(
     scores = _correlation(_padded(cells, low, high + size), kernel)
     scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
     is_peak = scores >= cv2.dilate(scores, _PEAK_WINDOW)
-    is_peak[[0, -1], :] = is_peak[:, [0, -1]] = False
+    is_peak[0] = is_peak[-1] = is_peak[:, 0] = is_peak[:, -1] = False
     flat, width = scores.reshape(-1), scores.shape[1]
     places = np.flatnonzero(is_peak)
     places = places[np.argsort(flat[places], kind="stable")[::-1][: TUNING.peaks]]
@@ -189,9 +189,11 @@ def _correlation(cells: Image, kernel: Image) -> Image:
 
 
 def _parabola(before: Image, at: Image, after: Image) -> Array:
-    curvature = before - 2.0 * at + after
-    fraction = np.where(curvature < 0.0, 0.5 * (before - after) / np.where(curvature < 0.0, curvature, 1.0), 0.0)
-    return np.asarray(np.clip(fraction, -0.5, 0.5), dtype=np.float64)
+    """How far from each value (N,) the peak of a parabola through it and its neighbours lies, -0.5 to 0.5."""
+    # A peak is not less than its neighbours; where all three are alike, it is as good as any other.
+    curvature = np.minimum(before - 2.0 * at + after, np.float32(-1e-30))
+    fraction = np.float32(0.5) * (before - after) / curvature
+    return np.minimum(np.maximum(fraction, np.float32(-0.5)), np.float32(0.5)).astype(np.float64)
 
 
 def _on_ray(peaks: Peaks, pixel: Array, near: Array) -> Array:
