@@ -9,6 +9,7 @@ triangles, whether or not the surface is closed or the display mirrored.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import cv2
@@ -74,7 +75,7 @@ def silhouette(mesh: TriangleMesh, projection: Projection, transform: Array) -> 
 
     table = mesh.edges
     net = np.bincount(table.of_triangle.ravel(), weights=(table.direction * turn).ravel(), minlength=len(table.ends))
-    kept = np.flatnonzero(net)
+    kept = np.flatnonzero(net != 0.0)
     ends = table.ends[kept]
     edges = pixels.T[ends]
     centres = moved[:, :3].astype(np.float32) @ mesh.centroids + moved[:, 3:].astype(np.float32)
@@ -105,9 +106,9 @@ def _fill(
     empty = np.zeros((0, 0), dtype=np.float32)
     if len(edges) == 0:
         return 0, 0, empty, empty
-    low, high = edges.min(axis=(0, 1)), edges.max(axis=(0, 1))
-    left, top = (int(max(np.floor(v), 0)) for v in low)
-    right, bottom = (int(min(np.ceil(v) + 1, n)) for v, n in zip(high, (width, height), strict=True))
+    x, y = edges[..., 0], edges[..., 1]
+    left, top = (max(math.floor(v.min()), 0) for v in (x, y))
+    right, bottom = (min(math.ceil(v.max()) + 1, n) for v, n in ((x, width), (y, height)))
     if right <= left or bottom <= top:
         return 0, 0, empty, empty
     columns, rows = right - left, bottom - top
@@ -138,17 +139,17 @@ def _fill(
 def _crossings(edges: Array, weights: Array, top: int, rows: int) -> tuple[npt.NDArray[np.int64], Array, Array]:
     """Where the edges cross the sub-scanlines of the box: line number, x in pixels, signed weight."""
     # Sub-scanline i lies at y = top − 0.5 + (i + 0.5) / SUBLINES; rows' centres are at integers.
-    scaled = (edges[..., 1] - top + 0.5) * SUBLINES - 0.5
-    first, last = scaled.T
-    start, end = np.ceil(np.minimum(first, last)), np.ceil(np.maximum(first, last))
+    y0, y1 = ((edges[..., 1] - top + 0.5) * SUBLINES - 0.5).T
+    x0, x1 = edges[..., 0].T
+    start, end = np.ceil(np.minimum(y0, y1)), np.ceil(np.maximum(y0, y1))
     start, end = (np.clip(v, 0, rows * SUBLINES).astype(np.int64) for v in (start, end))
     count = end - start
-    index = np.repeat(np.arange(len(edges)), count)
-    line = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + start[index]
-    y0, y1 = scaled[index, 0], scaled[index, 1]
-    x0, x1 = edges[index, 0, 0], edges[index, 1, 0]
-    x = x0 + (line - y0) / (y1 - y0) * (x1 - x0)
-    return line, x, weights[index] * np.where(y1 > y0, 1.0, -1.0)
+    # What is one edge's is worked out by edge, and told to its crossings; an edge without any may be level.
+    first = np.cumsum(count) - count
+    slope = (x1 - x0) / np.where(count > 0, y1 - y0, 1.0)
+    line = np.arange(count.sum()) + np.repeat(start - first, count)
+    x = np.repeat(x0, count) + (line - np.repeat(y0, count)) * np.repeat(slope, count)
+    return line, x, np.repeat(np.where(y1 > y0, weights, -weights), count)
 
 
 def _integrate(row: npt.NDArray[np.int64], x: Array, step: Array, rows: int, columns: int) -> npt.NDArray[np.float32]:
