@@ -76,6 +76,10 @@ class Proposal:
         """(3,) middle of the curve, world metres."""
         return np.asarray(self.points.mean(axis=0))
 
+    def is_at(self, centre: Array) -> bool:
+        """Whether the ring at a centre (3,) m is about the same."""
+        return float(np.linalg.norm(self.centre - centre)) < TUNING.same_m
+
 
 class OvertakenError(Exception):
     """Newer pairs are there to be looked at."""
@@ -132,7 +136,7 @@ def find_rings(
     tried.sort(key=lambda one: -one.judgement.evidence)
     found: list[Proposal] = []
     for ring in tried:
-        if ring.judgement.is_ring and not any(_are_same(ring, other) for other in found):
+        if ring.judgement.is_ring and not any(ring.is_at(other.centre) for other in found):
             _check(go_on)
             if (clicked := _clicked(ring, decided)) is not None:
                 found.append(clicked)
@@ -142,7 +146,7 @@ def find_rings(
 def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
     others: list[Proposal] = []
     for one in tried:
-        if one.judgement.is_rival and not any(_are_same(one, other) for other in [ring, *others]):
+        if one.judgement.is_rival and not any(one.is_at(other.centre) for other in [ring, *others]):
             others.append(one)
     return len(others)
 
@@ -242,10 +246,6 @@ def _maps(
         if not bright:
             shown = seen(logarithm=True)
     return bright, {plane: direction_maps(one, bright=bright) for plane, one in shown.items()}
-
-
-def _are_same(one: Proposal, other: Proposal) -> bool:
-    return float(np.linalg.norm(one.centre - other.centre)) < TUNING.same_m
 
 
 def _check(go_on: Callable[[], bool]) -> None:

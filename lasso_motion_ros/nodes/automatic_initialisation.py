@@ -9,11 +9,10 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal
 from lasso_motion_ros.nodes.worker import Worker
-from lasso_motion_ros.stream.automatic_start import RingLookout, only_ring
+from lasso_motion_ros.stream.automatic_start import ProposedRings, RingLookout, only_ring
 
 NICENESS = 10  # on Linux of this thread only: images and pairs go first
 
@@ -26,7 +25,7 @@ class AutomaticInitialisation:
     Args:
         config: the parameters.
         is_wanted: whether a ring is waited for.
-        on_proposals: called in the thread with what a look has found, if that is news.
+        on_proposals: called with what a look has found, if that is news, and when a ring is passed over; best first.
         on_start: called in the thread with the ring to start with, unasked. Clicks may have come: whoever is told asks
             once more whether one is wanted.
         on_error: takes what a look raised.
@@ -44,7 +43,7 @@ class AutomaticInitialisation:
         self._lookout = RingLookout(config)
         self._is_wanted, self._on_proposals, self._on_start = is_wanted, on_proposals, on_start
         self._lock = threading.Lock()
-        self._proposals: list[Proposal] = []
+        self._proposed = ProposedRings()
         self._stopped, self._is_nice = threading.Event(), False
         self._overtaken = 0  # how often
         # One look may wait: of those that are overtaken the newest counts.
@@ -69,15 +68,24 @@ class AutomaticInitialisation:
             self._worker.put([pairs])
 
     def accepted(self) -> Proposal:
-        """The best ring that is proposed.
+        """The ring that is proposed first: the best that was not passed over.
 
         Raises:
             TrackingError: there is none.
         """
         with self._lock:
-            if not self._proposals:
-                raise TrackingError("no ring is proposed")
-            return self._proposals[0]
+            return self._proposed.first
+
+    def pass_over(self) -> Proposal:
+        """Put the ring that is proposed first behind the others, in later looks too; the one that is first now.
+
+        Raises:
+            TrackingError: there is no other.
+        """
+        with self._lock:
+            self._proposed.pass_over()
+            self._on_proposals(self._proposed.rings)
+            return self._proposed.first
 
     def overtake(self) -> None:
         """Clicks or a reset have come: give up what is being looked at; never waits."""
@@ -113,7 +121,7 @@ class AutomaticInitialisation:
 
     def _propose(self, found: list[Proposal]) -> None:
         with self._lock:
-            if not found and not self._proposals:
+            if not found and not self._proposed.rings:
                 return
-            self._proposals = found
-            self._on_proposals(found)  # in the order in which they hold
+            self._proposed.replace(found)
+            self._on_proposals(self._proposed.rings)  # in the order in which they hold

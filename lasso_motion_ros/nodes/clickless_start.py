@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from rclpy.node import Node
 from std_srvs.srv import Trigger
@@ -16,11 +17,13 @@ from msg_adapters.messages import NANOSECONDS
 
 
 class ClicklessStart:
-    """What a node does with the rings that are found while it is active; `~/accept` starts with the best.
+    """What a node does with the rings that are found while it is active.
+
+    `~/accept` starts with the one that is proposed first, `~/next` passes it over.
 
     Args:
-        node: serves `~/accept`.
-        on_proposals: called in the lookout's thread with what is proposed from now on.
+        node: serves `~/accept` and `~/next`.
+        on_proposals: called in the lookout's thread, or the service's, with what is proposed from now on.
         start_with: has the tracker begin with a ring, or raises LassoMotionError.
         on_error: takes what a look raised.
     """
@@ -36,7 +39,8 @@ class ClicklessStart:
         self._automatic: AutomaticInitialisation | None = None
         self._is_wanted: Callable[[], bool] = lambda: False
         self._due: list[Proposal] = []  # to start with, unasked
-        node.create_service(Trigger, "~/accept", self._on_accept)
+        node.create_service(Trigger, "~/accept", partial(self._answer, self._accept))
+        node.create_service(Trigger, "~/next", partial(self._answer, self._pass_over))
 
     @property
     def is_due(self) -> bool:
@@ -89,17 +93,25 @@ class ClicklessStart:
         if self._is_wanted():
             self._start_with(ring)
 
-    def _on_accept(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    @staticmethod
+    def _answer(deed: Callable[[], str], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
-            response.message = self._accept()
+            response.message = deed()
             response.success = True
         except LassoMotionError as error:
             response.success, response.message = False, str(error)
         return response
 
-    def _accept(self) -> str:
+    def _looking(self) -> AutomaticInitialisation:
         if self._automatic is None:
             raise TrackingError("the node is not active")
-        ring = self._automatic.accepted()
+        return self._automatic
+
+    def _pass_over(self) -> str:
+        ring = self._looking().pass_over()
+        return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is proposed first: {ring.text}"
+
+    def _accept(self) -> str:
+        ring = self._looking().accepted()
         self._start_with(ring)
         return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken: {ring.text}"

@@ -19,6 +19,7 @@ DRAWINGS = ("outline", "fill", "both")
 DRAWING = "style.drawing"
 TRIGGERS = {
     "accept": "The ring that was found is taken.",
+    "next": "This ring, then?",
     "reset": "The tracker has forgotten the catheter.",
     "set_reference": "The present phase is the reference now.",
 }

@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+import numpy as np
+import numpy.typing as npt
+
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal, find_rings
+
+Array = npt.NDArray[np.float64]
 
 
 class RingLookout:
@@ -55,6 +61,52 @@ class RingLookout:
         # Where the likelier polarity has shown none, the other has its turn.
         self._other_polarity = not found and not self._other_polarity
         return found
+
+
+class ProposedRings:
+    """The rings that are proposed, best first; those that somebody has passed over come last, in later looks too.
+
+    Attributes:
+        rings: in that order.
+    """
+
+    def __init__(self) -> None:
+        self.rings: list[Proposal] = []
+        self._passed_over: list[Array] = []  # centres
+
+    @property
+    def first(self) -> Proposal:
+        """The ring that would be started with.
+
+        Raises:
+            TrackingError: there is none.
+        """
+        if not self.rings:
+            raise TrackingError("no ring is proposed")
+        return self.rings[0]
+
+    def replace(self, found: Sequence[Proposal]) -> None:
+        """Propose what a look has found, best first; with nothing all is forgotten."""
+        if not found:
+            self._passed_over.clear()
+        self.rings = sorted(found, key=self._is_passed_over)
+
+    def pass_over(self) -> None:
+        """Put the first ring last; when all have been passed over it is all of them again.
+
+        Raises:
+            TrackingError: there is no other.
+        """
+        first, others = self.first, self.rings[1:]
+        if not others:
+            raise TrackingError("no other ring is proposed")
+        if all(map(self._is_passed_over, others)):
+            self._passed_over.clear()
+        self._passed_over.append(first.centre)
+        self.rings = [*others, first]
+
+    def _is_passed_over(self, ring: Proposal) -> bool:
+        return any(ring.is_at(centre) for centre in self._passed_over)
 
 
 def only_ring(proposals: list[Proposal]) -> Proposal | None:

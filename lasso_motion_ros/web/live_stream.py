@@ -287,7 +287,7 @@ class LiveStream:
             return {
                 **asdict(headline),
                 **self._patient.words(),
-                "proposed": self._best_proposal is not None,
+                "proposed": 0 if self._best_proposal is None else len(self._proposals),
                 "sigma_mm": None if sigma_mm is None else round(sigma_mm, 2),
                 "pose_age_s": None if age is None else round(age, 1 if age < 1.0 else None),
                 "stopped_s": {plane: None if age is None else round(age) for plane, age in silence.items()},

@@ -21,7 +21,20 @@ Array = npt.NDArray[np.float64]
 MAX_MESSAGE_BYTES = 1 << 18
 MAX_POINTS = 4000
 CLICKS_FILE = "clicks_file"
-COMMANDS = ("hold", "release", "seed", "accept", "reset", "set_reference", "style", "go", "draw", "save", CLICKS_FILE)
+COMMANDS = (
+    "hold",
+    "release",
+    "seed",
+    "accept",
+    "next",
+    "reset",
+    "set_reference",
+    "style",
+    "go",
+    "draw",
+    "save",
+    CLICKS_FILE,
+)
 _LARGEST_COORDINATE = 1e5
 
 

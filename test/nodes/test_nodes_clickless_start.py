@@ -33,7 +33,8 @@ def graph(tmp_path: Path) -> Iterator[Graph]:
 
 def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_start_without(graph: Graph) -> None:
     start_tracker(graph, "polarity:=dark")
-    graph.client(Trigger, "/lasso_tracker/accept")
+    for name in ("accept", "next"):
+        graph.client(Trigger, f"/lasso_tracker/{name}")
     graph.client(SetParameters, "/lasso_tracker/set_parameters")
     stream = RingStream(graph)
     stream.connect()
@@ -57,6 +58,9 @@ def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_
     assert shown[-1].action == ADD
     assert len(shown[-1].points) >= 64
     assert stream.states()[-1] == "WAITING_FOR_SEED"
+    no_other = graph.call(Trigger, "/lasso_tracker/next", Trigger.Request())
+    assert not no_other.success
+    assert no_other.message == "no other ring is proposed"
     taken = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
     assert taken.success, taken.message
     stream.await_state("TRACKING")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,16 +72,17 @@ def status(client: Client) -> dict[str, Any]:
     return said[-1] if said else {}
 
 
-def test_a_page_shows_the_ring_that_is_proposed_and_accepts_it(tmp_path: Path) -> None:
+def test_a_page_shows_the_ring_that_is_proposed_asks_for_the_next_and_accepts_it(tmp_path: Path) -> None:
     with Graph((), tmp_path) as graph:
-        accepted: list[Trigger.Request] = []
+        called: list[str] = []
 
-        def accept(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-            accepted.append(request)
+        def called_for(name: str, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            called.append(name)
             response.success = True
             return response
 
-        graph.listener.node.create_service(Trigger, "lasso_tracker/accept", accept)
+        for name in ("next", "accept"):
+            graph.listener.node.create_service(Trigger, f"lasso_tracker/{name}", partial(called_for, name))
         url = served(graph)
         ring = encode_line_strip(np.eye(3), header_fields(STAMP_NS, "patient_table"), "proposal")
         for topic, fields in ((topics.PROPOSAL, ring), (topics.STATE, {"data": "WAITING_FOR_SEED"})):
@@ -92,12 +94,13 @@ def test_a_page_shows_the_ring_that_is_proposed_and_accepts_it(tmp_path: Path) -
             async with aiohttp.ClientSession() as session:
                 client = Client(await session.ws_connect(f"{url}live", origin=url.rstrip("/")))
                 await client.hear(lambda: status(client).get("proposed"))
-                await client.send(type="accept", id=1)
-                await client.hear(lambda: client.of("answer"))
-                assert client.of("answer")[0]["done"], client.of("answer")
+                for number, name in enumerate(("next", "accept"), start=1):
+                    await client.send(type=name, id=number)
+                    await client.hear(lambda number=number: len(client.of("answer")) == number)
+                    assert client.of("answer")[-1]["done"], client.of("answer")
 
         asyncio.run(visit())
-        assert len(accepted) == 1
+        assert called == ["next", "accept"]
 
 
 def test_a_page_that_is_closed_while_it_is_answered_holds_nothing(tmp_path: Path) -> None:

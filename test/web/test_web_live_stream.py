@@ -75,7 +75,7 @@ def test_a_proposed_ring_is_shown_while_the_tracker_waits_for_clicks_and_until_i
     assert bench.shown() == (0, False)
     bench.proposal(0.0)
     assert bench.shown() == (0, True)
-    assert bench.stream.status()["proposed"]
+    assert bench.stream.status()["proposed"] == 1
     bench.stream.add_state("LOST")
     assert bench.shown() == (0, False)
     bench.stream.add_state("WAITING_FOR_SEED")

@@ -29,7 +29,8 @@ class Laggard:
     """A source that says at once that it holds; its held picture comes when it is let. It may propose a ring."""
 
     def __init__(self) -> None:
-        self.held = self.let = self.proposes = False
+        self.held = self.let = False
+        self.proposes = 0  # rings
         self.commands: list[str] = []
         self._changed: Callable[[], None] = lambda: None
 
@@ -37,7 +38,7 @@ class Laggard:
         both = dict.fromkeys("ab")
         said = {"mode": "live", "state": "WAITING_FOR_SEED", "reason": "", "has_pose": False, "stopped_s": both}
         seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "alarm": ""}
-        said |= {"proposed": self.proposes and not self.held}
+        said |= {"proposed": self.proposes if not self.held else 0}
         return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
 
     def picture(self, view: PageView, page: int) -> Picture:
@@ -52,7 +53,7 @@ class Laggard:
     def command(self, name: str, body: Mapping[str, Any], page: int) -> str:
         self.commands.append(name)
         self.held = name == "hold"
-        return "It is held." if self.held else "It is taken."
+        return {"hold": "It is held.", "next": "This one?"}.get(name, "It is taken.")
 
     def watch(self, on_change: Callable[[], None]) -> None:
         self._changed = on_change
@@ -95,22 +96,28 @@ def test_the_picture_is_clicked_once_the_held_one_is_on_the_screen(tmp_path: Pat
         server.stop()
 
 
-def test_a_proposed_ring_is_drawn_enter_takes_it_and_s_sets_clicks(tmp_path: Path) -> None:
+def test_a_proposed_ring_is_drawn_n_asks_for_the_next_enter_takes_it_and_s_sets_clicks(tmp_path: Path) -> None:
     require_browser()
     source = Laggard()
-    source.proposes = True
+    source.proposes = 2
     server = WebServer(source, port=0)
     server.start()
     try:
         with open_page(server.url, tmp_path / "profile") as page:
             page.wait_for(lambda: all(is_ring_drawn(page, plane) for plane in "ab"), "the ring")
-            assert page.text("reason") == "A ring is found: is it the lasso?"
-            assert "Enter" in page.text("detail")
+            assert page.text("reason") == "2 rings are found: is this one the lasso?"
+            assert page.text("detail") == "Press Enter to take it, N for the next, or S to set clicks."
+            page.press("n")
+            page.wait_for(lambda: page.text("message-text") == "This one?", "the next ring's answer")
+            source.proposes = 1
+            page.wait_for(lambda: page.text("reason") == "A ring is found: is it the lasso?", "the only ring")
+            assert "N for" not in page.text("detail")
+            assert not page.driver.find_element("id", "another").is_displayed()
             page.press("\ue007")  # Enter
             page.wait_for(lambda: page.text("message-text") == "It is taken.", "the answer")
             page.press("s")
             page.wait_for(lambda: not is_ring_drawn(page, "a"), "the held picture without a ring")
-            assert source.commands == ["accept", "hold"]
+            assert source.commands == ["next", "accept", "hold"]
     finally:
         server.stop()
 

@@ -159,7 +159,8 @@ function refresh() {
   get("live-buttons").hidden = get("axes").hidden = clicking;
   for (const id of ["hold", "reset", "reference"]) get(id).disabled = !connected || (live && status?.state === "NO_TRACKER");
   get("accept").hidden = !status?.proposed;
-  get("accept").disabled = !connected;
+  get("another").hidden = !(status?.proposed > 1);
+  for (const id of ["accept", "another"]) get(id).disabled = !connected;
   get("hold").disabled = !connected || !status || !live || !status.seen.a || !status.seen.b;
   get("keep").disabled = !connected || !status?.has_clicks;
   get("click-keep").disabled = !enough();
@@ -249,6 +250,7 @@ function announce(words) {
 function reasonWords() {
   if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
   if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
+  if (status.proposed > 1) return `${status.proposed} rings are found: is this one the lasso?`;
   if (status.proposed) return "A ring is found: is it the lasso?";
   return status.reason || {
     TRACKING: "The loop is followed.",
@@ -263,7 +265,8 @@ function detailWords() {
   if (status.held_elsewhere) return "Somebody is setting clicks in another window.";
   if (status.state === "WAITING_FOR_SEED") {
     if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
-    if (status.proposed && !status.sent) return "Press Enter to take it, or S to set clicks.";
+    if (status.proposed && !status.sent)
+      return `Press Enter to take it,${status.proposed > 1 ? " N for the next," : ""} or S to set clicks.`;
     return status.sent ? "If nothing follows, press S and click again." : "Press S: the picture is held while you click.";
   }
   if (status.state === "NO_TRACKER") return "Start lasso_tracker; this page finds it by itself.";
@@ -440,6 +443,7 @@ function reset() {
 
 const deeds = {
   accept: () => ask("accept"),
+  another: () => ask("next"),
   hold: () => ask("hold"),
   cancel: async () => {
     cancelling = true;
@@ -527,7 +531,7 @@ const keys = {
     box.selectedIndex = (box.selectedIndex + 1) % box.options.length;
     box.dispatchEvent(new Event("change"));
   },
-  n: () => press("next"),
+  n: () => press("another", "next"),
   PageDown: () => press("next"),
   p: () => press("previous"),
   PageUp: () => press("previous"),

@@ -1,0 +1,54 @@
+"""Rings that are proposed: in which order, and which comes next."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from support.breathing_lasso import pair
+from support.lasso_inputs import CURVE
+
+from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.geometry.frames import Seed
+from lasso_motion_ros.initialisation.judgement import Judgement
+from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.stream.automatic_start import ProposedRings
+
+JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1)
+
+
+def ring(x: float) -> Proposal:
+    clicks = np.zeros((6, 2))
+    return Proposal(pair(0), Seed(clicks, clicks), CURVE + np.array([x, 0.0, 0.0]), JUDGEMENT, 0, "")
+
+
+def places(rings: list[Proposal]) -> list[float]:
+    return [round(float(one.points[0, 0] - CURVE[0, 0]), 3) for one in rings]
+
+
+def test_a_ring_that_is_passed_over_comes_last_in_later_looks_too() -> None:
+    proposed = ProposedRings()
+    with pytest.raises(TrackingError, match="no ring is proposed"):
+        proposed.pass_over()
+    proposed.replace([ring(0.0), ring(0.03), ring(0.06)])
+    proposed.pass_over()
+    assert places(proposed.rings) == [0.03, 0.06, 0.0]
+    moved = [ring(0.002), ring(0.028), ring(0.061)]  # best first, as ever
+    proposed.replace(moved)
+    assert places(proposed.rings) == [0.028, 0.061, 0.002]
+    assert proposed.first is moved[1]
+    proposed.pass_over()
+    proposed.pass_over()
+    assert proposed.first is moved[0]  # all have been passed over
+    proposed.pass_over()
+    assert proposed.first is moved[1]
+    proposed.replace([])
+    proposed.replace([ring(0.0), ring(0.03)])
+    assert places(proposed.rings) == [0.0, 0.03]
+
+
+def test_of_one_ring_there_is_no_next() -> None:
+    proposed = ProposedRings()
+    proposed.replace([ring(0.0)])
+    with pytest.raises(TrackingError, match="no other ring is proposed"):
+        proposed.pass_over()
+    assert places(proposed.rings) == [0.0]
