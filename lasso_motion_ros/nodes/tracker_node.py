@@ -49,6 +49,9 @@ class _Tuning:
 
     Attributes:
         waiting_pairs: pairs that may wait for the tracker. Ten come at once where calibrations were sent again.
+        behind_s: a tracker that has had no rest for so long is too slow for the stream, and goes on with the newest
+            pair from which the motion can be followed. To build a model, and answer the pairs that came meanwhile in
+            their order, takes less.
         look_s: between two looks whether images still come and are answered.
         patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
@@ -56,6 +59,7 @@ class _Tuning:
     """
 
     waiting_pairs: int = 12
+    behind_s: float = 2.0
     look_s: float = 0.1
     patience_s: float = 5.0
     diagnostics_s: float = 1.0
@@ -173,6 +177,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             on_error=self.complaints.error,
             name="tracker",
             idle=self._describe,
+            behind_s=_TUNING.behind_s,
+            may_skip=PairTask.is_followed_by,
         )
         session = pipeline.session
         self._clickless.begin(config, lambda: session.state is TrackerState.WAITING_FOR_SEED)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Generic, TypeVar
@@ -15,7 +17,8 @@ class Worker(Generic[Item]):
 
     When the queue is full, everything that waits is dropped in favour of what comes in: under lasting overload waiting
     items are stale, and their age must not grow. A single item may take long; until it is done and the queue is empty
-    again, the queue may grow to the larger bound.
+    again, the queue may grow to the larger bound. A worker that has not been idle for a while is behind for good: until
+    it is idle again the newest item is the next, as far as those between may be left out.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
@@ -26,6 +29,8 @@ class Worker(Generic[Item]):
         name: of the thread.
         idle: called in the worker's thread while nothing waits, again and again while it returns True. An item that
             comes in waits until it has returned.
+        behind_s: after so long without having been idle it is behind.
+        may_skip: whether what lies between an item that was worked on and another may be left out, if it is behind.
     """
 
     def __init__(
@@ -38,6 +43,8 @@ class Worker(Generic[Item]):
         on_error: Callable[[Exception], None],
         name: str,
         idle: Callable[[], bool] = lambda: False,
+        behind_s: float = math.inf,
+        may_skip: Callable[[Item, Item], bool] = lambda last, other: True,
     ) -> None:
         self._work, self._idle = work, idle
         self._on_error = on_error
@@ -45,6 +52,9 @@ class Worker(Generic[Item]):
         self._capacity = capacity
         self._burst_capacity = burst_capacity
         self._burst = False
+        self._behind_s, self._may_skip = behind_s, may_skip
+        self._busy_since_s = math.inf
+        self._last: Item | None = None
         self._waiting: deque[Item] = deque()
         self._changed = threading.Condition()
         self._stopping = False
@@ -109,12 +119,30 @@ class Worker(Generic[Item]):
     def _take(self, *, wait: bool) -> list[Item] | None:
         """The next item, or none where none waits; None where the thread is to end."""
         with self._changed:
+            if not self._waiting:
+                self._busy_since_s = math.inf
             if wait:
                 self._changed.wait_for(lambda: self._waiting or self._stopping)
             if self._stopping:
                 return None
             if not self._waiting:
                 return []
-            item = self._waiting.popleft()
+            self._busy_since_s = min(self._busy_since_s, time.monotonic())
+            if time.monotonic() - self._busy_since_s > self._behind_s:
+                self._skip()
+            item = self._last = self._waiting.popleft()
             self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
             return [item]
+
+    def _skip(self) -> None:
+        """Leave out what need not be worked on before the newest; nothing that takes long."""
+        last, candidates = self._last, list(self._waiting)
+        for number, item in enumerate(candidates):
+            if self._takes_long(item):
+                del candidates[number + 1 :]
+                break
+        within = [number for number, item in enumerate(candidates) if last is None or self._may_skip(last, item)]
+        # Where even the first is too far away, leaving out more does no further harm.
+        for _ in range(within[-1] if within else len(candidates) - 1):
+            self._waiting.popleft()
+            self._dropped += 1

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 
+# Four pairs a second are what many systems take: no breath is missed between two of them.
+FOLLOWED_NS = 250_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class PairTask:
@@ -31,6 +34,11 @@ class PairTask:
     def begins_run(self) -> bool:
         """Whether the stamps went back here; when the pair comes again, that has been dealt with."""
         return self.pair.new_run and not self.answered
+
+    def is_followed_by(self, other: PairTask) -> bool:
+        """Whether the motion can be followed from here to another task, with nothing between them."""
+        newest = self.later[-1] if self.later else self.pair
+        return other.pair.stamp_ns - newest.stamp_ns <= FOLLOWED_NS
 
 
 class PromisedTasks:

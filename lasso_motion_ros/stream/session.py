@@ -15,7 +15,7 @@ from lasso_motion_ros.stream.answer_counts import AnswerCounts
 from lasso_motion_ros.stream.heart_phases import HeartPhases
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation
 from lasso_motion_ros.stream.outputs import Output
-from lasso_motion_ros.stream.pair_task import PairTask, PromisedTasks
+from lasso_motion_ros.stream.pair_task import FOLLOWED_NS, PairTask, PromisedTasks
 from lasso_motion_ros.stream.problem_log import ProblemLog
 from lasso_motion_ros.stream.result_messages import ResultMessages
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
@@ -24,9 +24,6 @@ from msg_adapters.messages import MessageFactory
 SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
-
-# Four pairs a second are what many systems take: no breath is missed between two of them.
-_FOLLOWED_NS = 250_000_000
 
 
 class TrackingSession:
@@ -185,7 +182,7 @@ class TrackingSession:
     def _answers_again(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         followed_ns = task.pair.stamp_ns
         for pair in task.later:
-            if pair.stamp_ns - followed_ns < _FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
+            if pair.stamp_ns - followed_ns < FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
                 continue
             followed_ns = pair.stamp_ns
             yield self._result_outputs(pair, self._tracked(pair))

@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
+import pytest
+
 from lasso_motion_ros.nodes.worker import Worker
 
 
@@ -84,6 +86,58 @@ def test_while_one_takes_long_more_may_wait_until_all_is_done() -> None:
     worker.stop()
     assert gate.done == [100, 1, 2, 3, 4, 5, 6, 10]
     assert worker.dropped == 3
+
+
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    [
+        (9, [0, 4, 100, 102]),  # what takes long is not left out
+        (2, [0, 2, 4, 100, 102]),  # no further at once than it may go
+        (0, [0, 100, 102]),  # too far in any case: all the way
+    ],
+)
+def test_one_that_has_had_no_rest_goes_on_with_the_newest_that_it_may(step: int, expected: list[int]) -> None:
+    gate = Gate()
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=9,
+        burst_capacity=9,
+        takes_long=lambda item: item == 100,
+        on_error=lambda _: None,
+        name="test",
+        behind_s=0.0,
+        may_skip=lambda last, other: other - last <= step,
+    )
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    worker.put([1, 2, 3, 4, 100, 101, 102])
+    for _ in expected[1:]:
+        gate.let(1)
+        assert gate.begun.acquire(timeout=10)
+    gate.let(1)
+    worker.stop()
+    assert gate.done == expected
+    assert worker.dropped == 8 - len(expected)
+
+
+def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
+    gate = Gate()
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=9,
+        burst_capacity=9,
+        takes_long=lambda _: False,
+        on_error=lambda _: None,
+        name="test",
+        behind_s=30.0,
+    )
+    for items in ([0, 1, 2], [3, 4]):
+        worker.put(items)
+        gate.let(len(items))
+        for _ in items:
+            assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [0, 1, 2, 3, 4]
 
 
 def test_clear_forgets_without_counting() -> None:

@@ -24,6 +24,14 @@ def test_a_pair_that_comes_again_begins_no_run_again() -> None:
     assert not task(1).begins_run
 
 
+def test_the_motion_is_followed_over_a_quarter_of_a_second_from_the_newest_pair_that_was_answered() -> None:
+    at = [PairTask(FramePair(ms * 1_000_000, None, None)) for ms in (0, 250, 251, 500)]
+    assert at[0].is_followed_by(at[1])
+    assert not at[0].is_followed_by(at[2])
+    clicked = PairTask(at[0].pair, SEED, later=(at[1].pair, at[2].pair))  # with those that came since, answered again
+    assert clicked.is_followed_by(at[3])
+
+
 def test_seeds_and_new_runs_are_made_up_for_and_other_pairs_are_not() -> None:
     promised = PromisedTasks()
     promised.add([task(1), task(2, seed=True), task(3), task(4, new_run=True), task(5), task(6, seed=True)])
