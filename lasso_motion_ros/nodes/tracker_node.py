@@ -388,7 +388,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._publish_diagnostics()
         if self._tracker_services.board.pair is not None or self._silence:
             self._show()  # for viewers that come later, and with the time that has passed
-        if self._pipeline is None or self._inputs is None:
+        if self._pipeline is None or self._inputs is None or self._worker is None:
             return
         statistics = self._pipeline.statistics()
         complaints = self._watch.complaints(
@@ -397,6 +397,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             statistics.calibrated,
             statistics.pairing["a"].paired,
             statistics.waiting_clicks,
+            self._worker.dropped,
         )
         for subject, text in complaints:
             self.complaints.complain(subject, text, kind=kind_of(text), period_s=_TUNING.stream_complaint_s)

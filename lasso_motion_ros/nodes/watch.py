@@ -27,7 +27,7 @@ class _Limits:
         images: stamps remembered, to count gaps between them.
         enough_intervals: intervals that are needed to tell the frame period.
         lags: images whose stamp is compared with their receipt.
-        missing_share: of the images; where more get lost, that is said.
+        missing_share: of the images; where more get lost, or more pairs are left out, that is said.
         offset_s: between the planes' clocks; with more, images no longer pair.
     """
 
@@ -73,7 +73,7 @@ class Offer:
 
 
 class StreamWatch:
-    """Notices topics that nobody publishes, images without calibration, lost images, and clocks that disagree.
+    """Notices topics without publisher, images without calibration, lost images, clocks that disagree, slow trackers.
 
     Args:
         now_s: steady clock, seconds, at the start.
@@ -82,7 +82,7 @@ class StreamWatch:
     def __init__(self, now_s: float) -> None:
         self._began_s = now_s
         self._arrivals: dict[Plane, _Arrivals] = {plane: _Arrivals() for plane in PLANES}
-        self._whole_pairs = 0
+        self._whole_pairs, self._left_out = 0, 0
         self._clicks_wait_since_s: float | None = None
 
     def add_image(self, plane: Plane, stamp_ns: int, now_ns: int) -> None:
@@ -143,6 +143,7 @@ class StreamWatch:
         calibrated: tuple[Plane, ...],
         whole_pairs: int,
         waiting_clicks: str = "",
+        left_out: int = 0,
     ) -> Iterator[tuple[str, str]]:
         """What is wrong now: topic and words.
 
@@ -152,6 +153,7 @@ class StreamWatch:
             calibrated: the planes that have a valid calibration.
             whole_pairs: pairs of both planes so far.
             waiting_clicks: what clicks are kept and what they wait for, in words; empty where none are kept.
+            left_out: pairs so far that the tracker had no time for.
         """
         for plane, offer in offers.items():
             images, infos = image_topic(plane).name, camera_info_topic(plane).name
@@ -190,12 +192,14 @@ class StreamWatch:
         elif now_s - self._clicks_wait_since_s >= _LIMITS.silence_s:
             yield "seed", waiting_clicks
         offset_s = self.clock_offset_s()
-        stalled = whole_pairs == self._whole_pairs
-        self._whole_pairs = whole_pairs
+        pairs, skipped = whole_pairs - self._whole_pairs, left_out - self._left_out
+        self._whole_pairs, self._left_out = whole_pairs, left_out
+        if skipped > _LIMITS.missing_share * max(pairs, 1):
+            yield "tracker", f"it cannot keep up with the stream: {skipped} pairs were left out while {pairs} came"
         come = [arrivals.count - arrivals.count_before for arrivals in self._arrivals.values()]
         for arrivals in self._arrivals.values():
             arrivals.count_before = arrivals.count
-        if offset_s is not None and abs(offset_s) > _LIMITS.offset_s and stalled and min(come) > 0:
+        if offset_s is not None and abs(offset_s) > _LIMITS.offset_s and pairs == 0 and min(come) > 0:
             yield (
                 "sync",
                 (

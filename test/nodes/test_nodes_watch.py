@@ -48,6 +48,18 @@ def test_images_without_calibration_are_said_after_two_seconds() -> None:
     assert complaints(watch, 6.1, pairs=3) == {}
 
 
+def test_a_tracker_that_is_too_slow_is_said_while_it_leaves_pairs_out() -> None:
+    watch = StreamWatch(0.0)
+    feed(watch, list(range(40)))
+    said = [
+        dict(watch.complaints(now_s, dict.fromkeys(BOTH, GOOD), BOTH, pairs, left_out=left_out))
+        for now_s, pairs, left_out in ((3.0, 30, 0), (4.0, 45, 1), (4.5, 60, 7), (5.0, 75, 7))
+    ]
+    assert said[2] == {"tracker": "it cannot keep up with the stream: 6 pairs were left out while 15 came"}
+    assert said[:2] == [{}, {}]  # one of fifteen is no lasting overload
+    assert said[3] == {}
+
+
 def test_images_that_have_stopped() -> None:
     watch = StreamWatch(0.0)
     feed(watch, list(range(10)))
