@@ -331,10 +331,13 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         if worker is None:
             return
         try:
-            with self._answering:
-                for outputs in pipeline.session.answers(task, lambda: worker.waiting > 0):
+            answers = pipeline.session.answers(task, lambda: worker.waiting > 0)
+            with self._answering, contextlib.closing(answers):
+                for outputs in answers:
                     if self._worker is worker:  # else it hung, and the node was deactivated meanwhile
                         self._state_watch.answer(task.number, outputs)
+                    if worker.is_stopping:  # dozens of pairs may be to be answered again
+                        break
             refusal = pipeline.session.last_refusal
         finally:
             # A pair on which the tracker failed is not answered: if they all are such, that is a loss.

@@ -72,6 +72,11 @@ class Worker(Generic[Item]):
         """How many items wait."""
         return len(self._waiting)
 
+    @property
+    def is_stopping(self) -> bool:
+        """Whether the item in work is the last one."""
+        return self._stopping
+
     def put(self, items: Sequence[Item]) -> None:
         """Queue items that belong together; never blocks."""
         with self._changed:

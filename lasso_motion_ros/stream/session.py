@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.messages import MessageFactory
 
 SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
+Answers = Generator[list[Output], None, None]
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
 
@@ -105,7 +106,7 @@ class TrackingSession:
         """
         return [output for answer in self.answers(task) for output in answer]
 
-    def answers(self, task: PairTask, in_hurry: Callable[[], bool] = lambda: False) -> Iterator[list[Output]]:
+    def answers(self, task: PairTask, in_hurry: Callable[[], bool] = lambda: False) -> Answers:
         """As `process`, each pair's outputs as soon as they are there: a model's first pose waits for no other pair.
 
         Args:

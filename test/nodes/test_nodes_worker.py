@@ -175,7 +175,7 @@ def test_stop_ends_the_item_in_work_and_forgets_the_rest() -> None:
     stopping = threading.Thread(target=worker.stop)
     stopping.start()
     tick = threading.Event()
-    while not worker._stopping:  # else the first could end, and the second begin, before
+    while not worker.is_stopping:  # else the first could end, and the second begin, before
         assert not tick.wait(0.001)
     gate.let(1)
     stopping.join(10)

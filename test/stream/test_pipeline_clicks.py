@@ -35,6 +35,19 @@ def test_a_model_is_answered_at_once_and_in_a_hurry_followed_at_four_pairs_a_sec
     assert [(stamp_ns - begin) // 100_000_000 for stamp_ns in rest] == [3, 6, 9, 11]
 
 
+def test_answers_that_nobody_waits_for_any_more_are_not_worked_out() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    run(line, stream(12, seeded=None))
+    line.intake.add_seed("a", seed(stamp(0)))
+    (task,) = line.intake.add_seed("b", seed(stamp(0)))
+    answers = line.session.answers(task)
+    next(answers)
+    answers.close()  # the node is told to stop
+    assert tracker.calls == [("initialise", stamp(0))]
+    assert poses(run(line, stream(1, seeded=None, start=12))) == {stamp(12): 1.0}  # and nothing is held back
+
+
 def test_clicks_with_stamp_zero_are_for_the_next_pair() -> None:
     line = pipeline()
     run(line, stream(3, seeded=None))
