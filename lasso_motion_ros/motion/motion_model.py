@@ -56,7 +56,7 @@ class MotionTuning:
     # Before any measurement, of the one kind and the other.
     heartbeat_odds: tuple[float, ...] = (0.1, 0.1, 0.05, 0.05, 0.2, 0.2, 0.2, 0.1)
     heartbeat_time_scale_s: float = 0.12
-    heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
+    heartbeat_memory_s: float = 60.0  # measurements older than this fade from weights and shape: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
     surge_m_s: float = 0.02  # of place and speed
@@ -171,7 +171,7 @@ class HeartShape:
     Attributes:
         along: (3,) unit vector that both planes see.
         tuning: what is expected of it.
-        moments: (3, 3) m², sum over the beats.
+        moments: (3, 3) m², sum over the beats; older ones have faded.
     """
 
     along: Array
@@ -188,9 +188,9 @@ class HeartShape:
         share = tuning.smallest_share**2
         return np.asarray((1.0 - share) * sum_ / np.linalg.eigvalsh(sum_)[-1] + share * _IDENTITY_3)
 
-    def learned(self, moment: Array) -> HeartShape:
-        """With another beat's second moment (3, 3) m²."""
-        return replace(self, moments=self.moments + moment)
+    def learned(self, moment: Array, kept: float = 1.0) -> HeartShape:
+        """With another beat's second moment (3, 3) m², and of those before it the share that is kept."""
+        return replace(self, moments=kept * self.moments + moment)
 
 
 def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:

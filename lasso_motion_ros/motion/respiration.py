@@ -87,6 +87,7 @@ class RespiratoryMotion:
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
         self._become_shaped(HeartShape(along, tuning))
+        self._learned_s = time_a_s  # of the heart's shape
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._weights: Array | None = None  # not worked out yet
@@ -227,13 +228,19 @@ class RespiratoryMotion:
         """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
         self._spread, self._ahead = self._spread.learned(displacement), {}
         # At the one plane's exposure and at the other's: each shows what the other does not.
-        self._become_shaped(self._shape.learned(0.5 * (self._beat(*self._marked) + self._beat_now)))
+        moment = 0.5 * (self._beat(*self._marked) + self._beat_now)
+        self._become_shaped(self._shape.learned(moment, self._kept(self._time_s - self._learned_s)))
+        self._learned_s = self._time_s
         if not self._keeps_history:
             return
         if self._spread.count in self._tuning.rebuild_at and self._start_s[0] != self._start_s[1]:
             self._rebuild()
         if self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
+
+    def _kept(self, interval_s: float) -> float:
+        """Share of what was learned of the heart that an interval leaves: rhythms change."""
+        return math.exp(-interval_s / self._tuning.heartbeat_memory_s)
 
     def _beat(self, state: Array, covariance: Array) -> Array:
         """(3, 3) m² second moment of the heart's motion in a state."""
@@ -325,7 +332,7 @@ class RespiratoryMotion:
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
             self._become(*self._propagated(time_s))
-            fading = math.exp(-(time_s - self._time_s) / self._tuning.heartbeat_memory_s)
+            fading = self._kept(time_s - self._time_s)
             usual = self._tuning.log_odds
             self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s

@@ -98,6 +98,23 @@ def test_what_was_learned_of_the_heart_fades():
     np.testing.assert_allclose(motion.weights, TUNING.odds, atol=1e-3)
 
 
+def test_which_way_the_heart_went_fades_with_its_size():
+    motion, _ = beating(1.6e-3, 0.0, way=OBLIQUE)
+    along = np.linalg.eigh(motion.heart_shape)[1][:, -1]
+    assert abs(along @ OBLIQUE) > 0.9
+    other = np.cross(OBLIQUE, [1.0, 0.0, 0.0])
+    other /= np.linalg.norm(other)
+    random = np.random.default_rng(1)
+    for index in range(1, 40):  # the rhythm has changed while nobody looked
+        time_s = 60 * INTERVAL_S + 1000.0 + index * INTERVAL_S
+        now = breathing(time_s) + random.normal(scale=1.6e-3) * other
+        motion.observe(time_s, a=observation("a", now, random), b=observation("b", now, random))
+        motion.mark_a(time_s)
+        motion.learn(motion.at_a.displacement)
+    along = np.linalg.eigh(motion.heart_shape)[1][:, -1]
+    assert abs(along @ other) > 0.9
+
+
 def test_likelihoods_by_hand():
     # Filters that are all alike are one: Student's density in two dimensions, whose peak is the normal one's.
     freedom = TUNING.freedom
