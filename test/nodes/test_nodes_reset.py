@@ -70,12 +70,17 @@ class FakePipeline:
         return []
 
 
+def worker(**other: Any) -> SimpleNamespace:
+    """One that does nothing."""
+    return SimpleNamespace(clear=lambda: None, stop=lambda _: True, **({"waiting": 0, "is_stopping": False} | other))
+
+
 @pytest.fixture
 def node() -> Iterator[TrackerNode]:
     rclpy.init(args=[], domain_id=free_domain())
     made = TrackerNode()
     made._pipeline = FakePipeline()
-    made._worker = SimpleNamespace(clear=lambda: None, stop=lambda _: True, waiting=0)
+    made._worker = worker()
     made._state_watch.begin(0.5)
     yield made
     made.close()
@@ -133,12 +138,29 @@ def test_a_thread_that_was_left_behind_says_nothing_more(node: TrackerNode, monk
     monkeypatch.setattr(node._tracker_publishers, "show_standard", said.append)
 
     def answers(task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
-        node._worker = SimpleNamespace(clear=lambda: None, stop=lambda _: True, waiting=0)  # deactivated, activated
+        node._worker = worker()  # deactivated, activated
         yield [ANSWER]
 
     node._pipeline.answers = answers
     node._track(TASK)
     assert said == []
+
+
+@pytest.mark.parametrize(("is_stopping", "worked_out"), [(False, 3), (True, 1)])
+def test_pairs_are_not_answered_again_for_a_node_that_stops(
+    node: TrackerNode, is_stopping: bool, worked_out: int
+) -> None:
+    count = 0
+
+    def answers(task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
+        nonlocal count
+        for _ in range(3):
+            count += 1
+            yield []
+
+    node._worker, node._pipeline.answers = worker(is_stopping=is_stopping), answers
+    node._track(TASK)
+    assert count == worked_out
 
 
 def test_nothing_is_answered_once_the_node_is_deactivated(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
