@@ -51,6 +51,11 @@ class _Tuning:
     beyond_share: float = 1.0
     narrow_beside: float = 0.4  # a narrow ellipse lies on many a line
     tilts: tuple[float, ...] = (-0.25, 0.0, 0.25)  # sines, out of a plane's view, that are tried of a narrow circle
+    # Of the best, what is tried beside each: lines nearby may hold a circle of which a part lies on the ring.
+    varied: int = 20
+    aside_m: float = 1.5e-3
+    aside_tilt: float = 0.25  # sine
+    aside_radius: float = 0.12  # of the radius
     # What keeps a circle where no line says otherwise, in weights of points along it: centre, tilt, radius, lift.
     inertia: tuple[float, ...] = (0.2, 0.2, 0.2, 2e-5, 2e-5, 0.2)
     lift_inertia: tuple[float, float] = (2.0, 10.0)  # where plane B is exposed later, and where not
@@ -79,13 +84,47 @@ def find_circles(
     for number, one in enumerate(TUNING.rounds):
         if number:
             circles = scored(_with_tilted(circles, grid), maps, grid)
-        moved = circles
-        for _ in range(one.repeats):
-            check()
-            moved = scored(_moved(moved, maps, grid, one, lift_inertia), maps, grid)
-            circles = circles.better_of(moved)
-        circles = circles.distinct(one.kept, one.same_m, one.same_cosine)
+        circles = _refined(circles, maps, grid, one, lift_inertia, check).distinct(
+            one.kept, one.same_m, one.same_cosine
+        )
+    last = TUNING.rounds[-1]
+    beside = scored(_varied(circles[: TUNING.varied], grid), maps, grid)
+    circles = Circles.joined([circles, _refined(beside, maps, grid, last, lift_inertia, check)])
+    return circles.distinct(last.kept, last.same_m, last.same_cosine)
+
+
+def _refined(
+    circles: Circles,
+    maps: Mapping[Plane, DirectionMaps],
+    grid: EpipolarGrid,
+    one: _Round,
+    lift_inertia: float,
+    check: Callable[[], None],
+) -> Circles:
+    """The circles where they lie on lines best on their way in one round."""
+    moved = circles
+    for _ in range(one.repeats):
+        check()
+        moved = scored(_moved(moved, maps, grid, one, lift_inertia), maps, grid)
+        circles = circles.better_of(moved)
     return circles
+
+
+def _varied(circles: Circles, grid: EpipolarGrid) -> Circles:
+    """Circles a little beside, a little tilted, smaller and larger than some."""
+    parts = [
+        replace(circles, centres=circles.centres + way * TUNING.aside_m * axis)
+        for axis in (grid.sideways["a"], grid.sideways["b"], grid.upward)
+        for way in (-1.0, 1.0)
+    ]
+    cosine = np.sqrt(1.0 - TUNING.aside_tilt**2)
+    parts += [
+        replace(circles, normals=cosine * circles.normals + way * TUNING.aside_tilt * axis)
+        for axis in axes_across(circles.normals)
+        for way in (-1.0, 1.0)
+    ]
+    parts += [replace(circles, radii=circles.radii * (1.0 + way * TUNING.aside_radius)) for way in (-1.0, 1.0)]
+    return Circles.joined(parts)
 
 
 def _with_tilted(circles: Circles, grid: EpipolarGrid) -> Circles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -30,6 +31,7 @@ class _Tuning:
     along_steps: tuple[int, ...] = (-6, -4, -2, 0, 2, 4, 6)  # cells
     margin_px: int = 8  # of the image, where its edge would be a line
     distinct_quantiles: tuple[float, ...] = (0.999, 0.9999)
+    doubtful_brightness: float = 0.3  # of 358 pictures one was taken for what it is not, by 0.12
     noise_window_cells: tuple[int, int] = (41, 41)
     outlier: float = 4.0  # in units of the local rms: what is denser counts no more
     floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
@@ -163,6 +165,17 @@ def curvature(
     scale = inside / np.sqrt(np.maximum(0.5 * mean, np.float32(1e-10)))
     xx, yy, xy = (np.asarray(one * scale) for one in (xx, yy, xy))
     return Curvature(xx, yy, xy, np.asarray(inside), float(xs[0]), float(hs[0]))
+
+
+def are_catheters_bright(seen: Iterable[Curvature], *, other: bool) -> bool:
+    """Whether the catheters of both planes' grey values are bright: electrodes stand out more than anything opposite.
+
+    Args:
+        seen: of grey values, not of their logarithm.
+        other: where that is in doubt, the less likely.
+    """
+    brightness = sum(one.brightness for one in seen)
+    return (brightness > 0.0) is not (other and abs(brightness) < TUNING.doubtful_brightness)
 
 
 def direction_maps(seen: Curvature, *, bright: bool) -> DirectionMaps:

@@ -19,6 +19,7 @@ from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, place
 from lasso_motion_ros.initialisation.direction_maps import (
     Curvature,
     DirectionMaps,
+    are_catheters_bright,
     curvature,
     direction_maps,
     row_range,
@@ -97,7 +98,7 @@ def find_rings(
     Args:
         pairs: successive pairs, both planes each.
         config: the tracker's parameters.
-        other_polarity: with `polarity: auto`, look for the one that is less likely.
+        other_polarity: with `polarity: auto`, look for the one that is less likely where that is in doubt.
         go_on: asked between the steps.
 
     Returns:
@@ -232,7 +233,7 @@ def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
 def _maps(
     frames: Mapping[Plane, Frame], grid: EpipolarGrid, rows: tuple[float, float], polarity: str, other: bool
 ) -> tuple[bool, dict[Plane, DirectionMaps]]:
-    """Whether the catheters are bright, and the planes' maps; electrodes stand out more than anything opposite."""
+    """Whether the catheters are bright, and the planes' maps."""
 
     def seen(*, logarithm: bool) -> dict[Plane, Curvature]:
         return {plane: curvature(frame, plane, grid, rows, logarithm=logarithm) for plane, frame in frames.items()}
@@ -242,7 +243,7 @@ def _maps(
         shown = seen(logarithm=not bright)
     else:
         shown = seen(logarithm=False)
-        bright = (sum(one.brightness for one in shown.values()) > 0.0) is not other
+        bright = are_catheters_bright(shown.values(), other=other)
         if not bright:
             shown = seen(logarithm=True)
     return bright, {plane: direction_maps(one, bright=bright) for plane, one in shown.items()}

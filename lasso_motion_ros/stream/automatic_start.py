@@ -58,7 +58,7 @@ class RingLookout:
             OvertakenError: `go_on` has said no.
         """
         found = find_rings(pairs, self._config, other_polarity=self._other_polarity, go_on=go_on)
-        # Where the likelier polarity has shown none, the other has its turn.
+        # Where the likelier polarity has shown none, the other has its turn, if that is in doubt.
         self._other_polarity = not found and not self._other_polarity
         return found
 

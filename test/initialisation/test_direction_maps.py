@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, lasso_image, noisy
 from support.tracking_inputs import VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.initialisation.direction_maps import curvature, row_range
+from lasso_motion_ros.initialisation.direction_maps import are_catheters_bright, curvature, row_range
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 
 ELSEWHERE = np.array([0.0, 0.0, 0.5])
@@ -29,7 +31,11 @@ def _faint_lasso(plane: str, *, inverted: bool) -> np.ndarray:
 @pytest.mark.parametrize("bright", [False, True])
 def test_electrodes_are_what_stands_out_most_whether_they_are_dark_or_bright(bright: bool) -> None:
     grid = EpipolarGrid.of(VIEWS)
-    for plane, view in VIEWS.items():
-        frame = Frame(0, _faint_lasso(plane, inverted=bright), view)
-        seen = curvature(frame, plane, grid, row_range({plane: frame}, grid), logarithm=False)
-        assert (seen.brightness > 0.0) is bright
+    frames = {plane: Frame(0, _faint_lasso(plane, inverted=bright), view) for plane, view in VIEWS.items()}
+    rows = row_range(frames, grid)
+    seen = [curvature(frame, plane, grid, rows, logarithm=False) for plane, frame in frames.items()]
+    assert all((one.brightness > 0.0) is bright for one in seen)
+    assert are_catheters_bright(seen, other=False) is bright
+    assert are_catheters_bright(seen, other=True) is bright  # that is not in doubt
+    blank = [replace(one, xx=0.0 * one.xx, yy=0.0 * one.yy) for one in seen]
+    assert are_catheters_bright(blank, other=True) is not are_catheters_bright(blank, other=False)
