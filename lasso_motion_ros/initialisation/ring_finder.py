@@ -45,6 +45,7 @@ class _Tuning:
     rival_share: float = 0.5  # of the worth of the circle that led to a ring; with less another leads to no rival
     smallest_field_m: float = 0.02  # that both planes have in common
     same_m: float = 8e-3  # rings whose centres are closer share much of what they rest on: only the better is one
+    same_outline_mm: float = 1.0  # mean distance of two rings' clicks in a plane, below which it shows one outline
     astray_m: float = 0.7e-3  # mean distance of the curve that clicks lead to from the one they were set along
 
 
@@ -80,6 +81,18 @@ class Proposal:
     def is_at(self, centre: Array) -> bool:
         """Whether the ring at a centre (3,) m is about the same."""
         return float(np.linalg.norm(self.centre - centre)) < TUNING.same_m
+
+    def can_be_beside(self, other: Proposal) -> bool:
+        """Whether it may be a ring as well as another: elsewhere, and no plane shows both in the same place.
+
+        One ring's outline in one plane and another ring's in the other make a third, where there is none.
+        """
+        return not self.is_at(other.centre) and not any(
+            frame.projection.millimetres_per_pixel(self.centre)
+            * _outlines_apart(self.seed.points(plane), other.seed.points(plane))
+            < TUNING.same_outline_mm
+            for plane, frame in self.pair.frames.items()
+        )
 
 
 class OvertakenError(Exception):
@@ -137,7 +150,7 @@ def find_rings(
     tried.sort(key=lambda one: -one.judgement.evidence)
     found: list[Proposal] = []
     for ring in tried:
-        if ring.judgement.is_ring and not any(ring.is_at(other.centre) for other in found):
+        if ring.judgement.is_ring and all(ring.can_be_beside(other) for other in found):
             _check(go_on)
             if (clicked := _clicked(ring, decided)) is not None:
                 found.append(clicked)
@@ -247,6 +260,12 @@ def _maps(
         if not bright:
             shown = seen(logarithm=True)
     return bright, {plane: direction_maps(one, bright=bright) for plane, one in shown.items()}
+
+
+def _outlines_apart(one: Array, other: Array) -> float:
+    """Mean distance of two closed curves' points (N, 2), (M, 2), of whichever lies farther from the other."""
+    ways = ((one, other), (other, one))
+    return max(float(distance_to_curve(points, np.vstack([curve, curve[:1]])).mean()) for points, curve in ways)
 
 
 def _check(go_on: Callable[[], bool]) -> None:

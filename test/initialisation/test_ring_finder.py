@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,9 +14,10 @@ from support.tracking_inputs import LOOP, VIEWS
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import Frame, FramePair
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
+from lasso_motion_ros.initialisation.judgement import Judgement
+from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal, find_rings
 from lasso_motion_ros.stream.automatic_start import only_ring
 
 CONFIG = TrackerConfig(polarity="dark")
@@ -59,6 +61,23 @@ def test_a_ring_that_a_plane_sees_edge_on_is_proposed_and_a_look_asks_often_whet
     assert distance_to_curve(curve, ring.points).mean() < 0.6e-3
     # Whoever clicks waits for none of it: so much of a look goes on at most.
     assert max(np.diff([*asked, time.thread_time()])) < 0.25 * (time.thread_time() - asked[0])
+
+
+def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
+    other = CURVE + np.array([0.02, 0.01, 0.0])
+    places = np.linspace(0, len(CURVE) - 1, 21).astype(int)[:-1]
+    a, b = ({plane: view.project(curve[places]) for plane, view in VIEWS.items()} for curve in (CURVE, other))
+
+    def proposal(curve: np.ndarray, seen_a: np.ndarray, seen_b: np.ndarray) -> Proposal:
+        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1)
+        return Proposal(pair(0), Seed(seen_a, seen_b), curve, judgement, 0, "")
+
+    one, two = proposal(CURVE, a["a"], a["b"]), proposal(other, b["a"], b["b"])
+    assert one.can_be_beside(two)
+    assert not one.can_be_beside(replace(two, points=CURVE + 1e-3))
+    third = proposal(CURVE + np.array([-0.02, 0.02, 0.0]), a["a"] + 1.0, b["b"])
+    assert not third.can_be_beside(one)
+    assert not third.can_be_beside(two)
 
 
 def test_one_plane_alone_proposes_nothing() -> None:
