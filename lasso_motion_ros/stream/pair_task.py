@@ -37,8 +37,11 @@ class PairTask:
 
     def is_followed_by(self, other: PairTask) -> bool:
         """Whether the motion can be followed from here to another task, with nothing between them."""
-        newest = self.later[-1] if self.later else self.pair
-        return other.pair.stamp_ns - newest.stamp_ns <= FOLLOWED_NS
+        return other._newest.stamp_ns - self._newest.stamp_ns <= FOLLOWED_NS
+
+    @property
+    def _newest(self) -> FramePair:
+        return self.later[-1] if self.later else self.pair
 
 
 class PromisedTasks:

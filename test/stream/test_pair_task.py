@@ -30,6 +30,8 @@ def test_the_motion_is_followed_over_a_quarter_of_a_second_from_the_newest_pair_
     assert not at[0].is_followed_by(at[2])
     clicked = PairTask(at[0].pair, SEED, later=(at[1].pair, at[2].pair))  # with those that came since, answered again
     assert clicked.is_followed_by(at[3])
+    # Clicks on an old pair may be refused: then those since then that still wait are needed.
+    assert not at[0].is_followed_by(clicked)
 
 
 def test_seeds_and_new_runs_are_made_up_for_and_other_pairs_are_not() -> None:
