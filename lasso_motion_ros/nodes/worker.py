@@ -31,6 +31,7 @@ class Worker(Generic[Item]):
             comes in waits until it has returned.
         behind_s: after so long without having been idle it is behind.
         may_skip: whether what lies between an item that was worked on and another may be left out, if it is behind.
+        clock: steady, seconds.
     """
 
     def __init__(
@@ -45,6 +46,7 @@ class Worker(Generic[Item]):
         idle: Callable[[], bool] = lambda: False,
         behind_s: float = math.inf,
         may_skip: Callable[[Item, Item], bool] = lambda last, other: True,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._work, self._idle = work, idle
         self._on_error = on_error
@@ -52,7 +54,7 @@ class Worker(Generic[Item]):
         self._capacity = capacity
         self._burst_capacity = burst_capacity
         self._burst = False
-        self._behind_s, self._may_skip = behind_s, may_skip
+        self._behind_s, self._may_skip, self._clock = behind_s, may_skip, clock
         self._busy_since_s = math.inf
         self._last: Item | None = None
         self._waiting: deque[Item] = deque()
@@ -132,8 +134,9 @@ class Worker(Generic[Item]):
                 return None
             if not self._waiting:
                 return []
-            self._busy_since_s = min(self._busy_since_s, time.monotonic())
-            if time.monotonic() - self._busy_since_s > self._behind_s:
+            now_s = self._clock()
+            self._busy_since_s = min(self._busy_since_s, now_s)
+            if now_s - self._busy_since_s > self._behind_s:
                 self._skip()
             item = self._last = self._waiting.popleft()
             self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))

@@ -121,7 +121,12 @@ def test_one_that_has_had_no_rest_goes_on_with_the_newest_that_it_may(step: int,
 
 
 def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
-    gate = Gate()
+    gate, now_s, idle = Gate(), 0.0, threading.Event()
+
+    def rest() -> bool:
+        idle.set()
+        return False
+
     worker: Worker[int] = Worker(
         gate,
         capacity=9,
@@ -129,15 +134,25 @@ def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
         takes_long=lambda _: False,
         on_error=lambda _: None,
         name="test",
-        behind_s=30.0,
+        idle=rest,
+        behind_s=2.0,
+        clock=lambda: now_s,
     )
     for items in ([0, 1, 2], [3, 4]):
+        idle.clear()
         worker.put(items)
         gate.let(len(items))
-        for _ in items:
-            assert gate.begun.acquire(timeout=10)
+        assert idle.wait(10)
+        now_s += 10.0
+    worker.put([5])
+    for _ in range(6):
+        assert gate.begun.acquire(timeout=10)
+    now_s += 2.5  # without a rest
+    worker.put([6, 7])
+    gate.let(2)
+    assert gate.begun.acquire(timeout=10)
     worker.stop()
-    assert gate.done == [0, 1, 2, 3, 4]
+    assert gate.done == [0, 1, 2, 3, 4, 5, 7]
 
 
 def test_clear_forgets_without_counting() -> None:
