@@ -26,8 +26,8 @@ class AutomaticInitialisation:
         config: the parameters.
         is_wanted: whether a ring is waited for.
         on_proposals: called with what a look has found, if that is news, and when a ring is passed over; best first.
-        on_start: called in the thread with the ring to start with, unasked. Clicks may have come: whoever is told asks
-            once more whether one is wanted.
+        on_start: called in the thread with the ring to start with, unasked; never one that was passed over. Clicks may
+            have come: whoever is told asks once more whether one is wanted.
         on_error: takes what a look raised.
     """
 
@@ -111,13 +111,17 @@ class AutomaticInitialisation:
         if found and goes_on():  # else what was proposed before stands
             self._propose(found)
             ring = only_ring(found)
-            if self._mode == "start" and ring is not None:
+            if self._mode == "start" and ring is not None and not self._was_passed_over(ring):
                 self._on_start(ring)
         self._stopped.wait(time.monotonic() - begun_s)
 
     def _goes_on(self, overtaken: int) -> bool:
         is_first = overtaken == self._overtaken and not self._stopped.is_set()
         return is_first and self._mode != "off" and self._is_wanted()
+
+    def _was_passed_over(self, ring: Proposal) -> bool:
+        with self._lock:
+            return self._proposed.was_passed_over(ring)
 
     def _propose(self, found: list[Proposal]) -> None:
         with self._lock:

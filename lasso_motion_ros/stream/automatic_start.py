@@ -89,7 +89,7 @@ class ProposedRings:
         """Propose what a look has found, best first; with nothing all is forgotten."""
         if not found:
             self._passed_over.clear()
-        self.rings = sorted(found, key=self._is_passed_over)
+        self.rings = sorted(found, key=self.was_passed_over)
 
     def pass_over(self) -> None:
         """Put the first ring last; when all have been passed over it is all of them again.
@@ -100,12 +100,13 @@ class ProposedRings:
         first, others = self.first, self.rings[1:]
         if not others:
             raise TrackingError("no other ring is proposed")
-        if all(map(self._is_passed_over, others)):
+        if all(map(self.was_passed_over, others)):
             self._passed_over.clear()
         self._passed_over.append(first.centre)
         self.rings = [*others, first]
 
-    def _is_passed_over(self, ring: Proposal) -> bool:
+    def was_passed_over(self, ring: Proposal) -> bool:
+        """Whether somebody has said that it is not the one."""
         return any(ring.is_at(centre) for centre in self._passed_over)
 
 

@@ -1,12 +1,15 @@
-"""The lookout in its thread: a look that clicks overtake gives up."""
+"""The lookout in its thread: what it starts with, and that a look gives up which clicks overtake."""
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 
 import numpy as np
+import pytest
 from support.breathing_lasso import pair
+from support.proposed_ring import ring
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal
@@ -37,5 +40,29 @@ def test_a_look_that_clicks_overtake_gives_up() -> None:
         time.sleep(max(1.0, 2.0 * max(np.diff(asked))))  # in which it would ask again
         assert len(asked) <= before + 1
         assert not proposed
+    finally:
+        automatic.stop(PATIENCE_S)
+
+
+def test_a_ring_that_was_passed_over_is_not_started_with_unasked(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = ring(0.0), ring(0.03)
+    looks = iter([[one, other], [one], [other]])
+    monkeypatch.setattr("lasso_motion_ros.stream.automatic_start.find_rings", lambda *_, **__: next(looks))
+    proposed, started = queue.Queue[list[Proposal]](), queue.Queue[Proposal]()
+    config = StreamConfig(automatic_initialisation="start")
+    automatic = AutomaticInitialisation(config, lambda: True, proposed.put, started.put, lambda _: None)
+
+    def look(number: int) -> list[Proposal]:
+        for index in range(PAIRS):
+            automatic.add(pair(PAIRS * number + index))
+        return proposed.get(timeout=PATIENCE_S)
+
+    try:
+        assert look(0) == [one, other]
+        assert automatic.pass_over() is other
+        assert proposed.get(timeout=PATIENCE_S) == [other, one]
+        assert look(1) == [one]
+        assert look(2) == [other]
+        assert started.get(timeout=PATIENCE_S) is other
     finally:
         automatic.stop(PATIENCE_S)

@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
-from support.breathing_lasso import pair
 from support.lasso_inputs import CURVE
+from support.proposed_ring import ring
 
 from lasso_motion_ros.core.errors import TrackingError
-from lasso_motion_ros.geometry.frames import Seed
-from lasso_motion_ros.initialisation.judgement import Judgement
 from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.stream.automatic_start import ProposedRings
-
-JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1)
-
-
-def ring(x: float) -> Proposal:
-    clicks = np.zeros((6, 2))
-    return Proposal(pair(0), Seed(clicks, clicks), CURVE + np.array([x, 0.0, 0.0]), JUDGEMENT, 0, "")
 
 
 def places(rings: list[Proposal]) -> list[float]:
@@ -32,6 +22,7 @@ def test_a_ring_that_is_passed_over_comes_last_in_later_looks_too() -> None:
     proposed.replace([ring(0.0), ring(0.03), ring(0.06)])
     proposed.pass_over()
     assert places(proposed.rings) == [0.03, 0.06, 0.0]
+    assert [proposed.was_passed_over(one) for one in proposed.rings] == [False, False, True]
     moved = [ring(0.002), ring(0.028), ring(0.061)]  # best first, as ever
     proposed.replace(moved)
     assert places(proposed.rings) == [0.028, 0.061, 0.002]
