@@ -31,7 +31,7 @@ class _Tuning:
     along_steps: tuple[int, ...] = (-6, -4, -2, 0, 2, 4, 6)  # cells
     margin_px: int = 8  # of the image, where its edge would be a line
     distinct_quantiles: tuple[float, ...] = (0.999, 0.9999)
-    doubtful_brightness: float = 0.3  # of 358 pictures one was taken for what it is not, by 0.12
+    doubtful_brightness: float = 0.3  # of both planes together: with less either polarity may be meant
     noise_window_cells: tuple[int, int] = (41, 41)
     outlier: float = 4.0  # in units of the local rms: what is denser counts no more
     floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
