@@ -9,10 +9,11 @@ from rclpy.node import Node
 from std_srvs.srv import Trigger
 
 from lasso_motion_ros.config.stream import StreamConfig
-from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
+from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
+from lasso_motion_ros.nodes.service_answer import answered
 from msg_adapters.messages import NANOSECONDS
 
 
@@ -39,8 +40,8 @@ class ClicklessStart:
         self._automatic: AutomaticInitialisation | None = None
         self._is_wanted: Callable[[], bool] = lambda: False
         self._due: list[Proposal] = []  # to start with, unasked
-        node.create_service(Trigger, "~/accept", partial(self._answer, self._accept))
-        node.create_service(Trigger, "~/next", partial(self._answer, self._pass_over))
+        for name, action in (("~/accept", self._accept), ("~/next", self._pass_over)):
+            node.create_service(Trigger, name, partial(_answer, action))
 
     @property
     def is_due(self) -> bool:
@@ -93,15 +94,6 @@ class ClicklessStart:
         if self._is_wanted():
             self._start_with(ring)
 
-    @staticmethod
-    def _answer(deed: Callable[[], str], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            response.message = deed()
-            response.success = True
-        except LassoMotionError as error:
-            response.success, response.message = False, str(error)
-        return response
-
     def _looking(self) -> AutomaticInitialisation:
         if self._automatic is None:
             raise TrackingError("the node is not active")
@@ -115,3 +107,7 @@ class ClicklessStart:
         ring = self._looking().accepted()
         self._start_with(ring)
         return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken: {ring.text}"
+
+
+def _answer(action: Callable[[], str], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+    return answered(response, action)

@@ -12,6 +12,7 @@ from std_srvs.srv import SetBool, Trigger
 
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.nodes.clicking import ClickBoard
+from lasso_motion_ros.nodes.service_answer import answered
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import NANOSECONDS
@@ -92,14 +93,14 @@ class TrackerServices:
             self._disappoint(RESET_MEANWHILE)
             return "the model is forgotten: new clicks are needed"
 
-        return self._answer(response, reset)
+        return answered(response, reset)
 
     def _on_set_reference(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def set_reference() -> str:
             self._set_reference()
             return "the present phase is the reference"
 
-        return self._answer(response, set_reference)
+        return answered(response, set_reference)
 
     def _on_freeze(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         def freeze() -> str:
@@ -113,7 +114,7 @@ class TrackerServices:
                 return "no pair is held"
             return f"the pair of {pair.stamp_ns / NANOSECONDS:.3f} s is held: click in both planes"
 
-        return self._answer(response, freeze)
+        return answered(response, freeze)
 
     async def _on_initialize(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         try:
@@ -129,14 +130,4 @@ class TrackerServices:
         except LassoMotionError as error:
             refusal = str(error)
         response.success, response.message = not refusal, refusal or "the model stands"
-        return response
-
-    def _answer(
-        self, response: Trigger.Response | SetBool.Response, action: Callable[[], str]
-    ) -> Trigger.Response | SetBool.Response:
-        try:
-            response.message = action()
-            response.success = True
-        except LassoMotionError as error:
-            response.success, response.message = False, str(error)
         return response
