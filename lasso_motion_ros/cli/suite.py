@@ -170,7 +170,7 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
 def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
     found = {}
     for name in SWEEPS if "all" in args.sweep else dict.fromkeys(args.sweep):
-        sequences, pool = args.sequences or SWEEP_SEQUENCES, worker_pool(args)  # of a cluster, which serves one run
+        sequences, pool = args.sequences or SWEEP_SEQUENCES, worker_pool(args)  # a cluster serves one run
         found[name] = run_sweep(SWEEPS[name], args.seed, sequences, configs, args.cache, pool, args.quiet)
         print(f"{format_sweep(SWEEPS[name], found[name])}\n", flush=True)
     if args.json is not None:
