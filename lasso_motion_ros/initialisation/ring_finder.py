@@ -51,6 +51,7 @@ class _Tuning:
 
 TUNING = _Tuning()
 PAIRS = TUNING.pairs
+SAME_M = TUNING.same_m
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,9 +10,11 @@ import numpy.typing as npt
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal, find_rings
+from lasso_motion_ros.initialisation.ring_finder import PAIRS, SAME_M, Proposal, find_rings
 
 Array = npt.NDArray[np.float64]
+
+FARTHEST_M = 0.03  # that a breath takes rings from look to look
 
 
 class RingLookout:
@@ -86,10 +88,17 @@ class ProposedRings:
         return self.rings[0]
 
     def replace(self, found: Sequence[Proposal]) -> None:
-        """Propose what a look has found, best first; with nothing all is forgotten."""
+        """Propose what a look has found, best first; with nothing all is forgotten.
+
+        The ring that was first stays so while it is found: who says yes means the one that he has before his eyes.
+        """
         if not found:
-            self._passed_over.clear()
-        self.rings = sorted(found, key=self.was_passed_over)
+            self._passed_over, self.rings = [], []
+            return
+        moved = _common_motion([one.centre for one in self.rings], [one.centre for one in found])
+        self._passed_over = [centre + moved for centre in self._passed_over]
+        first = [one.centre + moved for one in self.rings[:1]]
+        self.rings = sorted(found, key=lambda ring: (self.was_passed_over(ring), not any(map(ring.is_at, first))))
 
     def pass_over(self) -> None:
         """Put the first ring last; when all have been passed over it is all of them again.
@@ -108,6 +117,22 @@ class ProposedRings:
     def was_passed_over(self, ring: Proposal) -> bool:
         """Whether somebody has said that it is not the one."""
         return any(ring.is_at(centre) for centre in self._passed_over)
+
+
+def _common_motion(before: Sequence[Array], now: Sequence[Array]) -> Array:
+    """(3,) m by which most rings have moved, by their centres (3,) m in two looks: a breath takes all along."""
+    moves = sorted((later - earlier for earlier in before for later in now), key=_length)
+    best, most = np.zeros(3), 0
+    for move in (best, *moves):
+        there = [min(_length(later - earlier - move) for later in now) for earlier in before]
+        count = sum(away < SAME_M for away in there)
+        if count > most and _length(move) < FARTHEST_M:
+            best, most = move, count
+    return best
+
+
+def _length(vector: Array) -> float:
+    return float(np.linalg.norm(vector))
 
 
 def only_ring(proposals: list[Proposal]) -> Proposal | None:

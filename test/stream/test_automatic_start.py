@@ -43,3 +43,25 @@ def test_of_one_ring_there_is_no_next() -> None:
     with pytest.raises(TrackingError, match="no other ring is proposed"):
         proposed.pass_over()
     assert places(proposed.rings) == [0.0]
+
+
+def test_a_breath_between_two_looks_does_not_make_another_ring_the_first() -> None:
+    proposed = ProposedRings()
+    proposed.replace([ring(0.0), ring(0.03), ring(0.06)])
+    proposed.pass_over()
+    # Half the way from one ring to the next: what was passed over is where none was before.
+    proposed.replace([ring(0.015), ring(0.045), ring(0.075)])
+    assert places(proposed.rings) == [0.045, 0.075, 0.015]
+
+
+def test_the_ring_that_was_first_stays_so_while_it_is_found() -> None:
+    # Somebody may be about to say yes to it.
+    proposed = ProposedRings()
+    proposed.replace([ring(0.0), ring(0.03)])
+    proposed.replace([ring(0.031), ring(0.002)])
+    assert places(proposed.rings) == [0.002, 0.031]
+    proposed.replace([ring(0.035)])
+    assert places(proposed.rings) == [0.035]
+    proposed.replace([])
+    proposed.replace([ring(0.03), ring(0.0)])
+    assert places(proposed.rings) == [0.03, 0.0]
