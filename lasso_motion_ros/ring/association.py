@@ -24,6 +24,8 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 Array = npt.NDArray[np.float64]
 
 
+SMALLEST_DENSITY = 1e-30  # where nothing else ever shows as much
+
 Way = tuple[float, Callable[[], RespiratoryMotion]]
 
 
@@ -41,6 +43,7 @@ class AssociationTuning:
     # Slipped along itself, or a twin: this share of all else looks as the ring does, whatever that is.
     alike: float = 0.03
     usual_sigma: float = 0.25  # of the support where the ring is, about what is usual,
+    flattery: float = 0.5  # of the seed pair, whose support is all that is known of the usual one at first: likewise
     unlike: float = 0.1  # but for this share, of any support
     # Being where it was foretold proves so much (log odds) and no more, nor more than what the images show there: what
     # looks like the ring is often right beside it. Where there are several, it tells more of which of them is the ring.
@@ -123,6 +126,7 @@ def associate(
     times: Mapping[Plane, float],
     model: LoopModel,
     usual: float,
+    sightings: int,
     tuning: AssociationTuning,
 ) -> Association:
     """Weigh the detections of one pair.
@@ -134,6 +138,7 @@ def associate(
         times: of the exposures, seconds.
         model: the ring at the seed pair.
         usual: support where the ring is seen.
+        sightings: pairs that tell of it, besides the seed pair.
         tuning: what images and motion are worth.
     """
     unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
@@ -142,7 +147,12 @@ def associate(
         (math.log(tuning.surge_probability), cache(motion.surged)),
         (math.log(tuning.jump_probability), cache(partial(motion.moved_by_hand, tuning.jump_reach_m))),
     ]
-    hypotheses = [_hypothesis(detection, ways, time_s, times, model, usual, tuning) for detection in detections]
+    usual_sigma = math.hypot(tuning.usual_sigma, tuning.flattery / (sightings + 1))
+    looks = [_looks(detection.support, usual, usual_sigma, tuning) for detection in detections]
+    hypotheses = [
+        _hypothesis(detection, look, ways, time_s, times, model, tuning)
+        for detection, look in zip(detections, looks, strict=True)
+    ]
     if not hypotheses:
         return Association((), 1.0)
     # Which of them, if one is; and for itself, whether it is the ring.
@@ -161,14 +171,17 @@ def associate(
 
 def _hypothesis(
     detection: Detection,
+    looks: _Looks,
     ways: Sequence[Way],
     time_s: float,
     times: Mapping[Plane, float],
     model: LoopModel,
-    usual: float,
     tuning: AssociationTuning,
 ) -> Hypothesis:
-    """What a detection is worth, by the ways in which the ring may have got there: log probability, and motion."""
+    """What a detection is worth, by how it looks and the ways in which the ring may have got there.
+
+    Each way is its log probability, and the motion by it.
+    """
     clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
     outcomes: list[RespiratoryMotion] = []
@@ -184,13 +197,11 @@ def _hypothesis(
             break
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
-    support = detection.support
-    shown = _shown(support, tuning)
-    log_odds = _image_odds(support, tuning) + min(motion_odds, tuning.foretold, shown)
-    claim = _looks(support, usual, tuning) + max(
-        min(motion_odds, tuning.foretold_of_several, shown), tuning.anywhere_of_several
-    )
-    alike = tuning.alike / (tuning.alike + math.exp(motion_odds))  # which shows whatever the ring does
+    shown = _shown(detection.support, tuning)
+    log_odds = looks.odds + min(motion_odds, tuning.foretold, shown)
+    claim = looks.odds_with_alike + max(min(motion_odds, tuning.foretold_of_several, shown), tuning.anywhere_of_several)
+    # Which shows whatever the ring does, and anything else.
+    alike = tuning.alike / (tuning.alike + looks.usual * math.exp(motion_odds))
     gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
     return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, claim, alike)
 
@@ -217,17 +228,36 @@ def _shown(support: float, tuning: AssociationTuning) -> float:
     return 0.5 * (max(support - tuning.clutter_support, 0.0) / tuning.clutter_sigma) ** 2
 
 
-def _image_odds(support: float, tuning: AssociationTuning) -> float:
-    """Logarithm of how much more likely a support is where the ring is, whatever it shows, than where it is not."""
-    return _shown(support, tuning) + math.log(math.sqrt(2.0 * math.pi) * tuning.clutter_sigma / tuning.range_support)
+@dataclass(frozen=True)
+class _Looks:
+    """How a support tells the ring, as it usually shows, from all else.
+
+    Attributes:
+        odds: logarithm of how much likelier it is of the ring than of anything else that is seen.
+        odds_with_alike: the same, with what looks just like a ring among the rest.
+        usual: its density, of the ring, relative to that of what is usual. Far less than usual is seldom the ring's,
+            however little else shows as much: a ring that is half drawn into its sheath looks like a ring, too.
+    """
+
+    odds: float
+    odds_with_alike: float
+    usual: float
 
 
-def _looks(support: float, usual: float, tuning: AssociationTuning) -> float:
-    """Logarithm of how much likelier a support is of the ring, as it usually shows, than of anything else."""
+def _looks(support: float, usual: float, usual_sigma: float, tuning: AssociationTuning) -> _Looks:
     any_support = 1.0 / tuning.range_support
-    ring = (1.0 - tuning.unlike) * _normal(support, usual, tuning.usual_sigma) + tuning.unlike * any_support
-    clutter = _normal(support, tuning.clutter_support, tuning.clutter_sigma)
-    return math.log(ring / ((1.0 - tuning.alike) * clutter + tuning.alike * any_support))
+
+    def of_ring(value: float) -> float:
+        return (1.0 - tuning.unlike) * _normal(value, usual, usual_sigma) + tuning.unlike * any_support
+
+    def of_clutter(value: float) -> float:
+        return _normal(value, tuning.clutter_support, tuning.clutter_sigma)
+
+    ring = of_ring(support)
+    # Less than all else mostly shows speaks for nothing.
+    least = max(of_clutter(max(support, tuning.clutter_support)), SMALLEST_DENSITY)
+    rest = (1.0 - tuning.alike) * of_clutter(support) + tuning.alike * any_support
+    return _Looks(math.log(ring / least), math.log(ring / rest), ring / of_ring(usual))
 
 
 def _normal(value: float, mean: float, sigma: float) -> float:

@@ -25,7 +25,7 @@ from lasso_motion_ros.ring.track_state import TrackBelief
 
 Array = npt.NDArray[np.float64]
 
-USUAL_SHARE = 0.1  # of the newest pair, in what is usual
+USUAL_SHARE = 0.1  # at least, of the newest pair, in what is usual: at first it is their mean
 SMALLEST_CONTRAST = 1e-6
 # Pairs after which the electrodes, and the seed pair, are looked at anew: each time some twice as many.
 LOOKED_AT_AFTER = (2, 4, 8, 16, 24)
@@ -49,6 +49,7 @@ class Track:
         electrodes: what both planes show along its curve.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
+        sightings: pairs in which it was believed to be seen.
         last_support: what the planes showed at the best place in the last pair; -1 where none was found.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
         rotation: the part of its turning that follows the breath.
@@ -87,6 +88,7 @@ class Track:
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
     slide: Slide = field(default_factory=Slide)
+    sightings: int = 0
     last_support: float = -1.0
     last_s: float = 0.0
     interval_s: float = 0.0
@@ -123,7 +125,9 @@ class Track:
 
     def see(self, best: Hypothesis) -> None:
         """Take note of how a ring looks that is believed to be this one, wherever it lies."""
-        self.usual_support += USUAL_SHARE * (best.detection.support - self.usual_support)
+        self.sightings += 1
+        share = max(USUAL_SHARE, 1.0 / (self.sightings + 1.0))
+        self.usual_support += share * (best.detection.support - self.usual_support)
         self.last_turn = best.detection.alignment.turn
         self.remember_contrast(best)
 

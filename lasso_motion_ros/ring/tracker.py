@@ -162,7 +162,14 @@ class RingTracker:
         with self._stages("filter"):
             times = track.detector.exposures(pair)
             association = associate(
-                detections, track.motion, time_s, times, track.model, track.usual_support, options.association
+                detections,
+                track.motion,
+                time_s,
+                times,
+                track.model,
+                track.usual_support,
+                track.sightings,
+                options.association,
             )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):

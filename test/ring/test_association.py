@@ -40,8 +40,8 @@ TIME_S = NEXT * PERIOD_S
 FORETOLD = CENTRE + breathing(NEXT)
 
 
-def weighed(*detections, motion=MOTION, time_s=TIME_S, planes="ab", usual=1.3 * PLAIN, tuning=TUNING):
-    return associate(detections, motion, time_s, dict.fromkeys(planes, time_s), MODEL, usual, tuning)
+def weighed(*detections, motion=MOTION, time_s=TIME_S, planes="ab", usual=1.3 * PLAIN, sightings=10**6, tuning=TUNING):
+    return associate(detections, motion, time_s, dict.fromkeys(planes, time_s), MODEL, usual, sightings, tuning)
 
 
 def total(association):
@@ -66,14 +66,35 @@ def test_nothing_detected_is_absence():
     np.testing.assert_array_equal(association.spread, 0.0)
 
 
+def normal(value, mean, sigma):
+    return math.exp(-0.5 * ((value - mean) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
+
+
 def test_the_odds_of_a_foretold_detection_are_the_images_and_seven_by_hand():
-    # e² · exp(½ ((s - 1) / 0.15)²) · √(2π) · 0.15 / 1.6 to one, for support s above 1.
+    # e² to one for the place, times how often the ring shows so much (mostly as usual, once in ten times anything) by
+    # how often all else that is seen does.
     for evidence in (1.0, 1.1, 1.2):
         support = 1.3 * evidence
-        odds = math.exp(2.0 + 0.5 * ((support - 1.0) / 0.15) ** 2) * math.sqrt(2.0 * math.pi) * 0.15 / 1.6
+        ring = 0.9 * normal(support, 1.3 * PLAIN, 0.25) + 0.1 / 1.6
         association = weighed(detection_at(FORETOLD, evidence=evidence))
         assert association.best.detection.support == pytest.approx(support)
-        assert association.best.probability / association.absent == pytest.approx(odds, rel=1e-6)
+        expected = math.exp(2.0) * ring / normal(support, 1.0, 0.15)
+        assert association.best.probability / association.absent == pytest.approx(expected, rel=1e-6)
+
+
+def test_a_faint_ring_that_always_shows_as_little_is_likelier_than_a_plain_one_that_fades():
+    faint = detection_at(FORETOLD, evidence=1.0)
+    assert weighed(faint, usual=1.4).best.probability > 0.95
+    assert weighed(faint, usual=2.35).best.probability < 0.8
+    # As long as only the seed pair tells, that says little: a template is like the pair that it is of.
+    assert weighed(faint, usual=1.9, sightings=0).best.probability > weighed(faint, usual=1.9).best.probability
+
+
+def test_far_less_than_usual_may_be_its_like_though_nothing_else_shows_as_much():
+    # Two thirds of the ring, 8 mm from where it was foretold: of a lasso that is drawn into its sheath, say.
+    left = detection_at(FORETOLD + 0.3 * ASIDE, evidence=1.2)
+    assert weighed(left, usual=2.35).best.alike > 0.2
+    assert weighed(left, usual=1.6).best.alike < 0.05
 
 
 def test_its_like_is_thought_of_far_off_and_hardly_where_the_ring_was_foretold():

@@ -85,8 +85,8 @@ def test_what_it_looks_like_is_noted_of_every_pair_that_is_believed():
     one = track()
     one.begin(300_000_000)
     one.see(hypothesis(one, np.zeros(3), evidence=1.2, contrast=0.1, turn_deg=3.0))
-    # Support 1.3 · 1.2 = 1.56, a tenth of the way from 2.2.
-    assert one.usual_support == pytest.approx(2.2 + 0.1 * (1.56 - 2.2))
+    # Support 1.3 · 1.2 = 1.56, and 2.2 in the seed pair.
+    assert one.usual_support == pytest.approx(0.5 * (1.56 + 2.2))
     assert one.contrast == {"a": 0.1, "b": 0.1}
     np.testing.assert_allclose(one.last_turn, np.radians([0.0, 3.0, 0.0]))
     one.see(hypothesis(one, np.zeros(3), contrast=0.0, planes="b"))
@@ -140,3 +140,16 @@ def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_o
     # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
     np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
     np.testing.assert_allclose(one.centre - CENTRE, [-0.003, 0.0, 0.0], atol=1e-9)
+
+
+def test_what_is_usual_is_the_mean_at_first_and_follows_slowly_later():
+    # The seed pair shows more of a template that was made from it than any later pair does.
+    one = track()
+    for index in range(3):
+        seen(one, (index + 1) * 10**9, np.zeros(3), evidence=1.2)
+    assert one.usual_support == pytest.approx((2.2 + 3 * 1.56) / 4)
+    for index in range(3, 40):
+        seen(one, (index + 1) * 10**9, np.zeros(3), evidence=1.2)
+    before = one.usual_support
+    seen(one, 41 * 10**9, np.zeros(3), evidence=0.8)
+    assert one.usual_support == pytest.approx(0.9 * before + 0.1 * 1.04)
