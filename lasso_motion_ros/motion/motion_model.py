@@ -78,6 +78,10 @@ class MotionTuning:
         """(filters,) their natural logarithms."""
         return np.log(self.odds)
 
+    def heart_kept(self, interval_s: float) -> float:
+        """Share of what was learned of the heart that is left after an interval, seconds."""
+        return math.exp(-interval_s / self.heartbeat_memory_s)
+
     def heart_covariances(self, shape: Array) -> Array:
         """(filters, 3, 3) m² of the heartbeat; `shape` (3, 3) is what was learned of it, 1 in its largest direction."""
         shapes = [_IDENTITY_3] * len(self.heartbeats_m) + [shape] * len(self.heartbeats_shaped_m)
@@ -171,11 +175,13 @@ class HeartShape:
     Attributes:
         along: (3,) unit vector that both planes see.
         tuning: what is expected of it.
+        time_s: of the newest beat, seconds.
         moments: (3, 3) m², sum over the beats; older ones have faded.
     """
 
     along: Array
     tuning: MotionTuning
+    time_s: float
     moments: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     @cached_property
@@ -188,9 +194,10 @@ class HeartShape:
         share = tuning.smallest_share**2
         return np.asarray((1.0 - share) * sum_ / np.linalg.eigvalsh(sum_)[-1] + share * _IDENTITY_3)
 
-    def learned(self, moment: Array, kept: float = 1.0) -> HeartShape:
-        """With another beat's second moment (3, 3) m², and of those before it the share that is kept."""
-        return replace(self, moments=kept * self.moments + moment)
+    def learned(self, moment: Array, time_s: float) -> HeartShape:
+        """With another beat's second moment (3, 3) m² at a time, seconds."""
+        kept = self.tuning.heart_kept(time_s - self.time_s)
+        return replace(self, time_s=time_s, moments=kept * self.moments + moment)
 
 
 def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:

@@ -86,8 +86,7 @@ class RespiratoryMotion:
         self._start_s = time_a_s, time_b_s
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
-        self._become_shaped(HeartShape(along, tuning))
-        self._learned_s = time_a_s  # of the heart's shape
+        self._become_shaped(HeartShape(along, tuning, time_a_s))
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._weights: Array | None = None  # not worked out yet
@@ -229,18 +228,13 @@ class RespiratoryMotion:
         self._spread, self._ahead = self._spread.learned(displacement), {}
         # At the one plane's exposure and at the other's: each shows what the other does not.
         moment = 0.5 * (self._beat(*self._marked) + self._beat_now)
-        self._become_shaped(self._shape.learned(moment, self._kept(self._time_s - self._learned_s)))
-        self._learned_s = self._time_s
+        self._become_shaped(self._shape.learned(moment, self._time_s))
         if not self._keeps_history:
             return
         if self._spread.count in self._tuning.rebuild_at and self._start_s[0] != self._start_s[1]:
             self._rebuild()
         if self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
-
-    def _kept(self, interval_s: float) -> float:
-        """Share of what was learned of the heart that an interval leaves: rhythms change."""
-        return math.exp(-interval_s / self._tuning.heartbeat_memory_s)
 
     def _beat(self, state: Array, covariance: Array) -> Array:
         """(3, 3) m² second moment of the heart's motion in a state."""
@@ -296,15 +290,15 @@ class RespiratoryMotion:
         """Filter the past again, with the spread learned since."""
         history, self._history = self._history, ()
         self._begin()
-        shape = HeartShape(self._shape.along, self._tuning)
+        shape = HeartShape(self._shape.along, self._tuning, self._start_s[0])
         for exposure in history:
             if exposure.is_mark:
                 self.mark_a(exposure.time_s)
-                shape = shape.learned(0.5 * self._beat(*self._marked))
+                shape = shape.learned(0.5 * self._beat(*self._marked), self._time_s)
             else:
                 self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
                 if exposure.b is not None:
-                    shape = shape.learned(0.5 * self._beat_now)
+                    shape = shape.learned(0.5 * self._beat_now, self._time_s)
         self._become_shaped(shape)
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
@@ -332,7 +326,7 @@ class RespiratoryMotion:
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
             self._become(*self._propagated(time_s))
-            fading = self._kept(time_s - self._time_s)
+            fading = self._tuning.heart_kept(time_s - self._time_s)
             usual = self._tuning.log_odds
             self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s

@@ -66,7 +66,7 @@ class RingLookout:
 
 
 class ProposedRings:
-    """The rings that are proposed, best first; those that somebody has passed over come last, in later looks too.
+    """The rings that are proposed: the one that was first already, then the best; those that were passed over last.
 
     Attributes:
         rings: in that order.
