@@ -33,8 +33,8 @@ class SoakSetting:
         side: of the images, pixels.
         largest_growth_mb: of the tracker's memory, from then on.
         silence_s: without an answer it has failed.
-        most_ahead: pairs on their way to the tracker: fewer than it has room for, so that none is left out where the
-            machine is slow.
+        most_ahead: pairs on their way to the tracker: one, so that where the machine is slow none waits behind another,
+            and none is left out for a newer one.
     """
 
     pairs: int = 20_000
@@ -43,7 +43,7 @@ class SoakSetting:
     side: int = 256
     largest_growth_mb: float = 5.0
     silence_s: float = 20.0
-    most_ahead: int = 8
+    most_ahead: int = 1
 
 
 SETTING = SoakSetting()
