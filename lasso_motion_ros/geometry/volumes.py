@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 MOST_BYTES = 1 << 30
 """Of a volume's samples: 512 × 512 × 2048 of 16 bits. A small packed file may promise any number."""
 _HEADER_BYTES = 1 << 16
+_LARGEST_RATIO = 1032
+"""Of what is packed by DEFLATE, as these formats are, to what it unpacks to."""
 _READERS = {
     ".nii": "NiftiImageIO",
     ".nii.gz": "NiftiImageIO",
@@ -112,28 +114,37 @@ def _read_file(itk: Any, path: Path) -> Any:
     reader_name = next((name for suffix, name in _READERS.items() if path.name.lower().endswith(suffix)), None)
     if reader_name is None:
         raise VolumeError(f"{path}: expected a volume as {', '.join(_READERS)}, found {path.suffix or 'no suffix'}")
-    _refuse_foreign_data(path)
+    named = _named_data_files(path)
+    _refuse_foreign_data(path, named)
     reader = itk.ImageFileReader()
     reader.SetImageIO(reader_name)
     reader.SetFileName(str(path))
-    _refuse_too_large(itk, reader, path, 1)
+    _refuse_too_large(itk, reader, path, 1, None if reader_name == _READERS[".dcm"] else _held_bytes(path, named))
     return reader.Execute()
 
 
-def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int) -> None:
+def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int, held: int | None) -> None:
+    """Judge by the headers; `held` is how many bytes there are, None where they are not known."""
     reader.ReadImageInformation()
     sample = itk.Image([1, 1], reader.GetPixelID(), reader.GetNumberOfComponents())
     a_sample = sample.GetSizeOfPixelComponent() * reader.GetNumberOfComponents()
     size = math.prod(reader.GetSize()) * a_sample * files
+    promise = f"{path}: its header promises {size / 2**20:.0f} MiB of samples"
     if size > MOST_BYTES:
-        raise VolumeError(
-            f"{path}: its header promises {size / 2**20:.0f} MiB of samples, at most {MOST_BYTES >> 20} MiB are read"
-        )
+        raise VolumeError(f"{promise}, at most {MOST_BYTES >> 20} MiB are read")
+    if held is not None and size > _LARGEST_RATIO * held:  # memory for all of them would be taken first
+        raise VolumeError(f"{promise}, more than {held} bytes can hold")
 
 
-def _refuse_foreign_data(path: Path) -> None:
-    """A header may name the file that holds its samples; one of another folder is none of its business."""
-    for name in _named_data_files(path):
+def _held_bytes(path: Path, named: list[str]) -> int | None:
+    """Of a file and those that its header names, all of one folder; None where the names are a pattern's."""
+    files = [path, *(path.parent / name for name in named)]
+    return sum(file.stat().st_size for file in files) if all(file.is_file() for file in files) else None
+
+
+def _refuse_foreign_data(path: Path, named: list[str]) -> None:
+    """A header may name the files that hold its samples; one of another folder is none of its business."""
+    for name in named:
         beside = (path.parent / name).resolve()
         if Path(name).is_absolute() or beside.parent != path.parent.resolve():
             raise VolumeError(f"{path}: its header names {name!r}, a file outside its own folder, which is not read")
@@ -179,6 +190,6 @@ def _read_series(itk: Any, folder: Path) -> Any:
     single = itk.ImageFileReader()
     single.SetImageIO(_READERS[".dcm"])
     single.SetFileName(names[0])
-    _refuse_too_large(itk, single, folder, len(names))
+    _refuse_too_large(itk, single, folder, len(names), None)
     reader.SetFileNames(names)
     return reader.Execute()

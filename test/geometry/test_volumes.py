@@ -130,6 +130,32 @@ def test_a_packed_file_is_not_unpacked_beyond_the_limit(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("name", "content", "named"),
+    [
+        ("a.nii.gz", gzip.compress(nifti_header(500)), None),
+        ("a.nrrd", b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 900 900 900\nencoding: gzip\n\n\x1f\x8b", None),
+        (
+            "a.nhdr",
+            b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 900 900 900\nencoding: raw\ndata file: a.raw\n",
+            "a.raw",
+        ),
+        ("a.mha", b"NDims = 3\nDimSize = 900 900 900\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n", None),
+    ],
+    ids=["nifti", "nrrd", "detached", "meta"],
+)
+def test_a_small_file_that_promises_much_takes_no_memory_for_it(tmp_path, name, content, named):
+    """All within the limit; 2 GiB were taken for a file of 72 bytes before it turned out to hold nothing."""
+    pytest.importorskip("SimpleITK")
+    (tmp_path / name).write_bytes(content)
+    if named:
+        (tmp_path / named).write_bytes(bytes(64))
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(VolumeError, match=r"its header promises \d+ MiB of samples, more than \d+ bytes can hold"):
+        read_volume_image(tmp_path / name)
+    assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 100
+
+
+@pytest.mark.parametrize(
     ("name", "header"),
     [
         ("a.nhdr", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 4 4\nencoding: raw\ndata file: {data}\n"),
