@@ -6,10 +6,12 @@ are (NIfTI: RAS; NRRD: either), and SimpleITK turns them all into LPS: +x left, 
 
 from __future__ import annotations
 
+import gzip
 import importlib
 import locale
 import math
 import re
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ Array = npt.NDArray[np.float64]
 MOST_BYTES = 1 << 30
 """Of a volume's samples: 512 × 512 × 2048 of 16 bits. A small packed file may promise any number."""
 _HEADER_BYTES = 1 << 16
+_NIFTI_HEADER_BYTES = 348
 _LARGEST_RATIO = 1032
 """Of what is packed by DEFLATE, as these formats are, to what it unpacks to."""
 _READERS = {
@@ -38,6 +41,7 @@ _READERS = {
 VOLUME_SUFFIXES = tuple(_READERS)
 _NRRD_DATA = re.compile(rb"^[ \t]*data ?file[ \t]*:[ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
 _META_DATA = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
+_META_DIMENSIONS = re.compile(rb"^[ \t]*NDims[ \t]*[=:][ \t]*(.*?)[ \t]*$", re.MULTILINE)
 _DATA_FILE = {".nrrd": _NRRD_DATA, ".nhdr": _NRRD_DATA, ".mha": _META_DATA, ".mhd": _META_DATA}
 """Where the headers that may name other files do so, by suffix."""
 
@@ -119,12 +123,15 @@ def _read_file(itk: Any, path: Path) -> Any:
     reader = itk.ImageFileReader()
     reader.SetImageIO(reader_name)
     reader.SetFileName(str(path))
-    _refuse_too_large(itk, reader, path, 1, None if reader_name == _READERS[".dcm"] else _held_bytes(path, named))
+    held = None if reader_name == _READERS[".dcm"] else _held_bytes(path, named)
+    promised = _refuse_too_large(itk, reader, path, 1, held)
+    if reader_name == _READERS[".nii"]:
+        _refuse_cut_short(path, promised)
     return reader.Execute()
 
 
-def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int, held: int | None) -> None:
-    """Judge by the headers; `held` is how many bytes there are, None where they are not known."""
+def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int, held: int | None) -> int:
+    """The bytes of all samples, by the headers; `held` is how many there are in files, None where that is not known."""
     reader.ReadImageInformation()
     sample = itk.Image([1, 1], reader.GetPixelID(), reader.GetNumberOfComponents())
     a_sample = sample.GetSizeOfPixelComponent() * reader.GetNumberOfComponents()
@@ -134,6 +141,22 @@ def _refuse_too_large(itk: Any, reader: Any, path: Path, files: int, held: int |
         raise VolumeError(f"{promise}, at most {MOST_BYTES >> 20} MiB are read")
     if held is not None and size > _LARGEST_RATIO * held:  # memory for all of them would be taken first
         raise VolumeError(f"{promise}, more than {held} bytes can hold")
+    return int(size)
+
+
+def _refuse_cut_short(path: Path, promised: int) -> None:
+    """The NIfTI reader of ITK takes samples that are not there for zero, without a word."""
+    with path.open("rb") as file:
+        packed = file.read(2) == b"\x1f\x8b"
+    missing = promised + _NIFTI_HEADER_BYTES
+    try:
+        with gzip.open(path) if packed else path.open("rb") as file:
+            while missing > 0 and (part := file.read(min(missing, 1 << 20))):
+                missing -= len(part)
+    except (EOFError, zlib.error, gzip.BadGzipFile) as error:
+        raise VolumeError(f"{path}: it is cut short or damaged: {error}") from error
+    if missing > 0:
+        raise VolumeError(f"{path}: it is cut short: {missing} bytes of samples are missing")
 
 
 def _held_bytes(path: Path, named: list[str]) -> int | None:
@@ -161,6 +184,11 @@ def _named_data_files(path: Path) -> list[str]:
     if entry is None:
         return []
     text = head.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if entry is _META_DATA:
+        for found in _META_DIMENSIONS.finditer(text):
+            if not re.match(rb"\d\d?(?!\d)", found[1]):  # of others ITK's reader loops without an end
+                number = found[1][:20].decode("utf-8", "replace")
+                raise VolumeError(f"{path}: its header says NDims = {number}, expected 3")
     if path.suffix.lower() in (".nrrd", ".nhdr"):
         text, end, _ = text.partition(b"\n\n")
         longer = longer and not end

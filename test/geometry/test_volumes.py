@@ -155,6 +155,30 @@ def test_a_small_file_that_promises_much_takes_no_memory_for_it(tmp_path, name, 
     assert (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024 < 100
 
 
+@pytest.mark.parametrize("suffix", [".nii", ".nii.gz"])
+def test_a_nifti_file_that_is_cut_short_is_no_volume(tmp_path, suffix):
+    """ITK takes the rest for zeros: an atrium of which the upper half is missing."""
+    itk = pytest.importorskip("SimpleITK")
+    whole, cut = tmp_path / f"whole{suffix}", tmp_path / f"cut{suffix}"
+    values = np.random.default_rng(0).integers(0, 3000, (10, 11, 12)).astype(np.int16)
+    itk.WriteImage(itk.GetImageFromArray(values), str(whole))
+    np.testing.assert_array_equal(read_volume_image(whole).values, values)
+    for length in (whole.stat().st_size // 2, whole.stat().st_size - 20):
+        cut.write_bytes(whole.read_bytes()[:length])
+        with pytest.raises(VolumeError, match="cut short"):
+            read_volume_image(cut)
+
+
+@pytest.mark.parametrize("dimensions", ["-1", "-99999999999", "2147483648", "three", ""])
+def test_a_metaimage_of_impossible_dimensions_is_refused_at_once(tmp_path, dimensions):
+    """The reader of ITK never comes back from some of these."""
+    pytest.importorskip("SimpleITK")
+    path = tmp_path / "a.mha"
+    path.write_text(f"NDims = {dimensions}\nDimSize = 4 4 4\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n")
+    with pytest.raises(VolumeError, match=f"its header says NDims = {dimensions}, expected 3"):
+        read_volume_image(path)
+
+
 @pytest.mark.parametrize(
     ("name", "header"),
     [
