@@ -89,6 +89,9 @@ class Brost2009Tracker:
             self._motion, residuals = register(self._model, self._motion, planes, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))
 
+    def leave_out(self, pair: FramePair) -> None:
+        """Nothing: each pair is looked at by itself."""
+
     def reset(self) -> None:
         """Forget model and motion."""
         self._model = None

@@ -179,6 +179,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             idle=self._describe,
             behind_s=_TUNING.behind_s,
             may_skip=PairTask.is_followed_by,
+            is_whole=lambda task: task.is_whole,
+            left_out=self._leave_out,
         )
         session = pipeline.session
         self._clickless.begin(config, lambda: session.state is TrackerState.WAITING_FOR_SEED)
@@ -354,6 +356,10 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self._clickless.add(task.pair)
         self._show()
         self._tracker_publishers.show_standard(pipeline.session.last_pair)
+
+    def _leave_out(self, tasks: Sequence[PairTask]) -> None:
+        with self._answering:
+            self._active().session.leave_out(tasks)
 
     def _describe(self) -> bool:
         result = None if self._pipeline is None else self._pipeline.session.last_result

@@ -18,7 +18,8 @@ class Worker(Generic[Item]):
     When the queue is full, everything that waits is dropped in favour of what comes in: under lasting overload waiting
     items are stale, and their age must not grow. A single item may take long; until it is done and the queue is empty
     again, the queue may grow to the larger bound. A worker that has not been idle for a while is behind for good: until
-    it is idle again the newest item is the next, as far as those between may be left out.
+    it is idle again the newest item is the next, as far as those between may be left out; of these the newest that is
+    whole, where there is one.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
@@ -31,6 +32,10 @@ class Worker(Generic[Item]):
             comes in waits until it has returned.
         behind_s: after so long without having been idle it is behind.
         may_skip: whether what lies between an item that was worked on and another may be left out, if it is behind.
+        is_whole: whether an item tells all that it could. Else one that tells less, being the newest each time, would
+            keep all others from their turn.
+        left_out: called in the worker's thread with the items that were dropped, oldest first, before the one that
+            they were dropped for is worked on.
         clock: steady, seconds.
     """
 
@@ -46,6 +51,8 @@ class Worker(Generic[Item]):
         idle: Callable[[], bool] = lambda: False,
         behind_s: float = math.inf,
         may_skip: Callable[[Item, Item], bool] = lambda last, other: True,
+        is_whole: Callable[[Item], bool] = lambda item: True,
+        left_out: Callable[[Sequence[Item]], None] = lambda items: None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._work, self._idle = work, idle
@@ -54,13 +61,15 @@ class Worker(Generic[Item]):
         self._capacity = capacity
         self._burst_capacity = burst_capacity
         self._burst = False
-        self._behind_s, self._may_skip, self._clock = behind_s, may_skip, clock
+        self._behind_s, self._clock = behind_s, clock
+        self._may_skip, self._is_whole, self._left_out = may_skip, is_whole, left_out
         self._busy_since_s = math.inf
         self._last: Item | None = None
         self._waiting: deque[Item] = deque()
         self._changed = threading.Condition()
         self._stopping = False
         self._dropped = 0
+        self._untold: list[Item] = []  # of the dropped ones
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
@@ -84,8 +93,7 @@ class Worker(Generic[Item]):
         with self._changed:
             self._burst = self._burst or any(map(self._takes_long, items))
             if len(self._waiting) + len(items) > (self._burst_capacity if self._burst else self._capacity):
-                self._dropped += len(self._waiting)
-                self._waiting.clear()
+                self._drop(len(self._waiting))
             self._waiting.extend(items)
             self._changed.notify()
 
@@ -93,6 +101,7 @@ class Worker(Generic[Item]):
         """Forget what waits, without counting it as dropped."""
         with self._changed:
             self._waiting.clear()
+            self._untold.clear()
 
     def stop(self, patience_s: float | None = None) -> bool:
         """Finish the item being worked on, forget those that wait, and end the thread.
@@ -113,9 +122,12 @@ class Worker(Generic[Item]):
 
     def _run(self) -> None:
         more = False
-        while (items := self._take(wait=not more)) is not None:
+        while (taken := self._take(wait=not more)) is not None:
+            items, dropped = taken
             more = bool(items)
             try:
+                if dropped:
+                    self._left_out(dropped)
                 for item in items:
                     self._work(item)
                 if not items:
@@ -123,8 +135,8 @@ class Worker(Generic[Item]):
             except Exception as error:
                 self._on_error(error)
 
-    def _take(self, *, wait: bool) -> list[Item] | None:
-        """The next item, or none where none waits; None where the thread is to end."""
+    def _take(self, *, wait: bool) -> tuple[list[Item], list[Item]] | None:
+        """The next item, or none where none waits, and those dropped for it; None where the thread is to end."""
         with self._changed:
             if not self._waiting:
                 self._busy_since_s = math.inf
@@ -133,14 +145,15 @@ class Worker(Generic[Item]):
             if self._stopping:
                 return None
             if not self._waiting:
-                return []
+                return [], []
             now_s = self._clock()
             self._busy_since_s = min(self._busy_since_s, now_s)
             if now_s - self._busy_since_s > self._behind_s:
                 self._skip()
             item = self._last = self._waiting.popleft()
             self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
-            return [item]
+            dropped, self._untold = self._untold, []
+            return [item], dropped
 
     def _skip(self) -> None:
         """Leave out what need not be worked on before the newest; nothing that takes long."""
@@ -151,6 +164,11 @@ class Worker(Generic[Item]):
                 break
         within = [number for number, item in enumerate(candidates) if last is None or self._may_skip(last, item)]
         # Where even the first is too far away, leaving out more does no further harm.
-        for _ in range(within[-1] if within else len(candidates) - 1):
-            self._waiting.popleft()
-            self._dropped += 1
+        within = within or list(range(len(candidates)))
+        whole = [number for number in within if self._is_whole(candidates[number])]
+        self._drop((whole or within)[-1])
+
+    def _drop(self, count: int) -> None:
+        """Drop those that have waited longest."""
+        self._untold += [self._waiting.popleft() for _ in range(count)]
+        self._dropped += count

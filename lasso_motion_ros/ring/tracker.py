@@ -143,7 +143,13 @@ class RingTracker:
         self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
         if is_open and (better := choice.better(begin, self._follow)) is not None:
             self._track, result = better
+            self._track.display = track.display  # of the film, whatever curve is followed in it
         return result
+
+    def leave_out(self, pair: FramePair) -> None:
+        """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
+        if self._track is not None:
+            self._track.display.undone(pair)
 
     def _follow(self, track: Track, pair: FramePair) -> TrackResult:
         """Take a track to the next pair."""

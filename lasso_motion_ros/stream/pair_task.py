@@ -40,6 +40,11 @@ class PairTask:
         return other._newest.stamp_ns - self._newest.stamp_ns <= FOLLOWED_NS
 
     @property
+    def is_whole(self) -> bool:
+        """Whether the pair shows both planes."""
+        return self.pair.is_whole
+
+    @property
     def _newest(self) -> FramePair:
         return self.later[-1] if self.later else self.pair
 

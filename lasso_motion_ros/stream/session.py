@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -22,6 +22,7 @@ from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
 from msg_adapters.messages import MessageFactory
 
 SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
+_TOLD_PAIRS = 3  # of those left out: the last three successive images tell a filter over time, and its state
 Answers = Generator[list[Output], None, None]
 # What a method may raise on a pair: also numbers on which the mathematics fails, which must not end the stream.
 _METHOD_ERRORS = (LassoMotionError, ValueError, ArithmeticError, np.linalg.LinAlgError, cv2.error)
@@ -119,6 +120,11 @@ class TrackingSession:
                 yield from self._answer(skipped, in_hurry)
             yield from self._answer(task, in_hurry)
 
+    def leave_out(self, tasks: Sequence[PairTask]) -> None:
+        """Tell the tracker of pairs that are not answered, since newer ones wait; oldest first, before the next one."""
+        with self._lock:
+            self._leave_out([task.pair for task in tasks if not task.answered])
+
     def reset(self, last_task: int) -> list[Output]:
         """Forget model and motion: WAITING_FOR_SEED.
 
@@ -182,11 +188,24 @@ class TrackingSession:
 
     def _answers_again(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         followed_ns = task.pair.stamp_ns
+        left_out: list[FramePair] = []
         for pair in task.later:
             if pair.stamp_ns - followed_ns < FOLLOWED_NS and pair is not task.later[-1] and in_hurry():
+                left_out.append(pair)
                 continue
             followed_ns = pair.stamp_ns
+            self._leave_out(left_out)
+            left_out.clear()
             yield self._result_outputs(pair, self._tracked(pair))
+
+    def _leave_out(self, pairs: Sequence[FramePair]) -> None:
+        if not self._has_model:
+            return
+        try:
+            for pair in pairs[-_TOLD_PAIRS:]:
+                self._tracker.leave_out(pair)
+        except _METHOD_ERRORS as error:
+            self._problems.report("", _words(error))
 
     def _initialised(self, pair: FramePair, seed: Seed) -> TrackResult | None:
         """The tracker's answer to clicks; None where it refuses them."""

@@ -120,6 +120,67 @@ def test_one_that_has_had_no_rest_goes_on_with_the_newest_that_it_may(step: int,
     assert worker.dropped == 8 - len(expected)
 
 
+@pytest.mark.parametrize(
+    ("step", "expected"),
+    [
+        (10, [0, 20, 21, 25]),  # the newest whole one, then what has come since
+        (0, [0, 20, 21, 25]),  # all too far away
+    ],
+)
+def test_one_that_tells_less_does_not_take_the_turn_of_one_that_tells_all(step: int, expected: list[int]) -> None:
+    """Odd ones lack a plane: where they are the newest each time, the tracker would never see both planes."""
+    gate, left_out = Gate(), []
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=9,
+        burst_capacity=9,
+        takes_long=lambda _: False,
+        on_error=lambda _: None,
+        name="test",
+        behind_s=0.0,
+        may_skip=lambda last, other: other - last <= 2 * step,
+        is_whole=lambda item: item % 2 == 0,
+        left_out=lambda items: left_out.append(list(items)),
+    )
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    worker.put([16, 18, 20, 21])
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    worker.put([23, 25])  # none is whole: the newest
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    gate.let(1)
+    worker.stop()
+    assert gate.done == expected
+    assert left_out == [[16, 18], [23]]
+    assert worker.dropped == 3
+
+
+def test_those_dropped_from_a_full_queue_are_told_before_the_next_is_worked_on() -> None:
+    gate, told = Gate(), []
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=2,
+        burst_capacity=2,
+        takes_long=lambda _: False,
+        on_error=lambda _: None,
+        name="test",
+        left_out=lambda items: told.append((list(items), list(gate.done))),
+    )
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    for item in (1, 2, 3):
+        worker.put([item])
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    gate.let(1)
+    worker.stop()
+    assert (told, gate.done) == ([([1, 2], [0])], [0, 3])
+
+
 def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
     gate, now_s, idle = Gate(), 0.0, threading.Event()
 

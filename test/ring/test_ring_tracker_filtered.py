@@ -55,6 +55,26 @@ def test_a_ring_in_filtered_images_is_where_it_is():
     assert np.mean(errors[1]) > 2.0 * np.mean(errors[0])
 
 
+def test_pairs_for_which_there_is_no_time_do_not_hide_the_filter():
+    """Every second pair is left out: told of them, the tracker undoes the filter that there is, with its period."""
+    tracker = RingTracker(CONFIG, options=RingOptions())
+    first, *others = lagging(0.5)
+    tracker.leave_out(first)  # before there is a ring it is nothing
+    tracker.initialise(first, lasso_seed())
+    errors = []
+    for index, pair in enumerate(others, start=1):
+        if index % 2:
+            tracker.leave_out(pair)
+            continue
+        result = tracker.track(pair)
+        assert result.state is TRACKING
+        if index > 4:
+            errors.append(centre_error_mm(result, moved(index)))
+    for plane in "ab":
+        assert result.temporal_filter[plane] == pytest.approx(0.5, abs=0.04)
+    assert np.mean(errors) < 0.05
+
+
 @pytest.mark.parametrize("share", [0.85, 0.92])
 def test_a_filter_too_strong_to_be_undone_leaves_no_pose(share):
     # Three images tell; what those before show is all that was known of the ring.

@@ -33,6 +33,10 @@ def test_a_model_is_answered_at_once_and_in_a_hurry_followed_at_four_pairs_a_sec
     assert tracker.calls == [("initialise", begin)]
     rest = [stamp_ns for outputs in answers for stamp_ns in poses(outputs)]
     assert [(stamp_ns - begin) // 100_000_000 for stamp_ns in rest] == [3, 6, 9, 11]
+    # Of those between, the tracker is told in their place.
+    followed = [what for what, _ in tracker.calls[1:]]
+    assert followed == (["leave_out"] * 2 + ["track"]) * 3 + ["leave_out", "track"]
+    assert [stamp_ns for _, stamp_ns in tracker.calls] == [begin, *(pair.stamp_ns for pair in later)]
 
 
 def test_answers_that_nobody_waits_for_any_more_are_not_worked_out() -> None:
@@ -175,3 +179,19 @@ def test_clicks_given_while_one_plane_went_back_for_a_moment_are_used() -> None:
     run(line, [("/plane_a/image_raw", "", image(stamp(-30)), 0)])  # a stray one: A goes on forwards afterwards
     assert line.intake.add_seed("a", seed(stamp(1))) == line.intake.add_seed("b", seed(stamp(1))) == []
     assert poses(run(line, stream(1, seeded=None, start=4))) == {stamp(k): k - 1.0 for k in range(1, 5)}
+
+
+def test_the_tracker_is_told_of_pairs_that_are_left_out() -> None:
+    tracker = FakeTracker()
+    line = pipeline(tracker)
+    ready = [one for topic, _, message, _ in stream(8) for one in give(line, topic, message)]
+    line.session.leave_out(ready[:1])  # no model yet
+    line.session.process(ready[1])
+    line.session.leave_out(ready[2:7])
+    line.session.process(ready[7])
+    times = [ready[number].pair.stamp_ns for number in (4, 5, 6)]  # the last three: what was before tells no more
+    assert tracker.calls == [
+        ("initialise", stamp(0)),
+        *(("leave_out", time) for time in times),
+        ("track", ready[7].pair.stamp_ns),
+    ]
