@@ -6,6 +6,8 @@ ring in the next pairs, too.
 
 from __future__ import annotations
 
+import contextlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -24,7 +26,7 @@ class ChoiceTuning:
     """When other curves are tried, and what they have to be better by."""
 
     holds: float = 0.75  # of the seed pair's support: a curve that shows so much in the next pair is right
-    pairs: int = 3  # without it, until the others are tried
+    pairs: int = 3  # without it, until another is taken
     # Mean support over these pairs by which another curve has to show more of the ring. Clutter varies by 0.15
     # from pair to pair, so that of two means over three pairs one exceeds the other by 0.12 by chance.
     better: float = 0.3
@@ -32,8 +34,26 @@ class ChoiceTuning:
 
 
 @dataclass(eq=False)
+class _Trial:
+    """One of the other curves, followed through the pairs so far.
+
+    Attributes:
+        track: what it has made of them.
+        result: of the last one.
+        supports: what it has shown in each.
+    """
+
+    track: Track
+    result: TrackResult
+    supports: list[float] = field(default_factory=list)
+
+
+@dataclass(eq=False)
 class SeedChoice:
     """The other curves, until one has proved right.
+
+    To begin with one takes as long as two pairs, and then one more for each that it is followed through: they are begun
+    one by one, so that no pair waits for all of them.
 
     Attributes:
         others: models, the best by the seed pair first.
@@ -46,6 +66,8 @@ class SeedChoice:
     tuning: ChoiceTuning
     later: list[FramePair] = field(default_factory=list)
     supports: list[float] = field(default_factory=list)
+    _begun: int = 0
+    _trials: list[_Trial] = field(default_factory=list)
 
     def is_open_after(self, pair: FramePair, track: Track) -> bool:
         """Take note of one more pair; returns whether the present curve may still be the wrong one."""
@@ -55,29 +77,34 @@ class SeedChoice:
 
     @property
     def is_due(self) -> bool:
-        """Whether the others are to be tried now."""
+        """Whether it can be told now which curve is the right one."""
         return len(self.later) >= self.tuning.pairs
 
-    def better(self, begin: Begin, follow: Follow) -> tuple[Track, TrackResult] | None:
-        """The curve that shows more of the ring in the pairs since, and what it makes of the last one; None: none does.
+    def go_on(self, begin: Begin, follow: Follow) -> None:
+        """Begin with those of the other curves whose turn it is, and take all that were begun to the last pair.
 
         Args:
             begin: starts a track of a model on the seed pair; raises where the seed is refused with it.
             follow: takes a track to the next pair.
         """
+        others = self.others[: self.tuning.curves]
+        for model in others[self._begun : math.ceil(len(others) * len(self.later) / self.tuning.pairs)]:
+            self._begun += 1
+            with contextlib.suppress(SeedError, ReconstructionError):
+                self._trials.append(_Trial(*begin(model)))
+        for trial in self._trials:
+            for pair in self.later[len(trial.supports) :]:
+                trial.result = follow(trial.track, pair)
+                trial.supports.append(trial.track.last_support)
+
+    @property
+    def better(self) -> tuple[Track, TrackResult] | None:
+        """The curve that shows more of the ring in the pairs since, and what it makes of the last one, if any does."""
         best: tuple[Track, TrackResult] | None = None
         most = sum(self.supports) + self.tuning.better * len(self.supports)
-        for model in self.others[: self.tuning.curves]:
-            try:
-                track, result = begin(model)
-            except (SeedError, ReconstructionError):
-                continue
-            supports = []
-            for pair in self.later:
-                result = follow(track, pair)
-                supports.append(track.last_support)
+        for trial in self._trials:
             # Where no ring was in view, one curve shows more of nothing than another.
-            is_shown = max(supports) >= self.tuning.holds * track.seed_support
-            if is_shown and sum(supports) > most:
-                best, most = (track, result), sum(supports)
+            is_shown = max(trial.supports) >= self.tuning.holds * trial.track.seed_support
+            if is_shown and sum(trial.supports) > most:
+                best, most = (trial.track, trial.result), sum(trial.supports)
         return best

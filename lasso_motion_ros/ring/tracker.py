@@ -137,11 +137,13 @@ class RingTracker:
         choice, begin = self._choice, self._begin
         if choice is None or begin is None:
             return result
-        is_open = choice.is_open_after(pair, track)
-        if is_open and not choice.is_due:
-            return result
         self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
-        if is_open and (better := choice.better(begin, self._follow)) is not None:
+        if not choice.is_open_after(pair, track):
+            return result
+        choice.go_on(begin, self._follow)
+        if not choice.is_due:
+            self._choice, self._begin = choice, begin
+        elif (better := choice.better) is not None:
             self._track, result = better
             self._track.display = track.display  # of the film, whatever curve is followed in it
         return result
