@@ -176,7 +176,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             takes_long=lambda task: task.seed is not None,
             on_error=self.complaints.error,
             name="tracker",
-            idle=self._describe,
+            idle=self._use_rest,
             behind_s=_TUNING.behind_s,
             may_skip=PairTask.is_followed_by,
             is_whole=lambda task: task.is_whole,
@@ -361,8 +361,12 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         with self._answering:
             self._active().session.leave_out(tasks)
 
-    def _describe(self) -> bool:
-        result = None if self._pipeline is None else self._pipeline.session.last_result
+    def _use_rest(self) -> bool:
+        """While no pair waits; whether there is more to do."""
+        pipeline = self._pipeline
+        if pipeline is not None and pipeline.session.prepare():
+            return True
+        result = None if pipeline is None else pipeline.session.last_result
         return self._describer.step(None if result is None else result.catheter)
 
     def _show(self) -> None:

@@ -7,7 +7,6 @@ ring in the next pairs, too.
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -52,8 +51,8 @@ class _Trial:
 class SeedChoice:
     """The other curves, until one has proved right.
 
-    To begin with one takes as long as two pairs, and then one more for each that it is followed through: they are begun
-    one by one, so that no pair waits for all of them.
+    To begin with one takes as long as two pairs, and then one more for each pair that it is followed through. Whoever
+    has time between two pairs goes on with it (`step`), so that the last of them need not wait for all of it.
 
     Attributes:
         others: models, the best by the seed pair first.
@@ -80,22 +79,27 @@ class SeedChoice:
         """Whether it can be told now which curve is the right one."""
         return len(self.later) >= self.tuning.pairs
 
-    def go_on(self, begin: Begin, follow: Follow) -> None:
-        """Begin with those of the other curves whose turn it is, and take all that were begun to the last pair.
+    def step(self, begin: Begin, follow: Follow) -> bool:
+        """Take one of the other curves to one more pair, or begin with the next.
 
         Args:
             begin: starts a track of a model on the seed pair; raises where the seed is refused with it.
             follow: takes a track to the next pair.
+
+        Returns:
+            Whether there was anything left to do.
         """
-        others = self.others[: self.tuning.curves]
-        for model in others[self._begun : math.ceil(len(others) * len(self.later) / self.tuning.pairs)]:
-            self._begun += 1
-            with contextlib.suppress(SeedError, ReconstructionError):
-                self._trials.append(_Trial(*begin(model)))
         for trial in self._trials:
             for pair in self.later[len(trial.supports) :]:
                 trial.result = follow(trial.track, pair)
                 trial.supports.append(trial.track.last_support)
+                return True
+        for model in self.others[self._begun : self.tuning.curves]:
+            self._begun += 1
+            with contextlib.suppress(SeedError, ReconstructionError):
+                self._trials.append(_Trial(*begin(model)))
+            return True
+        return False
 
     @property
     def better(self) -> tuple[Track, TrackResult] | None:

@@ -137,16 +137,26 @@ class RingTracker:
         choice, begin = self._choice, self._begin
         if choice is None or begin is None:
             return result
-        self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
         if not choice.is_open_after(pair, track):
-            return result
-        choice.go_on(begin, self._follow)
-        if not choice.is_due:
-            self._choice, self._begin = choice, begin
-        elif (better := choice.better) is not None:
-            self._track, result = better
-            self._track.display = track.display  # of the film, whatever curve is followed in it
+            self._choice = self._begin = None
+        elif choice.is_due:
+            while self.prepare():
+                pass
+            self._choice = self._begin = None
+            if (better := choice.better) is not None:
+                self._track, result = better
+                self._track.display = track.display  # of the film, whatever curve is followed in it
         return result
+
+    def prepare(self) -> bool:
+        """Do a part of what one of the next pairs would wait for: see `Tracker.prepare`."""
+        choice, begin = self._choice, self._begin
+        if choice is None or begin is None or not choice.later:
+            return False
+        self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
+        is_more = choice.step(begin, self._follow)
+        self._choice, self._begin = choice, begin
+        return is_more
 
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""

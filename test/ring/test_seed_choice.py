@@ -29,43 +29,36 @@ def follow(track, pair):
     return f"{track.last_support} in {pair}"
 
 
-def chosen(present, others, tuning=TUNING, work=None):
+def chosen(present, others, tuning=TUNING, rest=0):
     """What becomes of a choice after three pairs: supports of the present curve, and of each other one by its name.
 
-    Into `work` goes, pair by pair, how often a curve was begun with or followed.
+    After each pair there is time for `rest` steps; what is left is done at the end.
     """
     choice = SeedChoice(list(others), tuning)
     track = track_of(present)
-    steps = []
 
     def begin(name):
-        steps.append("begin")
         if others[name] is None:
             raise SeedError("refused with this one")
         return track_of(others[name]), "at the seed pair"
-
-    def follow_counted(tried, pair):
-        steps.append("follow")
-        return follow(tried, pair)
 
     for pair in ("first", "second", "third"):
         assert not choice.is_due
         follow(track, pair)
         if not choice.is_open_after(pair, track):
             return "holds"
-        choice.go_on(begin, follow_counted)
-        if work is not None:
-            work.append((steps.count("begin"), steps.count("follow")))
-            steps.clear()
+        for _ in range(rest):
+            choice.step(begin, follow)
     assert choice.is_due
+    while choice.step(begin, follow):
+        pass
     return None if choice.better is None else choice.better[1]
 
 
-def test_no_pair_waits_for_all_curves():
-    work = []
-    others = {name: [1.8, 1.8, 1.8] for name in "abcd"}
-    assert chosen([0.9, 0.9, 0.9], others, replace(TUNING, curves=3), work) == "1.8 in third"
-    assert work == [(1, 1), (1, 3), (1, 5)]
+@pytest.mark.parametrize("rest", [0, 1, 2, 3, 9])
+def test_what_is_chosen_does_not_depend_on_when_there_was_time(rest):
+    others = {"some": [1.5, 1.4, 1.3], "refused": None, "most": [1.7, 1.6, 1.8], "too many": [1.9, 1.9, 1.9]}
+    assert chosen([0.9, 1.0, 0.8], others, replace(TUNING, curves=3), rest) == "1.8 in third"
 
 
 def test_a_curve_that_shows_the_ring_in_the_next_pair_holds():
@@ -114,7 +107,11 @@ def test_a_tracker_that_began_with_the_wrong_curve_goes_on_with_the_right_one(ha
     wrong.seed_support = 9.0
     tracker._track = wrong
     tracker._choice = SeedChoice([right] if has_others else [], ChoiceTuning(better=-1.0))
-    results = [tracker.track(lasso_pair(index, moved(index))) for index in range(1, 6)]
+    assert not tracker.prepare()  # no pair has spoken against it yet
+    results = []
+    for index in range(1, 6):
+        results.append(tracker.track(lasso_pair(index, moved(index))))
+        assert tracker.prepare() == (has_others and index < 3)
     assert (tracker.known is wrong) is not has_others
     for index, result in enumerate(results[2:] if has_others else [], start=3):
         assert result.motion is not None, result.reason
@@ -135,7 +132,8 @@ def test_a_reference_that_was_chosen_stays():
     assert tracker.known is known
 
 
-def test_what_fails_while_other_curves_are_tried_is_not_tried_again_with_every_pair():
+@pytest.mark.parametrize("in_a_rest", [True, False])
+def test_what_fails_while_other_curves_are_tried_is_not_tried_again_with_every_pair(in_a_rest):
     tracker = RingTracker(TrackerConfig())
     tracker.initialise(lasso_pair(0, moved(0)), lasso_seed())
     known = tracker.known
@@ -143,6 +141,10 @@ def test_what_fails_while_other_curves_are_tried_is_not_tried_again_with_every_p
     tracker._choice = SeedChoice(
         [replace(known.model, points=np.full_like(known.model.points, np.nan))], ChoiceTuning()
     )
+    for index in (1, 2):
+        tracker.track(lasso_pair(index, moved(index)))
+    failing = tracker.prepare if in_a_rest else lambda: tracker.track(lasso_pair(3, moved(3)))
     with pytest.raises((ValueError, ArithmeticError, np.linalg.LinAlgError, IndexError)):
-        tracker.track(lasso_pair(1, moved(1)))
-    assert tracker.track(lasso_pair(2, moved(2))).motion is not None
+        failing()
+    assert not tracker.prepare()
+    assert tracker.track(lasso_pair(4, moved(4))).motion is not None
