@@ -17,7 +17,7 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.search import SearchCandidate, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import HALF_WIDTH
 from lasso_motion_ros.ring.template import RingTemplate
-from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage, working_image
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 
 Array = npt.NDArray[np.float64]
@@ -94,17 +94,25 @@ class RingDetector:
             times["b"] = max(time_s, self.seconds(pair.b.stamp_ns))
         return times
 
-    def detect(self, pair: FramePair, expected: Expectation, config: TrackerConfig) -> list[Detection]:
+    def detect(
+        self, pair: FramePair, expected: Expectation, config: TrackerConfig, whole: WholeImages | None = None
+    ) -> list[Detection]:
         """All places that show something like the ring, best supported first.
 
         Where the ring is followed, the surroundings of the prediction come first, and the whole of the images only if
         the ring is not plainly there.
+
+        Args:
+            pair: to look at.
+            expected: what is known before.
+            config: the tracker's parameters.
+            whole: the pair's working images, where others ask for them, too.
         """
         prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
         detections: list[Detection] = []
         tried: list[SearchCandidate] = []
         for near in (True, False) if expected.is_followed and self._tuning.near_first else (False,):
-            images, candidates = self._search(pair, expected.motion, config, near=near)
+            images, candidates = self._search(pair, expected.motion, config, whole, near=near)
             if not images:
                 continue
             fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
@@ -143,7 +151,13 @@ class RingDetector:
         return float(self._template.weights @ inside)
 
     def _search(
-        self, pair: FramePair, motion: RespiratoryMotion, config: TrackerConfig, *, near: bool
+        self,
+        pair: FramePair,
+        motion: RespiratoryMotion,
+        config: TrackerConfig,
+        whole: WholeImages | None,
+        *,
+        near: bool,
     ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
         """Images to look at, and the places where they may show the ring."""
         model, times = self._model, self.exposures(pair)
@@ -163,13 +177,16 @@ class RingDetector:
             if near and self._covers(frame, shift, expected[plane]) < self._worth.smallest_coverage:
                 continue  # zoomed or collimated: the ring is beside the image, and the other plane has to do
             with self._stages("working image"):
-                images[plane] = working_image(
-                    frame,
-                    expected[plane],
-                    bright=model.bright,
-                    shift=shift,
-                    reach_mm=reach_mm if near else None,
-                )
+                if near or whole is None:
+                    images[plane] = working_image(
+                        frame,
+                        expected[plane],
+                        bright=model.bright,
+                        shift=shift,
+                        reach_mm=reach_mm if near else None,
+                    )
+                else:
+                    images[plane] = whole.at(plane, expected[plane], shift, bright=model.bright)
             with self._stages("search"):
                 peaks[plane] = find_peaks(
                     images[plane],

@@ -24,6 +24,7 @@ from lasso_motion_ros.ring.loop_curve import CurveFit, LoopCurve, snap
 from lasso_motion_ros.ring.seed_circle import seed_circles
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.strip import HALF_WIDTH, strip_along
+from lasso_motion_ros.ring.working_image import WholeImages
 from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.loop_outline import TURN, LoopOutline, angles_between, on_ellipse
 from lasso_motion_ros.seeding.outlines import (
@@ -125,7 +126,9 @@ def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points:
     return build_loop_models(pair, seed, config, points)[0]
 
 
-def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> list[LoopModel]:
+def build_loop_models(
+    pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS, whole: WholeImages | None = None
+) -> list[LoopModel]:
     """All curves that the clicks lead to, the one that the clicked pair shows best first.
 
     Args:
@@ -133,6 +136,7 @@ def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points
         seed: the clicks.
         config: the tracker's parameters.
         points: of the curves.
+        whole: the pair's working images, where others ask for them, too.
 
     Raises:
         SeedError: clicks that are too few, outside the image or beside any catheter, that make a loop of no lasso's
@@ -141,11 +145,15 @@ def build_loop_models(pair: FramePair, seed: Seed, config: TrackerConfig, points
     """
     require_both_planes(pair)
     bright = is_bright(pair, seed, config)
-    models, contrast = _build(pair, seed, config, points, bright=bright)
+
+    def images(bright: bool) -> SeedImages:
+        return SeedImages(pair, bright=bright, line_sigma_mm=config.path.line_sigma_mm, whole=whole)
+
+    models, contrast = _build(images(bright), pair, seed, config, points)
     if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            others, their_contrast = _build(pair, seed, config, points, bright=not bright)
+            others, their_contrast = _build(images(not bright), pair, seed, config, points)
         except ReconstructionError:
             pass
         else:
@@ -176,7 +184,7 @@ def _contrasts(images: SeedImages, curve: Array, shifts: dict[Plane, Array]) -> 
 
 
 def _build(
-    pair: FramePair, seed: Seed, config: TrackerConfig, count: int, *, bright: bool
+    images: SeedImages, pair: FramePair, seed: Seed, config: TrackerConfig, count: int
 ) -> tuple[list[LoopModel], float]:
     """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
 
@@ -185,7 +193,6 @@ def _build(
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
     """
-    images = SeedImages(pair, bright=bright, line_sigma_mm=config.path.line_sigma_mm)
     models: list[tuple[float, LoopModel]] = []
     starts, failure = _starts(images, pair, seed, config)
     for start in starts:

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import FramePair, Plane
 from lasso_motion_ros.ring.line_map import LineMap
-from lasso_motion_ros.ring.working_image import ShiftedImages, WorkingImage
+from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage
 from lasso_motion_ros.seeding.outlines import require_both_planes
 
 Array = npt.NDArray[np.float64]
@@ -22,6 +22,7 @@ class SeedImages:
         pair: the clicked images.
         bright: whether the catheter is brighter than its background.
         line_sigma_mm: scale of the line filter.
+        whole: the pair's working images, where others ask for them, too.
 
     Attributes:
         frames: per plane, as clicked.
@@ -35,13 +36,15 @@ class SeedImages:
         SeedError: a plane is missing.
     """
 
-    def __init__(self, pair: FramePair, *, bright: bool, line_sigma_mm: float) -> None:
+    def __init__(
+        self, pair: FramePair, *, bright: bool, line_sigma_mm: float, whole: WholeImages | None = None
+    ) -> None:
         self.projections, self.frames, self.bright = require_both_planes(pair), pair.frames, bright
         self.lines = {p: LineMap(frame, bright=bright, sigma_mm=line_sigma_mm) for p, frame in self.frames.items()}
         apart_ns = abs(self.frames["b"].stamp_ns - self.frames["a"].stamp_ns)
         self.share_of_a = 0.5 if apart_ns < _SIMULTANEOUS_NS else 0.0
-        self._working = {p: ShiftedImages(frame, bright=bright) for p, frame in self.frames.items()}
+        self._whole = whole or WholeImages(self.frames)
 
     def working(self, centre: Array, shifts: dict[Plane, Array]) -> dict[Plane, WorkingImage]:
         """Per plane, the working image for a loop about a centre (3,) m and shifts (2,) px of the planes."""
-        return {plane: images.at(centre, shifts[plane]) for plane, images in self._working.items()}
+        return {plane: self._whole.at(plane, centre, shifts[plane], bright=self.bright) for plane in self.frames}

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.alignment import RingPrior, align
@@ -15,7 +15,7 @@ from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel, offsets_of
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
-from lasso_motion_ros.ring.working_image import ShiftedImages, WorkingImage
+from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class SeedView:
 
 
 def seed_template(
-    model: LoopModel, frames: dict[Plane, Frame], tuning: TemplateTuning, worth: DetectionTuning
+    model: LoopModel, whole: WholeImages, tuning: TemplateTuning, worth: DetectionTuning
 ) -> tuple[SeedView, RingTemplate, Detection]:
     """Build the template, and register it with the seed pair as with any other.
 
@@ -66,18 +66,17 @@ def seed_template(
 
     Args:
         model: the ring's curve from the clicks.
-        frames: the seed pair's, both planes.
+        whole: the seed pair's, both planes.
         tuning: how the template is made.
         worth: what the planes' evidence is worth.
 
     Returns:
         The seed pair with the model, its planes' offsets corrected; the template; and the ring as it is seen there.
     """
-    projections = {plane: frame.projection for plane, frame in frames.items()}
+    projections = {plane: frame.projection for plane, frame in whole.frames.items()}
     shifts = {plane: model.shift(plane, projections[plane]) for plane in PLANES}
-    whole = {plane: ShiftedImages(frames[plane], bright=model.bright) for plane in PLANES}
     for _ in range(ROUNDS):
-        images = {plane: whole[plane].at(model.centre, shifts[plane]) for plane in PLANES}
+        images = {plane: whole.at(plane, model.centre, shifts[plane], bright=model.bright) for plane in PLANES}
         along = {plane: strip_along(model.points, image.projection) for plane, image in images.items()}
         strips = {plane: along[plane].sample(image) for plane, image in images.items()}
         shown = {plane: image.evidence_at(along[plane].pixels) for plane, image in images.items()}
@@ -91,12 +90,12 @@ def seed_template(
 
 
 def _about_ring(
-    model: LoopModel, projections: dict[Plane, Projection], whole: dict[Plane, ShiftedImages]
+    model: LoopModel, projections: dict[Plane, Projection], whole: WholeImages
 ) -> dict[Plane, WorkingImage]:
     images = {}
     for plane in PLANES:
         shift = model.shift(plane, projections[plane])
-        image = whole[plane].at(model.centre, shift).about(model.points, KEPT_MM)
+        image = whole.at(plane, model.centre, shift, bright=model.bright).about(model.points, KEPT_MM)
         # Its own pixels: a part of the whole would keep the whole.
         images[plane] = replace(image, values=image.values.copy(), noise=image.noise.copy(), grey=image.grey.copy())
     return images

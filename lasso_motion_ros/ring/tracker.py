@@ -33,6 +33,7 @@ from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.validation import contradiction, fading, misleading, quality, refusal, unforeseen
+from lasso_motion_ros.ring.working_image import WholeImages
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 
@@ -64,12 +65,13 @@ class RingTracker:
                 more than any usable calibration, or a ring of no lasso's size or shape.
             ReconstructionError: no 3-D loop explains the clicks.
         """
-        first, *others = build_loop_models(pair, seed, self._config, self._options.points)
+        whole = WholeImages(pair.frames)
+        first, *others = build_loop_models(pair, seed, self._config, self._options.points, whole)
         require_loop_of_clicks(seed)
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
-        self._track, result = self._started(pair, first)
+        self._track, result = self._started(pair, whole, first)
         self._choice = SeedChoice(others, self._options.choice)
-        self._begin = partial(self._started, pair)
+        self._begin = partial(self._started, pair, whole)
         return result
 
     def begin(self, pair: FramePair, model: LoopModel) -> Track:
@@ -81,14 +83,14 @@ class RingTracker:
         Raises:
             SeedError: planes that disagree by more than any usable calibration, or a ring of no lasso's shape.
         """
-        track, _ = self._started(pair, model)
+        track, _ = self._started(pair, WholeImages(pair.frames), model)
         self._track, self._choice, self._begin = track, None, None
         return track
 
-    def _started(self, pair: FramePair, model: LoopModel) -> tuple[Track, TrackResult]:
+    def _started(self, pair: FramePair, whole: WholeImages, model: LoopModel) -> tuple[Track, TrackResult]:
         """A track of a model, begun on the seed pair."""
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
-        view, template, seen = seed_template(model, frames, options.template, options.detection)
+        view, template, seen = seed_template(model, whole, options.template, options.detection)
         model, at_seed = view.model, view.displacement(template)
         agreement = seed_agreement(model, pair, self._config.judgement).doubted(shape_doubt(model, catheter))
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)
@@ -101,7 +103,7 @@ class RingTracker:
             along=model.normal,
         )
         anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
-        require_clicked_place(detector.detect(pair, anywhere, self._config), model)
+        require_clicked_place(detector.detect(pair, anywhere, self._config, whole), model)
         track = Track(
             model=model,
             seed=view,

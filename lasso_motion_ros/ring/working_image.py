@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.frames import Frame, Plane
 from lasso_motion_ros.geometry.projection import Projection
 
 Array = npt.NDArray[np.float64]
@@ -178,25 +179,29 @@ def working_image(
     return WorkingImage(values, seen, noise, reduced, bright)
 
 
-class ShiftedImages:
-    """Whole working images of one frame, for any shift: the filters do not depend on it, and are gone through once.
+class WholeImages:
+    """Whole working images of some planes' frames, for any shift: the filters do not depend on it, and work once.
 
     Args:
-        frame: the plane's frame.
-        bright: True where the catheter is brighter than its background.
+        frames: per plane.
+
+    Attributes:
+        frames: as given.
     """
 
-    def __init__(self, frame: Frame, *, bright: bool) -> None:
-        self._frame, self._bright = frame, bright
-        self._made: dict[int, WorkingImage] = {}  # by how much the frame was reduced
+    def __init__(self, frames: Mapping[Plane, Frame]) -> None:
+        self.frames = frames
+        self._made: dict[tuple[Plane, bool, int], WorkingImage] = {}  # by polarity, and how much the frame was reduced
 
-    def at(self, centre: Array, shift: Array) -> WorkingImage:
-        """What `working_image` gives for a centre (3,) m and a shift (2,) px."""
-        shifted = self._frame.projection.shifted(*shift)
+    def at(self, plane: Plane, centre: Array, shift: Array, *, bright: bool) -> WorkingImage:
+        """What `working_image` gives of a plane for a centre (3,) m and a shift (2,) px."""
+        frame = self.frames[plane]
+        shifted = frame.projection.shifted(*shift)
         factor = reduction_factor(shifted, centre)
-        made = self._made.get(factor)
+        made = self._made.get((plane, bright, factor))
         if made is None:
-            made = self._made[factor] = working_image(self._frame, centre, bright=self._bright, shift=shift)
+            made = working_image(frame, centre, bright=bright, shift=shift)
+            self._made[plane, bright, factor] = made
         height, width = made.values.shape
         return replace(made, projection=shifted.read_out(0, 0, width * factor, height * factor, factor, factor))
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 import skfmm
 
 from lasso_motion_ros.core.errors import SeedError
-from lasso_motion_ros.geometry.curves import resample
+from lasso_motion_ros.geometry.curves import resample, slope
 from lasso_motion_ros.seeding.line_filter import sato
 
 Array = npt.NDArray[np.float64]
@@ -152,24 +152,26 @@ def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
     # Plain numbers: of the thousand steps each would spend its time in making arrays of two and four. A complex number
     # is both slopes at once.
-    slopes: list[list[complex]] = (np.gradient(arrival, axis=1) + 1j * np.gradient(arrival, axis=0)).tolist()
+    slopes = np.empty(arrival.shape, dtype=np.complex128)
+    slopes.real, slopes.imag = slope(arrival, axis=1), slope(arrival, axis=0)
+    at = slopes.item
     last_x, last_y = (side - 1.001 for side in arrival.shape[::-1])  # the last place with four pixels around it
     x, y = min(float(start[0]), last_x), min(float(start[1]), last_y)
     goal_x, goal_y = map(float, goal)
+    step_px, goal_px = TUNING.step_px, TUNING.goal_px
     path = [(x, y)]
     for _ in range(20 * sum(arrival.shape)):
-        if hypot(x - goal_x, y - goal_y) < TUNING.goal_px:
+        if hypot(x - goal_x, y - goal_y) < goal_px:
             return np.array([*path, (goal_x, goal_y)])
         column, row = int(x), int(y)
         fx, fy = x - column, y - row
-        upper, lower = slopes[row], slopes[row + 1]
-        slope = (1.0 - fy) * ((1.0 - fx) * upper[column] + fx * upper[column + 1]) + fy * (
-            (1.0 - fx) * lower[column] + fx * lower[column + 1]
+        down = (1.0 - fy) * ((1.0 - fx) * at(row, column) + fx * at(row, column + 1)) + fy * (
+            (1.0 - fx) * at(row + 1, column) + fx * at(row + 1, column + 1)
         )
-        size = abs(slope)
+        size = abs(down)
         if not size > 0.0:
             return None
-        x = min(max(x - TUNING.step_px * slope.real / size, 0.0), last_x)
-        y = min(max(y - TUNING.step_px * slope.imag / size, 0.0), last_y)
+        x = min(max(x - step_px * down.real / size, 0.0), last_x)
+        y = min(max(y - step_px * down.imag / size, 0.0), last_y)
         path.append((x, y))
     return None

@@ -56,6 +56,23 @@ def test_distance_in_space_and_with_a_repeated_point():
     np.testing.assert_allclose([distance_of_point(point, curve) for point in points], [5.0, 1.0])
 
 
+@pytest.mark.parametrize("count", [1, 400])
+def test_distances_to_a_curve_that_comes_back_beside_itself(count):
+    """As an ellipse seen nearly edge-on does; segments of very different lengths; against one point at a time."""
+    random = np.random.default_rng(3)
+    turn = np.cumsum(random.uniform(0.01, 0.3, 60))
+    curve = np.column_stack([30.0 * np.cos(turn), 0.7 * np.sin(turn)]) + 500.0
+    points = curve[random.integers(0, 60, count)] + random.normal(0.0, 2.0, (count, 2))
+    expected = [distance_of_point(point, curve) for point in points]
+    np.testing.assert_allclose(distance_to_curve(points, curve), expected, atol=1e-10)
+    assert distance_to_curve(points[:0], curve).shape == (0,)
+
+
+def test_a_point_that_is_none_has_no_distance():
+    distances = distance_to_curve(np.array([[0.0, 1.0], [np.nan, 0.0], [0.0, 2.0]]), CORNER)
+    np.testing.assert_array_equal(distances, [1.0, np.nan, 2.0])
+
+
 def test_slopes_are_central_differences_one_sided_at_the_ends():
     np.testing.assert_allclose(slope(np.array([[0.0, 1.0, 4.0, 9.0]]), axis=-1), [[1.0, 2.0, 4.0, 5.0]])
     np.testing.assert_allclose(slope(CORNER[None], axis=1)[0], np.gradient(CORNER, axis=0), atol=1e-15)

@@ -14,6 +14,7 @@ from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.transforms import apply, rotation_from_vector
 from lasso_motion_ros.ring.seed_choice import ChoiceTuning, SeedChoice
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.working_image import WholeImages
 
 TUNING = ChoiceTuning(holds=0.75, pairs=3, better=0.3, curves=2)
 SEED_SUPPORT = 2.0
@@ -102,7 +103,7 @@ def test_a_tracker_that_began_with_the_wrong_curve_goes_on_with_the_right_one(ha
     tracker.initialise(seeded, lasso_seed())
     right = tracker.known.model
     turned = right.centre + right.arms @ rotation_from_vector(np.radians([0.0, 90.0, 0.0])).T
-    wrong, _ = tracker._started(seeded, replace(right, points=turned))
+    wrong, _ = tracker._started(seeded, WholeImages(seeded.frames), replace(right, points=turned))
     # In this clear drawing it shows enough where it crosses the ring: here it is said that it does not.
     wrong.seed_support = 9.0
     tracker._track = wrong

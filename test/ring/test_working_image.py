@@ -10,7 +10,7 @@ from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring.working_image import (
     NOISE_WINDOW_PX,
     TUNING,
-    ShiftedImages,
+    WholeImages,
     reduction_factor,
     working_image,
 )
@@ -254,22 +254,23 @@ def test_there_is_no_evidence_outside_the_image():
 @pytest.mark.parametrize("bright", [False, True])
 def test_for_other_shifts_and_places_the_same_filtered_image_serves(bright):
     frame = lasso_frame()
-    images = ShiftedImages(frame, bright=bright)
+    images = WholeImages({"a": frame})
     nearer = LOOP.centre + 0.5 * (frame.projection.source - LOOP.centre)  # pixels are half as large there
     for centre, shift in ((LOOP.centre, (0.0, 0.0)), (LOOP.centre, (1.7, -2.3)), (nearer, (1.7, -2.3))):
-        found = images.at(centre, np.array(shift))
+        found = images.at("a", centre, np.array(shift), bright=bright)
         expected = working_image(frame, centre, bright=bright, shift=np.array(shift))
         for one in ("values", "noise", "grey"):
             np.testing.assert_array_equal(getattr(found, one), getattr(expected, one))
         np.testing.assert_array_equal(found.projection.matrix, expected.projection.matrix)
         assert found.bright is expected.bright is bright
-    first, second = (images.at(LOOP.centre, np.array(shift)) for shift in ((0.0, 0.0), (3.0, 4.0)))
+    first, second = (images.at("a", LOOP.centre, np.array(shift), bright=bright) for shift in ((0.0, 0.0), (3.0, 4.0)))
     assert first.values is second.values
+    assert images.at("a", LOOP.centre, np.zeros(2), bright=not bright).values is not first.values
 
 
 def test_a_frame_too_small_for_a_loop_is_as_blank_under_any_shift():
     frame = Frame(0, np.zeros((40, 40), dtype=np.uint8), VIEWS["a"].cropped(0, 0, 40, 40))
-    found = ShiftedImages(frame, bright=False).at(LOOP.centre, np.array([2.0, 1.0]))
+    found = WholeImages({"a": frame}).at("a", LOOP.centre, np.array([2.0, 1.0]), bright=False)
     expected = working_image(frame, LOOP.centre, bright=False, shift=np.array([2.0, 1.0]))
     assert not found.values.any()
     np.testing.assert_array_equal(found.projection.matrix, expected.projection.matrix)
