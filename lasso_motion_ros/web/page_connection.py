@@ -89,6 +89,8 @@ class PageConnection:
                     await self.socket.close(code=WSCloseCode.UNSUPPORTED_DATA, message=b"expected text")
                     break
                 await self._take(message.data)
+        except ConnectionError:
+            pass  # it went before it had its answer
         finally:
             for task in (writer, *self._commands):
                 task.cancel()

@@ -23,6 +23,7 @@ from lasso_motion_ros.web.source import Source
 
 try:
     from aiohttp import WSCloseCode, web
+    from aiohttp.http_exceptions import HttpProcessingError
 
     from lasso_motion_ros.web.page_connection import PageConnection
 except ImportError as error:
@@ -31,6 +32,7 @@ except ImportError as error:
     ) from error
 
 LOG = logging.getLogger(__name__)
+REQUESTS_LOG = LOG.getChild("requests")
 STATIC = Path(__file__).parent / "static"
 FILES = {
     "index.html": "text/html",
@@ -70,6 +72,17 @@ class _Tuning:
 
 
 TUNING = _Tuning()
+
+
+def _is_our_fault(record: logging.LogRecord) -> bool:
+    """Whether a record tells of more than a request that is none: whoever sent that was answered, and all may send it.
+
+    `https://` in place of `http://` and a port scan are such; aiohttp would show each with a traceback.
+    """
+    return record.exc_info is None or not isinstance(record.exc_info[1], HttpProcessingError)
+
+
+REQUESTS_LOG.addFilter(_is_our_fault)
 
 
 class WebServer:
@@ -151,8 +164,16 @@ class WebServer:
             self._ready.set()
             self._command_pool.shutdown(wait=False, cancel_futures=True)
             with contextlib.suppress(Exception):
+                self._loop.run_until_complete(self._end_tasks())
                 self._loop.run_until_complete(self._loop.shutdown_default_executor())
             self._loop.close()
+
+    async def _end_tasks(self) -> None:
+        """End what connections that were cut have left; asyncio would complain of it line by line."""
+        left = asyncio.all_tasks() - {asyncio.current_task()}
+        for task in left:
+            task.cancel()
+        await asyncio.gather(*left, return_exceptions=True)
 
     async def _serve(self) -> None:
         application = web.Application(middlewares=[self._guard], client_max_size=1024)
@@ -161,7 +182,11 @@ class WebServer:
         application.router.add_get("/live", self._live)
         application.router.add_get("/{name:.+}", self._file)
         runner = web.AppRunner(
-            application, access_log=None, handle_signals=False, shutdown_timeout=TUNING.shutdown_wait_s
+            application,
+            access_log=None,
+            logger=REQUESTS_LOG,
+            handle_signals=False,
+            shutdown_timeout=TUNING.shutdown_wait_s,
         )
         await runner.setup()
         try:

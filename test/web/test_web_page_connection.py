@@ -10,6 +10,7 @@ pytest.importorskip("aiohttp", reason="needs the web extra")
 
 from support.page_client import PATIENCE_S, Client, Drawn, talk
 
+from lasso_motion_ros.web.page_connection import PageConnection
 from lasso_motion_ros.web.server import WebServer
 
 NEUTRAL = {"brightness": 0.0, "contrast": 1.0}
@@ -104,6 +105,23 @@ def test_what_is_no_message_is_refused_and_the_next_one_is_heard(server: WebServ
 
     talk(server, conversation)
     assert [name for name, _ in source.commands] == ["save"]
+
+
+def test_a_page_that_goes_before_it_has_its_answer_leaves_no_traceback(
+    server: WebServer, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def gone(self: PageConnection, text: str) -> None:
+        raise ConnectionResetError("Cannot write to closing transport")
+
+    monkeypatch.setattr(PageConnection, "_take", gone)
+
+    async def conversation(client: Client) -> None:
+        await client.send(type="shown")
+        with pytest.raises(ConnectionError):
+            await client.hear(lambda: client.socket.closed)
+
+    talk(server, conversation)
+    assert not caplog.records
 
 
 def test_the_ellipse_through_clicks_is_drawn_before_they_are_sent(server: WebServer) -> None:

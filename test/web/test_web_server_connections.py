@@ -85,6 +85,31 @@ def test_connections_that_ask_for_nothing_are_ended_and_a_page_is_served(
                     pass
 
 
+@pytest.mark.parametrize(
+    "request_line",
+    [
+        b"GET / HTTP/9.9\r\n\r\n",
+        b"GET / HTTP/1.1\r\nContent-Length: -1\r\n\r\n",
+        b"GET / HTTP/1.1\r\nHost: [\r\nX: " + 9000 * b"x" + b"\r\n\r\n",
+        b"POST / HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\nFFFFFFFFFFFFFFFFF\r\n",
+        b"\x16\x03\x01\x02\x00\x01",  # https
+    ],
+)
+def test_what_is_no_request_is_answered_and_leaves_no_traceback(
+    server: WebServer, caplog: pytest.LogCaptureFixture, request_line: bytes
+) -> None:
+    host, port = server.url.split("/")[2].split(":")
+    with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as one:
+        one.sendall(request_line)
+        answer = b""
+        with contextlib.suppress(ConnectionResetError):
+            while part := one.recv(1 << 16):
+                answer += part
+    assert answer.split(b" ")[1] in (b"400", b"403")
+    assert not caplog.records
+    assert get(server)[0] == 200
+
+
 def test_a_page_that_is_served_is_no_idle_connection(
     server: WebServer, source: Drawn, monkeypatch: pytest.MonkeyPatch
 ) -> None:
