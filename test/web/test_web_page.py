@@ -70,8 +70,9 @@ def test_clicks_start_the_tracker_and_the_loop_is_drawn_where_it_is(stage: Stage
     seeds = stage.directory / "seeds.yaml"
     clicked = saved_clicks(page, seeds)
     page.press(Keys.ENTER)
+    page.wait_for(lambda: "The tracker has taken the clicks." in page.text("message-text"), "the answer to the clicks")
+    assert saved_clicks(page, seeds) == clicked  # once more, of what the tracker has taken, and at once
     page.wait_for_state("TRACKING")
-    assert saved_clicks(page, seeds) == clicked  # once more, of what the tracker has taken
     for plane in "ab":
         assert (
             distances(

@@ -454,7 +454,11 @@ const deeds = {
     sending = true;
     refresh();
     say("The clicks are on their way to the tracker …");
-    if (await ask("seed", { a: clicks.points.a, b: clicks.points.b })) clicks.reset();
+    if (await ask("seed", { a: clicks.points.a, b: clicks.points.b })) {
+      clicks.reset();
+      // The next status says so too; a key pressed before it comes is not one of somebody who clicks.
+      takeStatus({ ...status, held: false });
+    }
     sending = false;
     refresh();
   },
