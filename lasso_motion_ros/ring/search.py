@@ -63,7 +63,9 @@ class SearchCandidate:
 
     def is_like(self, other: SearchCandidate) -> bool:
         """Whether an alignment that starts here ends where one from there does, in the same image and the same pair."""
-        return all(float(np.abs(c - other.centres[plane]).max()) < TUNING.same_m for plane, c in self.centres.items())
+        return self.centres.keys() == other.centres.keys() and all(
+            float(np.abs(c - other.centres[plane]).max()) < TUNING.same_m for plane, c in self.centres.items()
+        )
 
 
 def find_peaks(

@@ -258,6 +258,9 @@ def test_candidates_are_alike_where_both_planes_are():
     here = SearchCandidate(9.0, {"a": np.zeros(3), "b": np.zeros(3)})
     assert here.is_like(SearchCandidate(5.0, {"a": np.full(3, 1e-4), "b": np.full(3, -1e-4)}))
     assert not here.is_like(SearchCandidate(9.0, {"a": np.zeros(3), "b": np.array([0.0, 0.0, 4e-4])}))
+    one = SearchCandidate(9.0, {"b": np.zeros(3)})  # plane A does not reach the ring there
+    assert not here.is_like(one)
+    assert not one.is_like(here)
 
 
 @pytest.mark.parametrize(
