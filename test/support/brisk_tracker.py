@@ -1,15 +1,27 @@
 """The tracker's own process without its dry run, which takes a second: for tests that start many.
 
+And however slow the machine is, it answers all pairs in their order: what is left out otherwise is tested by itself
+(`test/nodes/test_nodes_worker.py`).
+
 `python -m support.brisk_tracker lasso_tracker …` runs the node as `lasso_motion_ros.nodes.executables` does.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import math
 import sys
 
 from lasso_motion_ros.nodes import tracker_node
 from lasso_motion_ros.nodes.executables import main
 
-if __name__ == "__main__":
+
+def run() -> int:
+    """Run the node so; returns its exit status."""
     tracker_node.warm_up = lambda *_: []
-    sys.exit(main(sys.argv[1:]))
+    tracker_node._TUNING = dataclasses.replace(tracker_node._TUNING, behind_s=math.inf, waiting_pairs=1000)
+    return main(sys.argv[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(run())

@@ -10,8 +10,8 @@ import sys
 import time
 from pathlib import Path
 
-from lasso_motion_ros.nodes import tracker_node
-from lasso_motion_ros.nodes.executables import main
+from support import brisk_tracker
+
 from lasso_motion_ros.ring.tracker import RingTracker
 
 _track = RingTracker.track
@@ -25,6 +25,5 @@ def _hanging(self, pair):
 
 
 if __name__ == "__main__":
-    tracker_node.warm_up = lambda *_: []  # as in `brisk_tracker.py`
     RingTracker.track = _hanging
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(brisk_tracker.run())
