@@ -121,12 +121,11 @@ def _monotone_angles(outlines: list[Array], ellipse: Ellipse3D, projections: lis
     turns = 2
     angles = np.linspace(0.0, 2.0 * np.pi * turns, TUNING.angles_per_turn * turns, endpoint=False)
     on_curve = on_ellipse(ellipse, angles)
-    costs = []
-    for outline, projection in zip(outlines, projections, strict=True):
-        x, y = (outline[:, None] - projection.project(on_curve)).transpose(2, 0, 1)
-        costs.append(np.sqrt(x * x + y * y))
-    rising = np.stack(costs, axis=1)
-    cost = np.stack([rising, rising[..., ::-1]], axis=2)  # (N, outlines, 2, angles): rising and falling
+    cost = np.empty((len(outlines[0]), len(outlines), 2, len(angles)))  # rising and falling
+    for number, (outline, projection) in enumerate(zip(outlines, projections, strict=True)):
+        x, y = (one[:, None] - other for one, other in zip(outline.T, projection.project(on_curve).T, strict=True))
+        np.sqrt(x * x + y * y, out=cost[:, number, 0])
+        cost[:, number, 1] = cost[:, number, 0, ::-1]
     reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
     totals = np.full((*cost.shape[:-1], reach - 1 + len(angles)), np.inf)
     # From any earlier angle within the largest step, to this one: (N, reach, outlines, 2, angles), the farthest first.

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import EllipseError, GeometryError, ReconstructionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.directions import cross
 from lasso_motion_ros.geometry.ellipse import fit_ellipse, fit_line
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
@@ -105,15 +106,27 @@ def reconstruct_ellipse(projections: dict[Plane, Projection], outlines: dict[Pla
         except EllipseError as error:
             refusals.append(f"plane {plane.upper()}: {error}")
 
+    def reprojection_px(ellipse: Ellipse3D, beaten_by: float = np.inf) -> float:
+        """The larger of both planes'; infinite where the first alone is no less than what it is beaten by."""
+        largest = 0.0
+        for plane in PLANES:
+            largest = max(largest, _reprojection(ellipse, projections[plane], outlines[plane]))
+            if largest >= beaten_by:
+                return np.inf
+        return largest
+
     def candidate(ellipse: Ellipse3D, edge_on: tuple[Plane, ...]) -> Candidate:
-        return Candidate(ellipse, edge_on, max(_reprojection(ellipse, projections[p], outlines[p]) for p in PLANES))
+        return Candidate(ellipse, edge_on, reprojection_px(ellipse))
 
     cone_cone: list[Candidate] = []
     if len(conics) == 2:
         for space_plane in quan_planes(conics["a"], conics["b"]):
             # Under noise one plane cuts the two cones a little differently: the cut that reprojects better is kept.
-            cuts = [candidate(e, ()) for p in PLANES for e in cut(conics[p], space_plane, frame)]
-            cone_cone += sorted(cuts, key=lambda c: c.reprojection_px)[:1]
+            best, best_px = list[Ellipse3D](), np.inf
+            for ellipse in (one for plane in PLANES for one in cut(conics[plane], space_plane, frame)):
+                if (px := reprojection_px(ellipse, best_px)) < best_px:
+                    best, best_px = [ellipse], px
+            cone_cone += [Candidate(ellipse, (), best_px) for ellipse in best]
     line_planes: dict[Plane, Array] = {}
     for plane in PLANES:
         try:
@@ -249,15 +262,15 @@ def epipolar_shift(
     baseline = baseline / np.linalg.norm(baseline)
     # Height of a point above the baseline–centre plane, which any epipolar plane's angle measures.
     towards = centre - a.source
-    upward = np.cross(baseline, towards)
+    upward = cross(baseline, towards)
     upward /= np.linalg.norm(upward)
-    outward = np.cross(upward, baseline)
+    outward = cross(upward, baseline)
     middles = {}
     for plane, projection in projections.items():
         rays = projection.rays(outlines[plane])
         angles = np.arctan2(rays @ upward, rays @ outward)
         middles[plane] = 0.5 * float(angles.min() + angles.max())
-    lever = float(np.linalg.norm(np.cross(baseline, towards)))
+    lever = float(np.linalg.norm(cross(baseline, towards)))
     height = (middles["b"] - middles["a"]) * lever  # B sees the loop this much higher
     shifts: dict[Plane, Array] = {}
     corrections: tuple[tuple[Plane, float, float], ...] = (("a", share_of_a, -1.0), ("b", 1.0 - share_of_a, 1.0))
