@@ -41,6 +41,9 @@ _READERS = {
 VOLUME_SUFFIXES = tuple(_READERS)
 _NRRD_DATA = re.compile(rb"^[ \t]*data ?file[ \t]*:[ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
 _META_DATA = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*(.*)$", re.IGNORECASE | re.MULTILINE)
+_META_PACKED = re.compile(rb"^[ \t]*CompressedData[ \t]*[=:][ \t]*[Tt1Yy]", re.MULTILINE)
+_META_LOCAL = re.compile(rb"^[ \t]*ElementDataFile[ \t]*[=:][ \t]*LOCAL[ \t]*\r?\n", re.MULTILINE)
+_ANY_PACK = 32 + zlib.MAX_WBITS  # zlib's or gzip's
 _META_DIMENSIONS = re.compile(rb"^[ \t]*NDims[ \t]*[=:][ \t]*(.*?)[ \t]*$", re.MULTILINE)
 _DATA_FILE = {".nrrd": _NRRD_DATA, ".nhdr": _NRRD_DATA, ".mha": _META_DATA, ".mhd": _META_DATA}
 """Where the headers that may name other files do so, by suffix."""
@@ -127,6 +130,8 @@ def _read_file(itk: Any, path: Path) -> Any:
     promised = _refuse_too_large(itk, reader, path, 1, held)
     if reader_name == _READERS[".nii"]:
         _refuse_cut_short(path, promised)
+    if reader_name == _READERS[".mha"] and len(named) <= 1:
+        _refuse_damaged_pack(path, named, promised)
     return reader.Execute()
 
 
@@ -155,6 +160,29 @@ def _refuse_cut_short(path: Path, promised: int) -> None:
                 missing -= len(part)
     except (EOFError, zlib.error, gzip.BadGzipFile) as error:
         raise VolumeError(f"{path}: it is cut short or damaged: {error}") from error
+    if missing > 0:
+        raise VolumeError(f"{path}: it is cut short: {missing} bytes of samples are missing")
+
+
+def _refuse_damaged_pack(path: Path, named: list[str], promised: int) -> None:
+    """The MetaImage reader of ITK gives what a damaged pack unpacks to, and what lay in memory for the rest."""
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES)
+    local = _META_LOCAL.search(head)
+    if not _META_PACKED.search(head[: local.start()] if local else head) or not (local or named):
+        return
+    missing, unpacker = promised, zlib.decompressobj(_ANY_PACK)
+    try:
+        with (path if local else path.parent / named[0]).open("rb") as file:
+            file.seek(local.end() if local else 0)
+            while missing > 0 and not unpacker.eof and (part := file.read(1 << 20)):
+                while part and missing > 0:
+                    missing -= len(unpacker.decompress(part, min(missing, 1 << 24)))
+                    part = unpacker.unconsumed_tail
+            if missing == 0 and not unpacker.eof:  # the check sum stands behind the last sample
+                unpacker.decompress(unpacker.unconsumed_tail + file.read(64), 1)
+    except (OSError, zlib.error) as error:
+        raise VolumeError(f"{path}: its samples are damaged: {error}") from error
     if missing > 0:
         raise VolumeError(f"{path}: it is cut short: {missing} bytes of samples are missing")
 

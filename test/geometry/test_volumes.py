@@ -169,6 +169,22 @@ def test_a_nifti_file_that_is_cut_short_is_no_volume(tmp_path, suffix):
             read_volume_image(cut)
 
 
+@pytest.mark.parametrize("suffix", [".mha", ".mhd"])
+def test_a_packed_metaimage_that_is_damaged_is_no_volume(tmp_path, suffix):
+    """ITK gives what it unpacks to, and what lay in memory for the rest."""
+    itk = pytest.importorskip("SimpleITK")
+    path = tmp_path / f"a{suffix}"
+    values = np.random.default_rng(0).integers(0, 3000, (20, 21, 22)).astype(np.int16)
+    itk.WriteImage(itk.GetImageFromArray(values), str(path), useCompression=True)
+    np.testing.assert_array_equal(read_volume_image(path).values, values)
+    (samples,) = set(tmp_path.iterdir()) - {path} or {path}
+    whole = samples.read_bytes()
+    for at in (len(whole) // 2, len(whole) - 2):  # a sample, and the check sum of all
+        samples.write_bytes(whole[:at] + bytes([whole[at] ^ 255]) + whole[at + 1 :])
+        with pytest.raises(VolumeError, match="damaged"):
+            read_volume_image(path)
+
+
 @pytest.mark.parametrize("dimensions", ["-1", "-99999999999", "2147483648", "three", ""])
 def test_a_metaimage_of_impossible_dimensions_is_refused_at_once(tmp_path, dimensions):
     """The reader of ITK never comes back from some of these."""
