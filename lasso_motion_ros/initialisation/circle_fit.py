@@ -13,7 +13,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
 from lasso_motion_ros.initialisation.circles import TURN, Circles, is_narrow, laid, outward
 from lasso_motion_ros.initialisation.direction_maps import DIRECTIONS, DirectionMaps, nearest_direction, tangents
-from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.epipolar_grid import LATER_S, EpipolarGrid
 
 Array = npt.NDArray[np.float64]
 
@@ -59,7 +59,6 @@ class _Tuning:
     # What keeps a circle where no line says otherwise, in weights of points along it: centre, tilt, radius, lift.
     inertia: tuple[float, ...] = (0.2, 0.2, 0.2, 2e-5, 2e-5, 0.2)
     lift_inertia: tuple[float, float] = (2.0, 10.0)  # where plane B is exposed later, and where not
-    later_s: float = 0.01
     largest_step: tuple[float, ...] = (2e-3, 2e-3, 2e-3, 0.25, 0.25, 1.5e-3, 2e-3)  # m and rad
     radii_m: tuple[float, float] = (5.5e-3, 17.5e-3)
     largest_lift_m: float = 5e-3
@@ -80,7 +79,7 @@ def find_circles(
         check: called again and again; what it raises ends the search.
     """
     circles = scored(search_circles(maps, grid, between_s, check), maps, grid)
-    lift_inertia = TUNING.lift_inertia[0 if abs(between_s) > TUNING.later_s else 1]
+    lift_inertia = TUNING.lift_inertia[0 if abs(between_s) > LATER_S else 1]
     for number, one in enumerate(TUNING.rounds):
         if number:
             circles = scored(_with_tilted(circles, grid), maps, grid)
@@ -169,17 +168,40 @@ def _beside_narrow(columns: Array, rows: Array, maps: DirectionMaps) -> Array:
     x, y = outward(columns, rows)
     aside = columns + TUNING.beside_m * x, rows + TUNING.beside_m * y
     sides = maps.at(*aside, nearest_direction(columns, rows), widened=True).mean(axis=1)
+    beyond = np.mean(_beyond_ends(columns, rows, maps), axis=0)
+    return np.asarray(TUNING.narrow_beside + sides + TUNING.beyond_share * beyond, np.float64)
+
+
+def line_beyond(circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid) -> Array:
+    """(N,) how much of a line goes on beyond both ends of circles that a plane sees nearly edge-on; 0 if none does.
+
+    A ring's shaft leaves it at one end. What goes on beyond both is a long line, and any spots that the other plane
+    shows make rings with it.
+    """
+    least = np.zeros(len(circles))
+    for plane in PLANES:
+        narrow = is_narrow(circles, plane, grid)
+        if narrow.any():
+            ends = _beyond_ends(*laid(circles[narrow], plane, grid), maps[plane])
+            least[narrow] = np.maximum(least[narrow], np.minimum(*ends))
+    return least
+
+
+def _beyond_ends(columns: Array, rows: Array, maps: DirectionMaps) -> tuple[Array, Array]:
+    """(N,) what lies beyond either end of narrow ellipses (N, P), where their line would go on."""
     flat = np.stack([columns, rows], axis=2)
     middle = flat.mean(axis=1, keepdims=True)
     far = np.linalg.norm(flat - middle, axis=2).argmax(axis=1)
     tip = flat[np.arange(len(flat)), far] - middle[:, 0]
     length = np.linalg.norm(tip, axis=1, keepdims=True)
     axis = (tip / length)[:, None]
-    reach = length + TUNING.beyond_m
-    ends = np.concatenate([middle + reach[..., None] * axis, middle - reach[..., None] * axis], axis=1)
+    reach = (length + TUNING.beyond_m)[..., None] * axis
     onward = np.rint(np.arctan2(axis[..., 1], axis[..., 0]) * (DIRECTIONS / np.pi)).astype(np.intp) % DIRECTIONS
-    beyond = maps.at(ends[..., 0], ends[..., 1], onward, widened=True).mean(axis=1)
-    return np.asarray(TUNING.narrow_beside + sides + TUNING.beyond_share * beyond, np.float64)
+    one, other = (
+        np.asarray(maps.at(ends[..., 0], ends[..., 1], onward, widened=True).mean(axis=1), np.float64)
+        for ends in (middle + reach, middle - reach)
+    )
+    return one, other
 
 
 def _moved(

@@ -21,8 +21,9 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.directions import half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, laid
-from lasso_motion_ros.initialisation.direction_maps import CELL_MM, DirectionMaps, nearest_direction
-from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, nearest_direction
+from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid, largest_lift_m
+from lasso_motion_ros.initialisation.laid_image import CELL_MM
 
 Array = npt.NDArray[np.float64]
 Coarse = npt.NDArray[np.uint8]
@@ -39,9 +40,6 @@ class _Tuning:
     levels: int = 7  # of a response: with 36 points the sum is a byte
     widened_cells: int = 5  # of the maps: a circle between two that are tried is seen in both
     reach_m: float = 0.018  # of a shape
-    agreeing_m: float = 1.5e-3  # by which calibrated planes' heights may differ
-    fastest_m_s: float = 0.03  # of breathing: where plane B is exposed later the ring may have moved up or down by then
-    largest_lift_m: float = 5e-3
     rows: int = 3_000  # of some shape, in which places are looked for
     kept: int = 400
     same_m: float = 3e-3
@@ -68,8 +66,7 @@ def search_circles(
     shown = {plane: _contrasts(maps[plane], shapes, plane, grid, check) for plane in PLANES}
     best = {plane: one.max(axis=2) for plane, one in shown.items()}
     check()
-    lift = max(TUNING.agreeing_m, min(TUNING.largest_lift_m, TUNING.fastest_m_s * abs(between_s)))
-    steps = round(lift / _CELL_M)
+    steps = round(largest_lift_m(between_s) / _CELL_M)
     rows = [_best_rows(best, step) for step in range(-steps, steps + 1)]
     of_shape, row, step, scores = (np.concatenate(part) for part in zip(*rows, strict=True))
     check()

@@ -1,38 +1,47 @@
-"""From a circle in space to a ring's model, and from that to clicks, as a person would set them."""
+"""From a ring in space to a ring's model, and from that to clicks, as a person would set them."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
-from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.ring.loop_model import LoopModel, model_beside
 from lasso_motion_ros.ring.seed_images import SeedImages
-from lasso_motion_ros.seeding.cones import Ellipse3D
 
 Array = npt.NDArray[np.float64]
 
 CLICKS = 20
 
 
-def model_of(circle: Circles, images: SeedImages, grid: EpipolarGrid) -> LoopModel:
-    """The ring whose curve follows the lines beside one circle in both planes.
+def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopModel:
+    """The ring whose curve follows the lines beside one ring in both planes.
 
     Args:
-        circle: one.
+        ring: one.
         images: of the pair.
         grid: of the two planes.
 
     Raises:
         ReconstructionError: there is none.
     """
-    centre, points = circle.centres[0], circle.points(np.array([0.0, 0.5 * np.pi]))[0]
-    lift, share_of_a = grid.upward * circle.lifts[0], images.share_of_a
+    ellipse = ring.ellipse(0)
+    lift, share_of_a = grid.upward * ring.lifts[0], images.share_of_a
     shares: dict[Plane, float] = {"a": -share_of_a, "b": 1.0 - share_of_a}
-    shifts = {plane: share * (images.projections[plane].jacobian(centre) @ lift) for plane, share in shares.items()}
-    return model_beside(Ellipse3D(centre, points[0] - centre, points[1] - centre), images, shifts)
+    jacobians = {plane: view.jacobian(ellipse.centre) for plane, view in images.projections.items()}
+    shifts = {plane: share * (jacobians[plane] @ lift) for plane, share in shares.items()}
+    # Between the heights at which the planes see it, as far as plane A's images are taken to be off, too.
+    between = share_of_a * lift
+    return model_beside(
+        replace(ellipse, centre=ellipse.centre + between),
+        images,
+        shifts,
+        shape=lambda angles: ring.beside_ellipse(0, angles) + between,
+    )
 
 
 def clicks_along(model: LoopModel, images: SeedImages) -> Seed:

@@ -10,14 +10,11 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Frame, Plane
-from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.ring.working_image import reduction_factor
+from lasso_motion_ros.initialisation.laid_image import CELL_MM, LaidImage
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
-CELL_MM = 0.5
 DIRECTIONS = 16
 
 
@@ -25,18 +22,15 @@ DIRECTIONS = 16
 class _Tuning:
     """How lines are seen."""
 
-    first_sigma_mm: float = 0.3
-    second_sigma_mm: float = 0.4  # 0.5 in all: a wire and an electrode
+    sigma_mm: float = 0.4  # 0.5 in all: a wire and an electrode
     along_cells: float = 3.5  # standard deviation of the mean along a line: noise has no direction
     along_steps: tuple[int, ...] = (-6, -4, -2, 0, 2, 4, 6)  # cells
-    margin_px: int = 8  # of the image, where its edge would be a line
     distinct_quantiles: tuple[float, ...] = (0.999, 0.9999)
     doubtful_brightness: float = 0.3  # of both planes together: with less either polarity may be meant
     noise_window_cells: tuple[int, int] = (41, 41)
     outlier: float = 4.0  # in units of the local rms: what is denser counts no more
     floor: float = 0.5  # of the mean along a line, in units of its rms, that noise shows, too
     ceiling: float = 2.8
-    widest_mm: float = 200.0
 
 
 TUNING = _Tuning()
@@ -127,44 +121,22 @@ class Curvature:
         return float(np.log(np.maximum(bright, 1e-6) / np.maximum(dark, 1e-6)).sum())
 
 
-def curvature(
-    frame: Frame, plane: Plane, grid: EpipolarGrid, rows: tuple[float, float], *, logarithm: bool
-) -> Curvature:
-    """The second derivatives of a frame between two rows, metres, laid out on the grid.
+def curvature(laid: LaidImage) -> Curvature:
+    """The second derivatives of a plane's image on the grid.
 
     Args:
-        frame: the image.
-        plane: whose it is.
-        grid: on which it is laid out.
-        rows: the first and the last.
-        logarithm: of the grey values' logarithm, in which attenuation adds up; not so where dense things are bright.
+        laid: the grey values' logarithm, in which attenuation adds up; where dense things are bright the grey values.
     """
-    columns = _column_range(frame, plane, grid)
-    xs = np.arange(columns[0], columns[1], CELL_MM * 1e-3)
-    hs = np.arange(rows[0], rows[1], CELL_MM * 1e-3)
-    factor = reduction_factor(frame.projection, grid.centre)
-    projection = frame.projection.binned(factor, factor)
-    grey = frame.pixels[: projection.height * factor, : projection.width * factor]
-    if factor > 1:
-        grey = cv2.resize(grey, (projection.width, projection.height), interpolation=cv2.INTER_AREA)
-    values = grey.astype(np.float32)
-    if logarithm:
-        values = cv2.log(np.maximum(values, np.float32(1.0)))
-    sigma = TUNING.first_sigma_mm / projection.millimetres_per_pixel(grid.centre)
-    smooth = cv2.GaussianBlur(values, (0, 0), sigma)
-    at = projection.project(grid.points(plane, xs, hs)).astype(np.float32)
-    laid = cv2.remap(smooth, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    laid = cv2.GaussianBlur(laid, (0, 0), TUNING.second_sigma_mm / CELL_MM)
-    size, margin = np.array([projection.width, projection.height]), TUNING.margin_px
-    inside = ((at > margin) & (at < size - margin - 1)).all(axis=2).astype(np.float32)
-    xx = cv2.filter2D(laid, cv2.CV_32F, _SECOND)
-    yy = cv2.filter2D(laid, cv2.CV_32F, _SECOND.T)
-    xy = cv2.filter2D(laid, cv2.CV_32F, _MIXED)
+    smooth = cv2.GaussianBlur(laid.values, (0, 0), TUNING.sigma_mm / CELL_MM)
+    inside = laid.inside
+    xx = cv2.filter2D(smooth, cv2.CV_32F, _SECOND)
+    yy = cv2.filter2D(smooth, cv2.CV_32F, _SECOND.T)
+    xy = cv2.filter2D(smooth, cv2.CV_32F, _MIXED)
     window = TUNING.noise_window_cells
     mean = cv2.blur((xx * xx + yy * yy + 2.0 * xy * xy) * inside, window) / np.maximum(cv2.blur(inside, window), 0.02)
     scale = inside / np.sqrt(np.maximum(0.5 * mean, np.float32(1e-10)))
     xx, yy, xy = (np.asarray(one * scale) for one in (xx, yy, xy))
-    return Curvature(xx, yy, xy, np.asarray(inside), float(xs[0]), float(hs[0]))
+    return Curvature(xx, yy, xy, inside, laid.left, laid.top)
 
 
 def are_catheters_bright(seen: Iterable[Curvature], *, other: bool) -> bool:
@@ -198,31 +170,3 @@ def direction_maps(seen: Curvature, *, bright: bool) -> DirectionMaps:
     responses *= np.float32(1.0 / (TUNING.ceiling - TUNING.floor))
     np.clip(responses, 0.0, 1.0, out=responses)
     return DirectionMaps(responses, seen.left, seen.top)
-
-
-def row_range(frames: dict[Plane, Frame], grid: EpipolarGrid) -> tuple[float, float]:
-    """Heights, metres, that both planes show."""
-    low, high = -0.5e-3 * TUNING.widest_mm, 0.5e-3 * TUNING.widest_mm
-    for frame in frames.values():
-        heights = _ray_heights(frame, grid)
-        low, high = max(low, float(heights.min())), min(high, float(heights.max()))
-    return low, high
-
-
-def _corner_rays(frame: Frame) -> Array:
-    w, h = frame.projection.width - 1.0, frame.projection.height - 1.0
-    corners = np.array([[x, y] for x in (0.0, w / 2, w) for y in (0.0, h / 2, h)])
-    return frame.projection.rays(corners)
-
-
-def _ray_heights(frame: Frame, grid: EpipolarGrid) -> Array:
-    rays = _corner_rays(frame)
-    return np.asarray(grid.lever * (rays @ grid.upward) / (rays @ grid.outward))
-
-
-def _column_range(frame: Frame, plane: Plane, grid: EpipolarGrid) -> tuple[float, float]:
-    rays = _corner_rays(frame)
-    distance = np.linalg.norm(grid.centre - grid.sources[plane])
-    columns = distance * (rays @ grid.sideways[plane]) / (rays @ grid.view[plane])
-    most = 0.5e-3 * TUNING.widest_mm
-    return max(-most, float(columns.min())), min(most, float(columns.max()))

@@ -15,6 +15,24 @@ from lasso_motion_ros.geometry.triangulation import triangulate
 Array = npt.NDArray[np.float64]
 
 SMALLEST_VIEW_ANGLE_DEG = 15.0
+LATER_S = 0.01  # from which on plane B is exposed later than plane A
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """By how much one thing's heights in the two planes may differ."""
+
+    agreeing_m: float = 1.5e-3  # of calibrated planes
+    fastest_m_s: float = 0.03  # of breathing: where plane B is exposed later the ring may have moved up or down by then
+    largest_lift_m: float = 5e-3
+
+
+TUNING = _Tuning()
+
+
+def largest_lift_m(between_s: float) -> float:
+    """By how much the planes' heights may differ where plane B is exposed so much later than plane A."""
+    return max(TUNING.agreeing_m, min(TUNING.largest_lift_m, TUNING.fastest_m_s * abs(between_s)))
 
 
 @dataclass(frozen=True, eq=False)

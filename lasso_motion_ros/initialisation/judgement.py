@@ -34,6 +34,7 @@ class _Tuning:
     smallest_roundness: float = 0.8  # nearest by farthest point of the curve from its middle
     smallest_support: float = 1.5
     diameter_mm: tuple[float, float] = (12.5, 33.0)
+    largest_line_beyond: float = 0.6
     # What each is worth as evidence (log odds), by logistic regression over the rings and all else that was followed in
     # development; much of one makes up for little of another.
     per_spread: float = 11.5
@@ -42,14 +43,16 @@ class _Tuning:
     per_roundness: float = 13.8
     per_support: float = 3.6
     per_worth: float = 12.0
+    per_rareness: float = 0.12
     per_small_mm: float = 1.4  # by which it is smaller than most: what else makes a ring is small
     small_mm: float = 16.0
     enough_comb: float = 30.0  # more proves no more
     enough_support: float = 2.3
     enough_worth: float = 1.1
-    nothing: float = 48.7
-    # Of what was no ring the most was -0.9; of rings one in twenty has less than this.
-    believed: float = 1.5
+    enough_rareness: float = 30.0
+    nothing: float = 49.0
+    # What holds a part of a ring, or a long line, has up to 1.4, unless a better ring is there (docs/automatic.md).
+    believed: float = 2.0
     rival: float = -0.5
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
@@ -75,7 +78,9 @@ class Judgement:
         roundness: nearest by farthest point of the curve from its middle.
         support: what the planes show of it in later pairs, by the tracker's own measure.
         diameter_mm: of the ring.
-        worth: of the circle that it comes from: lines all along it, and the same electrodes in both planes.
+        worth: of the ring that it comes from: lines all along it, and the same electrodes in both planes.
+        rareness: how seldom chance would put so many of all pairs' electrodes on it (minus the logarithm to base ten).
+        line_beyond: how much of a line goes on beyond both its ends in a plane that sees it edge-on.
     """
 
     covered: float
@@ -86,6 +91,8 @@ class Judgement:
     support: float
     diameter_mm: float
     worth: float
+    rareness: float
+    line_beyond: float
 
     @property
     def evidence(self) -> float:
@@ -97,6 +104,7 @@ class Judgement:
             + TUNING.per_roundness * self.roundness
             + TUNING.per_support * min(self.support, TUNING.enough_support)
             + TUNING.per_worth * min(self.worth, TUNING.enough_worth)
+            + TUNING.per_rareness * min(self.rareness, TUNING.enough_rareness)
             - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
             - TUNING.nothing
         )
@@ -121,6 +129,7 @@ class Judgement:
             (self.spread >= TUNING.smallest_spread, "its electrodes lie on one side"),
             (self.agreement >= TUNING.smallest_agreement, "the planes show different electrodes"),
             (self.support >= TUNING.smallest_support, "faint"),
+            (self.line_beyond <= TUNING.largest_line_beyond, "edge-on it is a part of a long line"),
             (self.comb >= TUNING.smallest_comb, "its electrodes are not equally far apart"),
         )
         return next((words for is_met, words in checks if not is_met), "")
@@ -179,6 +188,8 @@ def judge(
     roundness: float,
     support: float,
     worth: float,
+    rareness: float,
+    line_beyond: float,
 ) -> Judgement:
     """Judge a ring by what the planes show along its curve.
 
@@ -188,7 +199,9 @@ def judge(
         weights: (L,) where the electrodes are, of sum 1.
         roundness: of its curve.
         support: what later pairs show of it.
-        worth: of the circle that it comes from.
+        worth: of the ring that it comes from.
+        rareness: likewise.
+        line_beyond: likewise.
     """
     glance = Glance.at(evidence.shown, places)
     shares = np.add.reduceat(weights, _starts(len(weights)))
@@ -202,6 +215,8 @@ def judge(
         support=support,
         diameter_mm=evidence.diameter_mm,
         worth=worth,
+        rareness=rareness,
+        line_beyond=line_beyond,
     )
     # The comb is what takes time.
     comb = None if judgement.missing else evidence.comb

@@ -12,39 +12,36 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
-from lasso_motion_ros.initialisation.circle_fit import find_circles
-from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.initialisation.circle_fit import line_beyond, scored
 from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
 from lasso_motion_ros.initialisation.direction_maps import (
-    Curvature,
     DirectionMaps,
     are_catheters_bright,
     curvature,
     direction_maps,
-    row_range,
 )
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
+from lasso_motion_ros.initialisation.ring_search import FoundRings, Layout, search_rings
 from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.working_image import WholeImages
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class _Tuning:
-    """How many circles are followed."""
+    """Which rings are the same, and which are tried."""
 
     pairs: int = 3  # that have to show a ring
-    glanced: int = 20  # circles of a look beside which a ring's model is made
-    tried: int = 6  # of those, that are followed
-    agreement_share: float = 0.5  # of the planes' agreement in a circle's worth
-    smallest_score: float = 0.5
-    rival_share: float = 0.5  # of the worth of the circle that led to a ring; with less another leads to no rival
-    smallest_field_m: float = 0.02  # that both planes have in common
+    agreement_share: float = 0.5  # of the planes' agreement in a ring's worth
+    lined: int = 4  # circles along lines that are followed beside the rings that electrodes tell of
+    same_curve_m: float = 0.5e-3  # mean distance of two curves along the same lines
     same_m: float = 8e-3  # rings whose centres are closer share much of what they rest on: only the better is one
+    same_ring_m: float = 1.5e-3  # curves of one ring have their centres within
     same_outline_mm: float = 1.0  # mean distance of two rings' clicks in a plane, below which it shows one outline
     astray_m: float = 0.7e-3  # mean distance of the curve that clicks lead to from the one they were set along
 
@@ -82,6 +79,10 @@ class Proposal:
     def is_at(self, centre: Array) -> bool:
         """Whether the ring at a centre (3,) m is about the same."""
         return float(np.linalg.norm(self.centre - centre)) < TUNING.same_m
+
+    def is_of(self, other: Proposal) -> bool:
+        """Whether another's curve is that of the same ring."""
+        return float(np.linalg.norm(self.centre - other.centre)) < TUNING.same_ring_m
 
     def can_be_beside(self, other: Proposal) -> bool:
         """Whether it may be a ring as well as another: elsewhere, and no plane shows both in the same place.
@@ -121,41 +122,38 @@ def find_rings(
     Raises:
         OvertakenError: `go_on` has said no.
     """
-    frames = pairs[0].frames
-    if len(frames) < len(PLANES):
+    if len(pairs[0].frames) < len(PLANES):
         return []
     try:
-        grid = EpipolarGrid.of({plane: frame.projection for plane, frame in frames.items()})
+        bright, first = _laid_out(pairs[0], config.polarity, other_polarity)
+        _check(go_on)
+        maps = {plane: direction_maps(curvature(one), bright=bright) for plane, one in first.laid.items()}
+        found = search_rings(pairs, first, maps, bright=bright, check=partial(_check, go_on))
     except GeometryError:
         return []
-    rows = row_range(frames, grid)
-    if rows[1] - rows[0] < TUNING.smallest_field_m:
-        return []
-    bright, maps = _maps(frames, grid, rows, config.polarity, other_polarity)
-    _check(go_on)
-    between_s = 1e-9 * (frames["b"].stamp_ns - frames["a"].stamp_ns)
-    circles = find_circles(maps, grid, between_s, partial(_check, go_on))
     decided = replace(config, polarity="bright" if bright else "dark")
-    images = SeedImages(pairs[0], bright=bright, line_sigma_mm=config.path.line_sigma_mm)
+    whole = WholeImages(pairs[0].frames)
+    images = SeedImages(pairs[0], bright=bright, line_sigma_mm=config.path.line_sigma_mm, whole=whole)
     tried: list[Proposal] = []
-    believed = 0.0  # worth of the best circle that has led to a ring
-    for one in _worth_following(circles, images, grid, go_on)[: TUNING.tried]:
-        if one.worth < TUNING.rival_share * believed:
-            break
+    for one in _worth_following(*found, images, maps, first.grid, go_on):
         _check(go_on)
-        ring = _followed(one, images, pairs, decided, go_on)
+        ring = _followed(one, images, whole, pairs, decided, go_on)
         if ring is not None:
             tried.append(ring)
-            if ring.judgement.is_ring:
-                believed = max(believed, one.worth)
     tried.sort(key=lambda one: -one.judgement.evidence)
-    found: list[Proposal] = []
+    proposed: list[Proposal] = []
+    astray: list[Proposal] = []
     for ring in tried:
-        if ring.judgement.is_ring and all(ring.can_be_beside(other) for other in found):
+        # Beside a ring whose clicks lead astray its own parts are none, but another curve of it may be.
+        is_another = all(ring.can_be_beside(other) or ring.is_of(other) for other in astray)
+        if ring.judgement.is_ring and is_another and all(ring.can_be_beside(other) for other in proposed):
             _check(go_on)
-            if (clicked := _clicked(ring, decided)) is not None:
-                found.append(clicked)
-    return [replace(ring, rivals=_count_rivals(ring, tried)) for ring in found]
+            clicked = _clicked(ring, decided)
+            if clicked is None:
+                astray.append(ring)
+            else:
+                proposed.append(clicked)
+    return [replace(ring, rivals=_count_rivals(ring, tried)) for ring in proposed]
 
 
 def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
@@ -168,48 +166,82 @@ def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
 
 @dataclass(frozen=True, eq=False)
 class _Candidate:
-    """A ring along the lines beside a circle.
+    """A ring along the lines beside one that was found.
 
     Attributes:
         model: the ring.
-        worth: what speaks for it: lines all along the circle, and the same electrodes in both planes.
+        worth: lines all along the ring, and the same electrodes in both planes.
+        rareness: see `Judgement`.
+        line_beyond: likewise.
     """
 
     model: LoopModel
     worth: float
+    rareness: float
+    line_beyond: float
+
+    def is_as(self, other: _Candidate) -> bool:
+        """Whether it follows the same lines."""
+        one, another = self.model.points, other.model.points
+        return float(distance_to_curve(one, another).mean()) < TUNING.same_curve_m
 
 
 def _worth_following(
-    circles: Circles, images: SeedImages, grid: EpipolarGrid, go_on: Callable[[], bool]
+    told: FoundRings,
+    lined: FoundRings,
+    images: SeedImages,
+    maps: Mapping[Plane, DirectionMaps],
+    grid: EpipolarGrid,
+    go_on: Callable[[], bool],
 ) -> list[_Candidate]:
-    """The best circles beside which both planes show something of a ring, best first."""
-    candidates = []
-    for k in range(min(TUNING.glanced, len(circles))):
-        if circles.scores[k] < TUNING.smallest_score:
-            break
-        _check(go_on)
-        try:
-            model = model_of(circles[k : k + 1], images, grid)
-        except (LassoMotionError, ValueError, np.linalg.LinAlgError):
-            continue
-        seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
-        along = {p: image.projection.project(model.points) for p, image in seen.items()}
-        glance = Glance.at({p: image.evidence_at(along[p]) for p, image in seen.items()}, places_along(model, images))
-        if glance.is_worth_following and has_ring_size(model.diameter_mm):
-            worth = float(circles.scores[k]) + TUNING.agreement_share * glance.agreement
-            candidates.append(_Candidate(model, worth))
-    return sorted(candidates, key=lambda one: -one.worth)
+    """The rings beside which both planes show something of one: by their electrodes, and the best by their lines."""
+    chosen: list[_Candidate] = []
+    for found, most in ((told, len(told)), (lined, TUNING.lined)):
+        candidates = []
+        for k in range(len(found)):
+            _check(go_on)
+            candidate = _candidate(found, k, images, maps, grid)
+            if candidate is not None and not any(candidate.is_as(other) for other in chosen):
+                candidates.append(candidate)
+        candidates.sort(key=lambda one: -one.worth)
+        chosen += candidates[:most]
+    return chosen
+
+
+def _candidate(
+    found: FoundRings, number: int, images: SeedImages, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid
+) -> _Candidate | None:
+    """What lies along one ring; None where both planes do not show something of a ring there."""
+    ring = found.rings[number : number + 1]
+    try:
+        model = model_of(ring, images, grid)
+    except (LassoMotionError, ValueError, np.linalg.LinAlgError):
+        return None
+    seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
+    along = {p: image.projection.project(model.points) for p, image in seen.items()}
+    glance = Glance.at({p: image.evidence_at(along[p]) for p, image in seen.items()}, places_along(model, images))
+    if not (glance.is_worth_following and has_ring_size(model.diameter_mm)):
+        return None
+    circle = scored(ring.circles(np.zeros(1)), maps, grid)
+    worth = float(circle.scores[0]) + TUNING.agreement_share * glance.agreement
+    beyond = float(line_beyond(circle, maps, grid)[0])
+    return _Candidate(model, worth, float(found.rareness[number]), beyond)
 
 
 def _followed(
-    one: _Candidate, images: SeedImages, pairs: Sequence[FramePair], config: TrackerConfig, go_on: Callable[[], bool]
+    one: _Candidate,
+    images: SeedImages,
+    whole: WholeImages,
+    pairs: Sequence[FramePair],
+    config: TrackerConfig,
+    go_on: Callable[[], bool],
 ) -> Proposal | None:
     """What a ring leads to, once it has been followed through the pairs; None where there is no ring."""
     first = pairs[0]
     tracker = RingTracker(config)
     supports = []
     try:
-        track = tracker.begin(first, one.model)
+        track = tracker.begin(first, one.model, whole)
         if not is_shown_at_first(track.seed_support):
             return None
         for pair in pairs[1:]:
@@ -229,6 +261,8 @@ def _followed(
         roundness=track.model.roundness,
         support=float(np.mean(supports)),
         worth=one.worth,
+        rareness=one.rareness,
+        line_beyond=one.line_beyond,
     )
     text = "" if judgement.missing else evidence.text
     return Proposal(first, clicks_along(track.model, images), track.model.points, judgement, 0, text)
@@ -244,23 +278,14 @@ def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
     return replace(ring, points=points) if away < TUNING.astray_m else None
 
 
-def _maps(
-    frames: Mapping[Plane, Frame], grid: EpipolarGrid, rows: tuple[float, float], polarity: str, other: bool
-) -> tuple[bool, dict[Plane, DirectionMaps]]:
-    """Whether the catheters are bright, and the planes' maps."""
-
-    def seen(*, logarithm: bool) -> dict[Plane, Curvature]:
-        return {plane: curvature(frame, plane, grid, rows, logarithm=logarithm) for plane, frame in frames.items()}
-
+def _laid_out(pair: FramePair, polarity: str, other: bool) -> tuple[bool, Layout]:
+    """Whether the catheters are bright, and the pair laid out: where dense things are dark, its logarithm."""
     if polarity != "auto":
         bright = polarity == "bright"
-        shown = seen(logarithm=not bright)
-    else:
-        shown = seen(logarithm=False)
-        bright = are_catheters_bright(shown.values(), other=other)
-        if not bright:
-            shown = seen(logarithm=True)
-    return bright, {plane: direction_maps(one, bright=bright) for plane, one in shown.items()}
+        return bright, Layout.of(pair, logarithm=not bright)
+    grey = Layout.of(pair, logarithm=False)
+    bright = are_catheters_bright(map(curvature, grey.laid.values()), other=other)
+    return bright, grey if bright else Layout.of(pair, logarithm=True)
 
 
 def _outlines_apart(one: Array, other: Array) -> float:

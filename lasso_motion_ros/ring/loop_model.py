@@ -7,7 +7,7 @@ once more to the lines found in the images beside it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -333,7 +333,14 @@ def _along(
     return _model(points, images.bright, shifts, images.projections, simultaneous=images.share_of_a > 0.0)
 
 
-def model_beside(ellipse: Ellipse3D, images: SeedImages, shifts: dict[Plane, Array], points: int = POINTS) -> LoopModel:
+def model_beside(
+    ellipse: Ellipse3D,
+    images: SeedImages,
+    shifts: dict[Plane, Array],
+    points: int = POINTS,
+    *,
+    shape: Callable[[Array], Array] | None = None,
+) -> LoopModel:
     """The model of a closed loop that follows the lines beside an ellipse in both planes, whoever drew it.
 
     Args:
@@ -341,11 +348,17 @@ def model_beside(ellipse: Ellipse3D, images: SeedImages, shifts: dict[Plane, Arr
         images: of the pair.
         shifts: per plane, (2,) pixels by which its images lie off their calibration, about.
         points: of the curve.
+        shape: where the loop lies about, (N, 3) m at eccentric angles (N,) of the ellipse; None: on the ellipse.
 
     Raises:
         ReconstructionError: the two views are the same.
     """
-    curve, moved = _fitted(ellipse, angles_between(0.0, TURN), images, shifts)
+    angles = angles_between(0.0, TURN)
+    outlines = None
+    if shape is not None:
+        about = shape(angles)
+        outlines = {plane: view.project(about) + shifts[plane] for plane, view in images.projections.items()}
+    curve, moved = _fitted(ellipse, angles, images, shifts, outlines)
     return _along(curve, 0.0, TURN, images, moved, points)
 
 

@@ -74,8 +74,13 @@ class RingTracker:
         self._begin = partial(self._started, pair, whole)
         return result
 
-    def begin(self, pair: FramePair, model: LoopModel) -> Track:
+    def begin(self, pair: FramePair, model: LoopModel, whole: WholeImages | None = None) -> Track:
         """Begin with a ring whose curve is known, on `pair`, as `initialise` does; there is no other curve to choose.
+
+        Args:
+            pair: both planes.
+            model: the curve.
+            whole: the pair's working images, where others ask for them, too.
 
         Returns:
             What is known of the ring; it is what `known` gives until another seed.
@@ -83,7 +88,7 @@ class RingTracker:
         Raises:
             SeedError: planes that disagree by more than any usable calibration, or a ring of no lasso's shape.
         """
-        track, _ = self._started(pair, WholeImages(pair.frames), model)
+        track, _ = self._started(pair, whole or WholeImages(pair.frames), model)
         self._track, self._choice, self._begin = track, None, None
         return track
 

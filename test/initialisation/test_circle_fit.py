@@ -10,10 +10,11 @@ from support.tracking_inputs import LOOP, VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.circle_fit import find_circles
+from lasso_motion_ros.initialisation.circle_fit import find_circles, line_beyond
 from lasso_motion_ros.initialisation.circles import Circles
-from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps, row_range
+from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
 
 ELSEWHERE = np.array([0.0, 0.0, 0.5])
 UP = np.array([0.0, 0.0, 4e-3])
@@ -47,10 +48,37 @@ def _found(
     grid = EpipolarGrid.of(VIEWS)
     rows = row_range(frames, grid)
     maps = {
-        plane: direction_maps(curvature(frame, plane, grid, rows, logarithm=True), bright=False)
+        plane: direction_maps(curvature(LaidImage.of(frame, plane, grid, rows, logarithm=True)), bright=False)
         for plane, frame in frames.items()
     }
     return find_circles(maps, grid, between_s)
+
+
+def test_a_long_line_goes_on_beyond_both_ends_of_a_circle_that_is_edge_on_and_a_shaft_beyond_one() -> None:
+    grid = EpipolarGrid.of(VIEWS)
+    normal = np.cross(grid.view["b"], grid.sideways["b"])
+    circle = Circles(LOOP.centre[None], normal[None], np.array([RADIUS]), np.zeros(1), np.zeros(1))
+    curve, _ = _tilted(normal)
+    away = VIEWS["b"].project(curve)
+    ends = away[[away[:, 0].argmin(), away[:, 0].argmax()]]
+    step = (ends[1] - ends[0]) / np.linalg.norm(ends[1] - ends[0])
+
+    def beyond(left_px: float, right_px: float) -> float:
+        frames = {}
+        for plane, view in VIEWS.items():
+            image = lasso_image(curve, view)
+            if plane == "b" and (left_px or right_px):
+                line = np.array([ends[0] - left_px * step, ends[1] + right_px * step])
+                image = draw_curve(line, image.shape, sigma_px=1.6, background=image, depth=45.0)
+            frames[plane] = Frame(0, noisy(image, ord(plane)), view)
+        rows = row_range(frames, grid)
+        laid = {p: LaidImage.of(frame, p, grid, rows, logarithm=True) for p, frame in frames.items()}
+        maps = {plane: direction_maps(curvature(one), bright=False) for plane, one in laid.items()}
+        return float(line_beyond(circle, maps, grid)[0])
+
+    assert beyond(120.0, 120.0) > 0.8
+    assert beyond(120.0, 0.0) < 0.4
+    assert beyond(0.0, 0.0) < 0.4
 
 
 @pytest.mark.parametrize("case", ["open", "edge-on", "nearly edge-on", "wires", "late"])

@@ -10,8 +10,9 @@ from support.lasso_inputs import CURVE, lasso_image, noisy
 from support.tracking_inputs import VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.initialisation.direction_maps import are_catheters_bright, curvature, row_range
+from lasso_motion_ros.initialisation.direction_maps import are_catheters_bright, curvature
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
+from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
 
 ELSEWHERE = np.array([0.0, 0.0, 0.5])
 
@@ -33,7 +34,7 @@ def test_electrodes_are_what_stands_out_most_whether_they_are_dark_or_bright(bri
     grid = EpipolarGrid.of(VIEWS)
     frames = {plane: Frame(0, _faint_lasso(plane, inverted=bright), view) for plane, view in VIEWS.items()}
     rows = row_range(frames, grid)
-    seen = [curvature(frame, plane, grid, rows, logarithm=False) for plane, frame in frames.items()]
+    seen = [curvature(LaidImage.of(frame, p, grid, rows, logarithm=False)) for p, frame in frames.items()]
     assert all((one.brightness > 0.0) is bright for one in seen)
     assert are_catheters_bright(seen, other=False) is bright
     assert are_catheters_bright(seen, other=True) is bright  # that is not in doubt

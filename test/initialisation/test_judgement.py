@@ -20,6 +20,8 @@ GOOD = Judgement(
     support=2.3,
     diameter_mm=20.0,
     worth=1.3,
+    rareness=40.0,
+    line_beyond=0.0,
 )
 ANGLE = np.linspace(0.0, 2.0 * np.pi, 120)
 RING = 0.01 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE), 0.0 * ANGLE])
@@ -46,6 +48,7 @@ def test_a_plain_ring_is_believed() -> None:
         ({"comb": 5.0}, "equally far apart"),
         ({"covered": 0.7, "spread": 0.84, "agreement": 0.3, "comb": 9.0, "support": 1.9, "worth": 0.85}, "all in all"),
         ({"support": 1.0}, "faint"),
+        ({"line_beyond": 0.9}, "long line"),
     ],
 )
 def test_whatever_is_missing_is_said(change: dict[str, float], words: str) -> None:
@@ -58,9 +61,16 @@ def test_much_of_one_thing_makes_up_for_little_of_another() -> None:
     assert not dataclasses.replace(few_poles, spread=0.85, roundness=0.85, worth=0.8).is_ring
 
 
+def test_electrodes_of_all_pairs_that_chance_would_seldom_put_there_speak_for_a_ring() -> None:
+    faint = dataclasses.replace(GOOD, spread=0.86, comb=12.0, worth=0.85, rareness=2.0)
+    assert not faint.is_ring
+    assert dataclasses.replace(faint, rareness=25.0).is_ring
+    assert dataclasses.replace(faint, rareness=25.0).evidence - faint.evidence == pytest.approx(0.12 * 23.0)
+
+
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
     assert dataclasses.replace(GOOD, comb=12.0, spread=0.86, worth=0.85).is_rival
-    assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8).is_rival
+    assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8, rareness=8.0).is_rival
     assert not dataclasses.replace(GOOD, covered=0.4).is_rival
 
 
@@ -70,7 +80,16 @@ def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:
     weights = np.full(120, 1.0 / 120.0)
     places = dict.fromkeys(PLANES, 1e3 * RING[:, :2])
     good, bad = (
-        judge(RingEvidence(RING, evidence, 20.0), places, weights, roundness=0.95, support=2.3, worth=1.3)
+        judge(
+            RingEvidence(RING, evidence, 20.0),
+            places,
+            weights,
+            roundness=0.95,
+            support=2.3,
+            worth=1.3,
+            rareness=40.0,
+            line_beyond=0.0,
+        )
         for evidence in (same, other)
     )
     assert good.agreement > 0.9

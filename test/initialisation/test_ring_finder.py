@@ -69,7 +69,7 @@ def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
     a, b = ({plane: view.project(curve[places]) for plane, view in VIEWS.items()} for curve in (CURVE, other))
 
     def proposal(curve: np.ndarray, seen_a: np.ndarray, seen_b: np.ndarray) -> Proposal:
-        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1)
+        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0)
         return Proposal(pair(0), Seed(seen_a, seen_b), curve, judgement, 0, "")
 
     one, two = proposal(CURVE, a["a"], a["b"]), proposal(other, b["a"], b["b"])

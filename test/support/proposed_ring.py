@@ -10,7 +10,7 @@ from lasso_motion_ros.geometry.frames import Seed
 from lasso_motion_ros.initialisation.judgement import Judgement
 from lasso_motion_ros.initialisation.ring_finder import Proposal
 
-JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1)
+JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0)
 
 
 def ring(x: float) -> Proposal:

@@ -1,0 +1,147 @@
+"""The points about each of many rings, side by side in one array, of one pair or of several."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial import cKDTree
+
+from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints, Indices
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """Which points are a ring's neighbours."""
+
+    reach_m: float = 3e-3  # from a ring's circle
+    lift_m: float = 0.8e-3
+    surroundings_m: float = 12e-3  # beyond a ring, from which it is told how many points are there by chance
+    levels: tuple[float, ...] = (1.5, 2.0, 2.5, 3.0)  # of strength, at each of which points are counted
+
+
+TUNING = _Tuning()
+_Number = TypeVar("_Number", np.float64, np.intp)
+LEVELS = np.array(TUNING.levels)
+_A_PAIRS_SPOTS = 1 << 24  # more than a plane shows
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """The points about each of N rings, M of them at most.
+
+    Attributes:
+        places: (N, M, 3) world metres.
+        lifts: (N, M) m.
+        strengths: (N, M); 0 where there is no more point.
+        spots: (N, M, 2) which of the planes' spots each is; pairs' spots have numbers of their own.
+    """
+
+    places: Array
+    lifts: Array
+    strengths: Array
+    spots: Indices
+
+    @classmethod
+    def joined(cls, pairs: Sequence[Nearby]) -> Nearby:
+        """The points of several pairs about the same rings."""
+        return cls(
+            np.concatenate([one.places for one in pairs], axis=1),
+            np.concatenate([one.lifts for one in pairs], axis=1),
+            np.concatenate([one.strengths for one in pairs], axis=1),
+            np.concatenate([one.spots + number * _A_PAIRS_SPOTS for number, one in enumerate(pairs)], axis=1),
+        )
+
+    def without(self, own: Nearby, is_own: npt.NDArray[np.bool_]) -> Nearby:
+        """The same without the points that two spots of a ring's own make, whichever two.
+
+        Args:
+            own: points about the same rings and of the same pairs.
+            is_own: (N, M) which of those are the rings' own.
+        """
+        strengths = self.strengths.copy()
+        for k, which in enumerate(is_own):
+            taken = [np.isin(self.spots[k, :, side], own.spots[k, which, side]) for side in range(2)]
+            strengths[k, taken[0] & taken[1]] = 0.0
+        return replace(self, strengths=strengths)
+
+
+class PointCloud:
+    """All points of one pair, to be asked for those about rings.
+
+    Args:
+        points: the pair's.
+        largest_lift_m: that they have.
+    """
+
+    def __init__(self, points: ElectrodePoints, largest_lift_m: float) -> None:
+        self.points, self._lifts_m = points, 2.0 * largest_lift_m
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.points.places)
+
+    @cached_property
+    def _trees(self) -> list[cKDTree | None]:
+        """Of the points as strong as each level."""
+        strong = [self.points.places[self.points.strengths >= level] for level in LEVELS]
+        return [cKDTree(one) if len(one) else None for one in strong]
+
+    def within(self, centres: Array, radii: Array) -> list[list[int]]:
+        """The points in each of some spheres (N, 3), (N,)."""
+        if not len(self.points):
+            return [[] for _ in centres]
+        return list(self._tree.query_ball_point(centres, radii))
+
+    def about(self, centres: Array, radii: Array, lifts: Array, moved: Array, most: int) -> Nearby:
+        """The points about rings, moved back by as much as the rings have moved until then.
+
+        Args:
+            centres: (N, 3) m of the rings before.
+            radii: (N,) m.
+            lifts: (N,) m before.
+            moved: (N, 4) m by which each has moved until then, and by which its lift has grown.
+            most: how many of each at most: the strongest.
+        """
+        points, there, lifted = self.points, centres + moved[:, :3], lifts + moved[:, 3]
+        numbers = self.within(there, radii + TUNING.reach_m)
+        some = np.concatenate([np.asarray(one, np.intp) for one in (*numbers, [])])
+        ring = np.repeat(np.arange(len(centres)), [len(one) for one in numbers])
+        away = np.linalg.norm(points.places[some] - there[ring], axis=1)
+        is_near = (away > radii[ring] - TUNING.reach_m) & (np.abs(points.lifts[some] - lifted[ring]) < TUNING.lift_m)
+        some, ring = some[is_near], ring[is_near]
+        order = np.lexsort((-points.strengths[some], ring))
+        some, ring = some[order], ring[order]
+        column = np.arange(len(ring)) - np.searchsorted(ring, ring)
+        some, ring, column = (one[column < most] for one in (some, ring, column))
+
+        def table(values: npt.NDArray[_Number]) -> npt.NDArray[_Number]:
+            laid = np.zeros((len(centres), most, *values.shape[1:]), values.dtype)
+            laid[ring, column] = values[some]
+            return laid
+
+        return Nearby(
+            table(points.places) - moved[:, None, :3],
+            table(points.lifts) - moved[:, None, 3],
+            table(points.strengths),
+            table(points.spots),
+        )
+
+    def density(self, centres: Array, radii: Array) -> Array:
+        """(N, LEVELS) points per m³ of space and m of lift as strong as each level about rings (N, 3), (N,).
+
+        Of one point at least, since there may be one.
+        """
+        spheres = radii + TUNING.surroundings_m
+        counts = [
+            np.ones(len(centres)) if tree is None else tree.query_ball_point(centres, spheres, return_length=True)
+            for tree in self._trees
+        ]
+        volume = 4.0 / 3.0 * np.pi * spheres**3 * self._lifts_m
+        return np.asarray(np.maximum(np.stack(counts, axis=1), 1.0) / volume[:, None])
