@@ -2,7 +2,8 @@
 
 Across its direction, breathing is a function of its depth and of whether it goes in or out; a ring that slides adds a
 steady drift from some time on, and may come to rest. Both are fitted by least squares to the places of the last minute,
-for every time from which and until which it may have slid (a change-point regression).
+for every time from which and until which it may have slid (a change-point regression). That the way of a breath bends,
+and opens the further the faster it goes, is asked of as many places as can tell.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ class SlideTuning:
     spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     kept: int = 400  # places
     fewest: int = 8  # places: before, nothing tells a slide from breathing
+    places_a_term: int = 3  # of what breathing is a function of: fewer cannot tell it from a slide
     longest_gap: float = 1.8  # of the usual interval
     starts: int = 8
     fastest_m_s: float = 0.0015  # what is faster is a cough, or a hand
@@ -144,9 +146,20 @@ def _change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuni
     seen &= is_usual & np.append(is_usual[1:], True) & np.append(True, is_usual[:-1])
     if seen.sum() < tuning.fewest:
         return Slide()
-    along = along[seen]
-    breathing = np.column_stack([np.ones_like(along), along - along.mean(), speed[seen]])
-    return _best_drift(times[seen], across[seen], breathing, tuning)
+    return _best_drift(times[seen], across[seen], _breathing(along[seen], speed[seen], tuning), tuning)
+
+
+def _breathing(along: Array, speed: Array, tuning: SlideTuning) -> Array:
+    """(N, K) what breathing may be a linear function of, across its direction, the most certain first.
+
+    Args:
+        along: (N,) places along the breath, metres.
+        speed: (N,) m/s along it.
+        tuning: how many places tell one of them.
+    """
+    depth = along - along.mean()
+    terms = np.column_stack([np.ones_like(depth), depth, speed, depth * depth, depth * speed])
+    return terms[:, : max(3, len(terms) // tuning.places_a_term)]
 
 
 def _best_drift(times: Array, across: Array, breathing: Array, tuning: SlideTuning) -> Slide:

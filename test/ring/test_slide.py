@@ -7,7 +7,7 @@ import pytest
 from support.breaths import ASIDE, PAIR_S, SIGMA_M, UP, after, breathed, wave
 
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
-from lasso_motion_ros.ring.slide import Slide, SlideTuning, _median, _speed
+from lasso_motion_ros.ring.slide import Slide, SlideTuning, _breathing, _median, _speed
 
 CURVE, TUNING = CurveTuning(), SlideTuning()
 
@@ -46,6 +46,27 @@ def test_a_slide_of_half_a_millimetre_a_second_is_told_from_breathing(pair_s):
 def test_breathing_with_hysteresis_is_no_slide(pair_s, hysteresis_mm):
     rows = slid(0.0001, pair_s=pair_s, hysteresis_mm=hysteresis_mm, until_mm=0.004)  # forty seconds
     assert rows[:, 3].max() < 3.3
+
+
+def test_a_way_that_opens_as_the_breaths_get_deeper_is_no_slide():
+    # In and out lie 3 mm apart where it goes fastest, in the deepest breaths; from 6 to 10 mm within six seconds.
+    random = np.random.default_rng(5)
+    curve, odds = BreathingCurve(np.zeros(3), 0.0, CURVE), []
+    for time_s in 0.27 * np.arange(1, 111):
+        deep_m, phase = 3e-3 + 2e-3 * np.clip((time_s - 8.0) / 6.0, 0.0, 1.0), 2.0 * np.pi * time_s / 4.0
+        along_m, share = deep_m * (1.0 - np.cos(phase)), deep_m / 5e-3 * np.sin(phase)
+        place = along_m * UP + 3e-3 * along_m / 10e-3 * share * ASIDE + 1e-4 * random.normal(size=3)
+        if time_s > 12.0:
+            odds.append(curve.slide(time_s, place).log_odds)
+        curve.accept(time_s, place)
+    assert max(odds) == 0.0  # 3.2 without what depends on both depth and speed
+
+
+def test_few_places_are_asked_for_few_terms():
+    along, speed = np.linspace(-1.0, 2.0, 14), np.linspace(1.0, -1.0, 14) ** 2
+    assert [_breathing(along[:count], speed[:count], TUNING).shape[1] for count in (8, 11, 12, 14)] == [3, 3, 4, 4]
+    terms = _breathing(np.tile(along, 2), np.tile(speed, 2), TUNING)
+    np.testing.assert_allclose(terms[0], [1.0, -1.5, 1.0, 2.25, -1.5])
 
 
 def test_a_cough_is_no_slide():
