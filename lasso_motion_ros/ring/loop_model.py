@@ -48,7 +48,8 @@ class _Tuning:
     rounds: int = 3  # of snapping to the lines in the images
     between_sigma_m: float = 0.0005  # of what others show of the motion between them: mostly the calibration's error
     # Contrast along the model in units of the local noise (docs/constants.md).
-    smallest_contrast: float = 0.49
+    smallest_contrast: float = 0.88  # together with what both planes show of electrodes, which counts for
+    in_common: float = 1.5  # times its evidence
     doubtful_contrast: float = 1.0
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
     ellipses: int = 2  # that are tried at most, of each kind of outline,
@@ -149,20 +150,22 @@ def build_loop_models(
     def images(bright: bool) -> SeedImages:
         return SeedImages(pair, bright=bright, line_sigma_mm=config.path.line_sigma_mm, whole=whole)
 
-    models, contrast = _build(images(bright), pair, seed, config, points)
+    models, contrast, in_common = _build(images(bright), pair, seed, config, points)
     if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            others, their_contrast = _build(images(not bright), pair, seed, config, points)
+            others, their_contrast, theirs = _build(images(not bright), pair, seed, config, points)
         except ReconstructionError:
             pass
         else:
             if their_contrast > contrast:
-                models, contrast = others, their_contrast
-    if contrast < TUNING.smallest_contrast:
+                models, contrast, in_common = others, their_contrast, theirs
+    # A faint wire with electrodes is a catheter; without, the path along the clicks may have snapped to noise.
+    expected = TUNING.smallest_contrast - TUNING.in_common * in_common
+    if contrast < expected:
         raise SeedError(
             f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
-            f"expected at least {TUNING.smallest_contrast}"
+            f"expected at least {expected:.2f}"
         )
     require_lasso_size(models[0].radius_mm)
     return models
@@ -185,10 +188,11 @@ def _contrasts(images: SeedImages, curve: Array, shifts: dict[Plane, Array]) -> 
 
 def _build(
     images: SeedImages, pair: FramePair, seed: Seed, config: TrackerConfig, count: int
-) -> tuple[list[LoopModel], float]:
+) -> tuple[list[LoopModel], float, float]:
     """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
 
-    And how far that one stands out from what lies beside it, mean of both planes, in units of local noise.
+    And how far that one stands out from what lies beside it, mean of both planes, in units of local noise; and what its
+    planes have in common.
 
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
@@ -208,7 +212,7 @@ def _build(
         raise failure or ReconstructionError("no 3-D loop explains the clicks")
     best, *others = (model for _, model in sorted(models, key=lambda one: -one[0]))
     contrast = float(_contrasts(images, best.points, _shifts(images, best)).mean())
-    return [best, *others], contrast
+    return [best, *others], contrast, _in_common(images, best)
 
 
 @dataclass(frozen=True, eq=False)
