@@ -64,26 +64,31 @@ class Circles:
         return Circles.joined([self, other])[np.arange(len(self)) + len(self) * (other.scores > self.scores)]
 
     def distinct(self, count: int, same_m: float, same_cosine: float) -> Circles:
-        """The best that are not about the same, best first.
+        """The best that are not about the same, best first; arguments as of `distinct_numbers`."""
+        return self[self.distinct_numbers(count, same_m, same_cosine)]
+
+    def distinct_numbers(self, count: int, same_m: float, same_cosine: float) -> npt.NDArray[np.intp]:
+        """(K,) which are the best that are not about the same, best first.
 
         Args:
             count: how many at most.
             same_m: circles whose centres are closer are the same,
             same_cosine: if the cosine of the angle between them is larger.
         """
-        ordered = self[np.argsort(-self.scores, kind="stable")]
-        is_left = np.ones(len(ordered), dtype=bool)
+        order = np.argsort(-self.scores, kind="stable")
+        centres, normals = self.centres[order], self.normals[order]
+        is_left = np.ones(len(order), dtype=bool)
         chosen: list[int] = []
-        for k in range(len(ordered)):
+        for k in range(len(order)):
             if not is_left[k]:
                 continue
             chosen.append(k)
             if len(chosen) == count:
                 break
-            away = ordered.centres[k:] - ordered.centres[k]
+            away = centres[k:] - centres[k]
             near = k + np.flatnonzero(np.einsum("ni,ni->n", away, away) < same_m**2)
-            is_left[near[np.abs(ordered.normals[near] @ ordered.normals[k]) > same_cosine]] = False
-        return ordered[np.array(chosen, dtype=np.intp)]
+            is_left[near[np.abs(normals[near] @ normals[k]) > same_cosine]] = False
+        return order[np.array(chosen, dtype=np.intp)]
 
 
 def is_narrow(circles: Circles, plane: Plane, grid: EpipolarGrid) -> npt.NDArray[np.bool_]:

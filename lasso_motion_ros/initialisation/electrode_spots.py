@@ -16,6 +16,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.laid_image import CELL_MM, SMOOTHED_MM, Image, LaidImage
+from lasso_motion_ros.ring.search import vertex
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
@@ -63,11 +64,10 @@ def electrode_spots(laid: LaidImage, *, bright: bool) -> Spots:
     is_peak = (cv2.dilate(shown, np.ones((3, 3), np.uint8)) == shown) & (shown > TUNING.faintest)
     is_peak[:edge], is_peak[-edge:], is_peak[:, :edge], is_peak[:, -edge:] = False, False, False, False
     y, x = np.nonzero(is_peak)
-    on = shown[y, x].astype(np.float64)
-    aside = _vertex(shown[y, x - 1], on, shown[y, x + 1])
-    below = _vertex(shown[y - 1, x], on, shown[y + 1, x])
+    on = shown[y, x]
+    aside, below = vertex(shown[y, x - 1], on, shown[y, x + 1]), vertex(shown[y - 1, x], on, shown[y + 1, x])
     cell_m = 1e-3 * CELL_MM
-    return Spots(laid.left + cell_m * (x + aside), laid.top + cell_m * (y + below), on)
+    return Spots(laid.left + cell_m * (x + aside), laid.top + cell_m * (y + below), on.astype(np.float64))
 
 
 def _shown(laid: LaidImage, *, bright: bool) -> Image:
@@ -79,12 +79,6 @@ def _shown(laid: LaidImage, *, bright: bool) -> Image:
     power = cv2.blur(band * band, window) / np.maximum(cv2.blur(laid.inside, window), np.float32(0.05))
     # A constant area has no noise to divide by and shows nothing.
     return np.asarray(band / np.sqrt(np.maximum(power, np.float32(1e-9))), np.float32)
-
-
-def _vertex(before: Image, on: Array, after: Image) -> Array:
-    """(S,) cells from a peak's cell to the vertex of the parabola through it and its neighbours."""
-    bend = before - 2.0 * on + after
-    return np.asarray(np.clip(0.5 * (before - after) / np.minimum(bend, -1e-6), -0.5, 0.5), np.float64)
 
 
 @dataclass(frozen=True, eq=False)

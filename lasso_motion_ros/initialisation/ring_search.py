@@ -18,7 +18,7 @@ from lasso_motion_ros.initialisation.electrode_spots import Spots, electrode_spo
 from lasso_motion_ros.initialisation.epipolar_grid import LATER_S, EpipolarGrid, largest_lift_m
 from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
 from lasso_motion_ros.initialisation.nearby_points import PointCloud
-from lasso_motion_ros.initialisation.shaped_rings import ShapedRings, distinct
+from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.initialisation.spot_circles import circles_of_spots
 
 Array = npt.NDArray[np.float64]
@@ -135,7 +135,7 @@ def search_rings(
     check()
     rings, evidence = begun(ShapedRings.of(Circles.joined([circles, lines])), clouds[0])
     check()
-    best = distinct(rings, evidence, TUNING.carried, TUNING.same_m, TUNING.same_cosine)
+    best = rings.circles(evidence).distinct_numbers(TUNING.carried, TUNING.same_m, TUNING.same_cosine)
     along_lines = np.arange(len(circles), len(rings))
     found = carried(
         ShapedRings.joined([rings[best], rings[along_lines]]),
@@ -144,7 +144,7 @@ def search_rings(
         check=check,
     )
     check()
-    some = distinct(found.rings, found.evidence, TUNING.questioned, TUNING.same_m, TUNING.same_cosine)
+    some = found.rings.circles(found.evidence).distinct_numbers(TUNING.questioned, TUNING.same_m, TUNING.same_cosine)
     of_lines = np.arange(len(best), len(best) + len(along_lines))
     found = found[np.concatenate([some, of_lines])]
     doubtful = found.questioned(clouds, list(first.grid.view.values())).evidence

@@ -8,7 +8,7 @@ in its plane and one across it. How surely points lie on a ring is told by how s
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
@@ -268,11 +268,3 @@ def _largest_gaps(turns: Array, is_one: npt.NDArray[np.bool_]) -> Array:
     around = ordered[:, :1] + 2.0 * np.pi - ordered[:, -1:]
     gaps = np.concatenate([np.diff(ordered, axis=1), around], axis=1).max(axis=1) / (2.0 * np.pi)
     return np.where(is_one.any(axis=1), gaps, 1.0)
-
-
-def distinct(
-    rings: ShapedRings, evidence: Array, count: int, same_m: float, same_cosine: float
-) -> npt.NDArray[np.intp]:
-    """Which of some rings are the best (by evidence (N,)) that are not about the same, best first; see `Circles`."""
-    numbered = replace(rings.circles(evidence), lifts=np.arange(len(rings), dtype=np.float64))
-    return np.asarray(numbered.distinct(count, same_m, same_cosine).lifts, np.intp)

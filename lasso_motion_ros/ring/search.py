@@ -98,7 +98,7 @@ def find_peaks(
     places = np.flatnonzero(is_peak)
     places = places[np.argsort(flat[places], kind="stable")[::-1][: TUNING.peaks]]
     at, beside = flat[places], np.array([[1], [width]])
-    fraction = _parabola(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
+    fraction = vertex(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
     centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
     to_centre = centre_cell - expected + low
     pixels = (np.array([places % width, places // width]).T + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
@@ -190,8 +190,8 @@ def _correlation(cells: Image, kernel: Image) -> Image:
     return np.ascontiguousarray(scores[: height - rows + 1, : width - columns + 1])
 
 
-def _parabola(before: Image, at: Image, after: Image) -> Array:
-    """How far from each value (N,) the peak of a parabola through it and its neighbours lies, -0.5 to 0.5."""
+def vertex(before: Image, at: Image, after: Image) -> Array:
+    """How far from each value (..., N) the vertex of a parabola through it and its neighbours lies, -0.5 to 0.5."""
     # A peak is not less than its neighbours; where all three are alike, it is as good as any other.
     curvature = np.minimum(before - 2.0 * at + after, np.float32(-1e-30))
     fraction = np.float32(0.5) * (before - after) / curvature

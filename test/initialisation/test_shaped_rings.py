@@ -9,7 +9,7 @@ from scipy.stats import poisson
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints
 from lasso_motion_ros.initialisation.nearby_points import LEVELS, Nearby, PointCloud
-from lasso_motion_ros.initialisation.shaped_rings import TUNING, ShapedRings, distinct
+from lasso_motion_ros.initialisation.shaped_rings import TUNING, ShapedRings
 
 SIGMAS_M = (1.2e-3, 0.9e-3, 0.6e-3, 0.5e-3, 0.5e-3)
 RADIUS = 0.01
@@ -117,4 +117,4 @@ def test_what_lies_at_another_height_in_plane_b_is_not_on_the_ring() -> None:
 
 def test_of_rings_that_are_about_the_same_the_best_is_kept() -> None:
     rings = ShapedRings.joined([_ring(), _ring(centres=CENTRE[None] + 1e-3), _ring(centres=CENTRE[None] + 0.01)])
-    assert distinct(rings, np.array([1.0, 3.0, 2.0]), 3, 3e-3, 0.9).tolist() == [1, 2]
+    assert rings.circles(np.array([1.0, 3.0, 2.0])).distinct_numbers(3, 3e-3, 0.9).tolist() == [1, 2]
