@@ -10,7 +10,8 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
-from lasso_motion_ros.ring.loop_model import LoopModel, model_beside
+from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.seed_curves import model_beside
 from lasso_motion_ros.ring.seed_images import SeedImages
 
 Array = npt.NDArray[np.float64]

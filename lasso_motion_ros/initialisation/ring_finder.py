@@ -24,7 +24,8 @@ from lasso_motion_ros.initialisation.direction_maps import (
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
 from lasso_motion_ros.initialisation.ring_search import FoundRings, Layout, search_rings
-from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_model
+from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.seed_curves import build_loop_model
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.working_image import WholeImages

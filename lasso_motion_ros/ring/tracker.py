@@ -22,11 +22,12 @@ from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
-from lasso_motion_ros.ring.loop_model import LoopModel, build_loop_models
+from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
 from lasso_motion_ros.ring.seed_choice import SeedChoice
+from lasso_motion_ros.ring.seed_curves import build_loop_models
 from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template

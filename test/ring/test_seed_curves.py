@@ -14,7 +14,7 @@ from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.phantom.scenario import scenario_from_values
-from lasso_motion_ros.ring.loop_model import POINTS, build_loop_model
+from lasso_motion_ros.ring.seed_curves import POINTS, build_loop_model
 from lasso_motion_ros.seeding.cones import Ellipse3D
 from lasso_motion_ros.seeding.outlines import is_bright, outlines
 from lasso_motion_ros.seeding.reconstruction import reconstruct_ellipse
