@@ -110,8 +110,9 @@ class StreamConfig(TrackerConfig):
     )
     automatic_initialisation: str = tuning(
         "propose",
-        "the ring is looked for without clicks while there is no model; propose: published on proposal until ~/accept"
-        " or clicks say so; start: tracked at once, where no other ring fits nearly as well; off: clicks only",
+        "the ring is looked for without clicks while there is no model, or it has been LOST or DISPLACED for 5 s;"
+        " propose: published on proposal until ~/accept or clicks say so; start: tracked at once, where there is no"
+        " model and no other ring fits nearly as well; off: clicks only",
         choices=("off", "propose", "start"),
     )
     image_depth: int = parameter(10, "queue depth of each image subscription", minimum=1, maximum=100)

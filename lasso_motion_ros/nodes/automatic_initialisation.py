@@ -13,35 +13,40 @@ from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.automatic_start import ProposedRings, RingLookout, only_ring
+from lasso_motion_ros.stream.ring_need import Need, RingNeed
+from lasso_motion_ros.tracking.tracker import TrackerState
 
 NICENESS = 10  # on Linux of this thread only: images and pairs go first
+# After a look, by how long it took: where there is a model, the tracker that looks for its ring goes first.
+RESTS = {Need.FIRST: 1.0, Need.AGAIN: 4.0}
 
 
 class AutomaticInitialisation:
-    """The pairs that have no model go in, and no pair waits for it: a look that clicks or a model overtake gives up.
+    """The pairs that were answered go in, and no pair waits for it: a look that clicks or a pose overtake gives up.
 
     After a look the thread rests for as long as it took: while nobody clicks, half a core is busy at most.
 
     Args:
         config: the parameters.
-        is_wanted: whether a ring is waited for.
+        state: gives the state that the last pair was answered with.
         on_proposals: called with what a look has found, if that is news, and when a ring is passed over; best first.
-        on_start: called in the thread with the ring to start with, unasked; never one that was passed over. Clicks may
-            have come: whoever is told asks once more whether one is wanted.
+        on_start: called in the thread with the ring to start with, unasked; never one that was passed over, nor where
+            there is a model. Clicks may have come: whoever is told asks once more whether there is one now.
         on_error: takes what a look raised.
     """
 
     def __init__(
         self,
         config: StreamConfig,
-        is_wanted: Callable[[], bool],
+        state: Callable[[], TrackerState],
         on_proposals: Callable[[Sequence[Proposal]], None],
         on_start: Callable[[Proposal], None],
         on_error: Callable[[Exception], None],
     ) -> None:
         self._mode = config.automatic_initialisation
         self._lookout = RingLookout(config)
-        self._is_wanted, self._on_proposals, self._on_start = is_wanted, on_proposals, on_start
+        self._state, self._on_proposals, self._on_start = state, on_proposals, on_start
+        self._need = RingNeed()
         self._lock = threading.Lock()
         self._proposed = ProposedRings()
         self._stopped, self._is_nice = threading.Event(), False
@@ -58,7 +63,8 @@ class AutomaticInitialisation:
 
     def add(self, pair: FramePair) -> None:
         """Take a pair that was answered; never waits."""
-        if self._mode == "off" or not self._is_wanted():
+        self._need.take(pair, self._state())
+        if self._mode == "off" or self._now is Need.NONE:
             self._lookout.forget()
             self._propose([])
             return
@@ -111,13 +117,18 @@ class AutomaticInitialisation:
         if found and goes_on():  # else what was proposed before stands
             self._propose(found)
             ring = only_ring(found)
-            if self._mode == "start" and ring is not None and not self._was_passed_over(ring):
+            is_first = self._mode == "start" and self._now is Need.FIRST
+            if is_first and ring is not None and not self._was_passed_over(ring):
                 self._on_start(ring)
-        self._stopped.wait(time.monotonic() - begun_s)
+        self._stopped.wait(RESTS.get(self._now, 0.0) * (time.monotonic() - begun_s))
+
+    @property
+    def _now(self) -> Need:
+        return self._need.now(self._state())
 
     def _goes_on(self, overtaken: int) -> bool:
         is_first = overtaken == self._overtaken and not self._stopped.is_set()
-        return is_first and self._mode != "off" and self._is_wanted()
+        return is_first and self._mode != "off" and self._now is not Need.NONE
 
     def _was_passed_over(self, ring: Proposal) -> bool:
         with self._lock:

@@ -14,13 +14,15 @@ from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.ring_finder import Proposal
 from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
 from lasso_motion_ros.nodes.service_answer import answered
+from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.messages import NANOSECONDS
 
 
 class ClicklessStart:
     """What a node does with the rings that are found while it is active.
 
-    `~/accept` starts with the one that is proposed first, `~/next` passes it over.
+    `~/accept` starts with the one that is proposed first, `~/next` passes it over. Where there is a model that has lost
+    its ring, that is a new beginning, with a reference of its own: it is asked for, whatever the mode.
 
     Args:
         node: serves `~/accept` and `~/next`.
@@ -38,7 +40,7 @@ class ClicklessStart:
     ) -> None:
         self._on_proposals, self._start_with, self._on_error = on_proposals, start_with, on_error
         self._automatic: AutomaticInitialisation | None = None
-        self._is_wanted: Callable[[], bool] = lambda: False
+        self._state: Callable[[], TrackerState] = lambda: TrackerState.INACTIVE
         self._due: list[Proposal] = []  # to start with, unasked
         for name, action in (("~/accept", self._accept), ("~/next", self._pass_over)):
             node.create_service(Trigger, name, partial(_answer, action))
@@ -48,17 +50,15 @@ class ClicklessStart:
         """Whether there is a ring to start with unasked."""
         return bool(self._due)
 
-    def begin(self, config: StreamConfig, is_wanted: Callable[[], bool]) -> None:
+    def begin(self, config: StreamConfig, state: Callable[[], TrackerState]) -> None:
         """Look from now on.
 
         Args:
             config: the parameters.
-            is_wanted: whether a ring is waited for.
+            state: gives the state that the last pair was answered with.
         """
-        self._is_wanted = is_wanted
-        self._automatic = AutomaticInitialisation(
-            config, is_wanted, self._on_proposals, self._due.append, self._on_error
-        )
+        self._state = state
+        self._automatic = AutomaticInitialisation(config, state, self._on_proposals, self._due.append, self._on_error)
 
     def end(self, patience_s: float) -> None:
         """Stop looking, and forget what was found."""
@@ -88,10 +88,10 @@ class ClicklessStart:
         self.overtake()
 
     def start_unasked(self) -> None:
-        """Start with the ring that is due, unless clicks have come meanwhile; while no pair is being answered."""
+        """Start with the ring that is due, unless there is a model meanwhile; while no pair is being answered."""
         ring = self._due.pop()
         self._due.clear()
-        if self._is_wanted():
+        if self._state() is TrackerState.WAITING_FOR_SEED:
             self._start_with(ring)
 
     def _looking(self) -> AutomaticInitialisation:
@@ -104,9 +104,10 @@ class ClicklessStart:
         return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is proposed first: {ring.text}"
 
     def _accept(self) -> str:
-        ring = self._looking().accepted()
+        ring, had_model = self._looking().accepted(), self._state().has_model
         self._start_with(ring)
-        return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken: {ring.text}"
+        anew = ", and its pair is the new reference: a volume is to be registered there" if had_model else ""
+        return f"the ring of {ring.pair.stamp_ns / NANOSECONDS:.3f} s is taken{anew}: {ring.text}"
 
 
 def _answer(action: Callable[[], str], _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

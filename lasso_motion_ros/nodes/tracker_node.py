@@ -183,7 +183,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             left_out=self._leave_out,
         )
         session = pipeline.session
-        self._clickless.begin(config, lambda: session.state is TrackerState.WAITING_FOR_SEED)
+        self._clickless.begin(config, lambda: session.state)
         self._watch = StreamWatch(time.monotonic())
         self._state_watch.begin(config.stream_timeout_s)
         self._by_arrival = config.stamp_source == "arrival"

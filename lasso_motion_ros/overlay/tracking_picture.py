@@ -56,8 +56,8 @@ def draw_tracking(
         reason: why, in a few words; printed under the state.
         clicks: (M, 2) the user's clicks so far, pixels.
         remark: a further line under the reason.
-        proposed: (N, 3) each, curves of rings that were found without clicks, world metres; drawn while clicks are
-            waited for.
+        proposed: (N, 3) each, curves of rings that were found without clicks, world metres; drawn while there is
+            no pose.
 
     Returns:
         (H, W, 3) uint8 RGB, of the image's size.
@@ -67,7 +67,7 @@ def draw_tracking(
     colour = STATE_COLOURS[state]
     if loop is not None and state.has_pose and isinstance(frame, Frame):
         draw_loop(picture, frame.projection, loop, colour)
-    if state is TrackerState.WAITING_FOR_SEED and isinstance(frame, Frame):
+    if not state.has_pose and isinstance(frame, Frame):
         for curve in proposed:
             draw_loop(picture, frame.projection, curve, PROPOSAL_COLOUR)
     if clicks is not None:

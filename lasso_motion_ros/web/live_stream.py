@@ -34,6 +34,8 @@ from msg_adapters.topics import LAST_LATENCY_KEY, LAST_POSE_WORDS, POSTURE_KEY
 
 Array = npt.NDArray[np.float64]
 
+_NEEDING_A_RING = {state.value for state in TrackerState if state is TrackerState.WAITING_FOR_SEED or state.is_alarm}
+
 
 class LiveStream:
     """Everything the page shows of a live graph; may be used from several threads.
@@ -181,9 +183,9 @@ class LiveStream:
 
     @property
     def _best_proposal(self) -> Array | None:
-        """The ring that the tracker would accept; None where it does not wait for one."""
-        is_waited_for = self.state == TrackerState.WAITING_FOR_SEED.value
-        return self._proposals[min(self._proposals)] if is_waited_for and self._proposals else None
+        """The ring that the tracker would accept; None where it has a pose, or none is proposed."""
+        is_needed = self.state in _NEEDING_A_RING
+        return self._proposals[min(self._proposals)] if is_needed and self._proposals else None
 
     def _check_frame(self, what: str, message: Any) -> None:
         if message.header.frame_id != self._world_frame:

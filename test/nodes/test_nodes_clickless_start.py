@@ -14,15 +14,17 @@ from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters
 from std_srvs.srv import Trigger
 from support.node_harness import Graph
-from support.ring_stream import HEARD, RIGHT_MM, RingStream, start_tracker
+from support.ring_stream import HEARD, PERIOD_NS, RIGHT_MM, RingStream, start_tracker
 
 from lasso_motion_ros.initialisation.ring_finder import PAIRS
+from lasso_motion_ros.stream.ring_need import LONG_NS
 from msg_adapters.topics import PROPOSAL
 
 pytestmark = pytest.mark.ros
 
 PATIENCE_S = 120.0  # a look may take long on a busy machine
 ADD, DELETE = 0, 2
+ASIDE_MM = (15.0, -10.0, 0.0)
 
 
 @pytest.fixture
@@ -78,3 +80,30 @@ def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_
     stream.pairs(PAIRS)
     graph.heard.wait_for(lambda: len(stream.references()) > before, PATIENCE_S)
     stream.await_state("TRACKING")
+
+
+def test_a_ring_that_was_moved_is_proposed_after_a_while_and_is_its_own_reference_once_somebody_takes_it(
+    graph: Graph,
+) -> None:
+    # Not by start either: where a ring that was moved lies, nobody has registered a volume.
+    start_tracker(graph, "polarity:=dark", "automatic_initialisation:=start")
+    graph.client(Trigger, "/lasso_tracker/accept")
+    stream = RingStream(graph)
+    stream.connect()
+    stream.seeded()
+    stream.pairs(40)
+    before = stream.references()
+    shown = graph.heard.messages["proposal"]
+    stream.pairs(LONG_NS // PERIOD_NS + 1 + 2 * PAIRS, aside_mm=ASIDE_MM)
+    graph.heard.wait_for(lambda: len(shown) > 0 and shown[-1].action == ADD, PATIENCE_S)
+    stream.await_state("DISPLACED")
+    assert stream.references() == before
+    taken = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
+    assert taken.success, taken.message
+    assert "its pair is the new reference: a volume is to be registered there" in taken.message
+    graph.heard.wait_for(lambda: len(stream.references()) > len(before), PATIENCE_S)
+    last = stream.pairs(3, aside_mm=ASIDE_MM)[-1]
+    graph.heard.wait_for(lambda: last in stream.errors_mm(), PATIENCE_S)
+    stream.await_state("TRACKING")
+    graph.heard.wait_for(lambda: shown[-1].action == DELETE, PATIENCE_S)
+    stream.nothing_wrong()

@@ -48,9 +48,10 @@ def test_no_curve_is_drawn_in_a_state_without_a_pose(state):
     np.testing.assert_array_equal(with_loop, without)
 
 
-def test_a_proposed_ring_is_drawn_in_its_own_colour_while_clicks_are_waited_for_only():
+@pytest.mark.parametrize("state", ["WAITING_FOR_SEED", "LOST", "DISPLACED"])
+def test_a_proposed_ring_is_drawn_in_its_own_colour_while_there_is_no_pose_only(state):
     shown = frame()
-    picture = draw_tracking(shown, None, "WAITING_FOR_SEED", proposed=[LOOP])
+    picture = draw_tracking(shown, None, state, proposed=[LOOP])
     assert all(is_near(picture, point, PROPOSAL_COLOUR) for point in shown.projection.project(LOOP[::4]))
     with_ring, without = (draw_tracking(shown, LOOP, "TRACKING", proposed=rings) for rings in ([LOOP], []))
     np.testing.assert_array_equal(with_ring, without)

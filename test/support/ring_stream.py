@@ -88,13 +88,17 @@ class RingStream:
         shown_ns: int | None = None,
         projection: Any = None,
         said: Any = None,
+        aside_mm: Any = (0.0, 0.0, 0.0),
     ) -> list[tuple[topics.Topic, dict[str, Any]]]:
-        """One plane's calibration and image, to be sent: drawn by `projection`, as at `shown_ns`, said to be `said`."""
+        """One plane's calibration and image, to be sent: drawn by `projection`, as at `shown_ns`, said to be `said`.
+
+        The ring lies `aside_mm` from its place.
+        """
         projection = ring_projection(plane, self._side) if projection is None else projection
         said = projection if said is None else said
         shown = stamp(number) if shown_ns is None else shown_ns
         header = header_fields(stamp(number) if stamp_ns is None else stamp_ns, f"detector_{plane}")
-        pixels = ring_image(plane, self._side, displacement_mm(shown), self._generator, projection)
+        pixels = ring_image(plane, self._side, displacement_mm(shown) + aside_mm, self._generator, projection)
         both = (
             (topics.camera_info_topic(plane), spoil_info(encode_camera_info(said, header))),
             (topics.image_topic(plane), spoil_image(encode_image(pixels, header))),

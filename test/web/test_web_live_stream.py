@@ -67,18 +67,19 @@ def test_no_loop_in_a_state_without_a_pose(bench: StreamBench, state: str) -> No
     assert not bench.stream.status()["has_pose"]
 
 
-def test_a_proposed_ring_is_shown_while_the_tracker_waits_for_clicks_and_until_it_is_withdrawn(
-    bench: StreamBench,
+@pytest.mark.parametrize("state", ["WAITING_FOR_SEED", "LOST", "DISPLACED"])
+def test_a_proposed_ring_is_shown_while_there_is_none_to_follow_and_until_it_is_withdrawn(
+    bench: StreamBench, state: str
 ) -> None:
-    bench.stream.add_state("WAITING_FOR_SEED")
+    bench.stream.add_state(state)
     bench.pair(0)
     assert bench.shown() == (0, False)
     bench.proposal(0.0)
     assert bench.shown() == (0, True)
     assert bench.stream.status()["proposed"] == 1
-    bench.stream.add_state("LOST")
-    assert bench.shown() == (0, False)
-    bench.stream.add_state("WAITING_FOR_SEED")
+    bench.stream.add_state("TRACKING")
+    assert not bench.stream.status()["proposed"]
+    bench.stream.add_state(state)
     bench.proposal(None)
     assert bench.shown() == (0, False)
     assert not bench.stream.status()["proposed"]

@@ -30,13 +30,13 @@ class Laggard:
 
     def __init__(self) -> None:
         self.held = self.let = False
-        self.proposes = 0  # rings
+        self.proposes, self.state = 0, "WAITING_FOR_SEED"  # rings
         self.commands: list[str] = []
         self._changed: Callable[[], None] = lambda: None
 
     def status(self, page: int) -> dict[str, Any]:
         both = dict.fromkeys("ab")
-        said = {"mode": "live", "state": "WAITING_FOR_SEED", "reason": "", "has_pose": False, "stopped_s": both}
+        said = {"mode": "live", "state": self.state, "reason": "", "has_pose": False, "stopped_s": both}
         seen = {"seen": dict.fromkeys("ab", True), "calibrated": dict.fromkeys("ab", True), "alarm": ""}
         said |= {"proposed": self.proposes if not self.held else 0}
         return {**said, **seen, "held": self.held, "overlay": False, "drawing": None, "clicks": 6, "colour": "#aaaaaa"}
@@ -113,6 +113,10 @@ def test_a_proposed_ring_is_drawn_n_asks_for_the_next_enter_takes_it_and_s_sets_
             page.wait_for(lambda: page.text("reason") == "A ring is found: is it the lasso?", "the only ring")
             assert "N for" not in page.text("detail")
             assert not page.driver.find_element("id", "another").is_displayed()
+            source.state = "DISPLACED"  # there is a model, which nobody leaves unawares
+            page.wait_for(lambda: "its picture is the new reference" in page.text("detail"), "what Enter means")
+            assert page.text("reason") == "A ring is found: is it the lasso?"
+            assert is_ring_drawn(page, "a")
             page.press("\ue007")  # Enter
             page.wait_for(lambda: page.text("message-text") == "It is taken.", "the answer")
             page.press("s")

@@ -271,7 +271,11 @@ function detailWords() {
   }
   if (status.state === "NO_TRACKER") return "Start lasso_tracker; this page finds it by itself.";
   if (["TRACKER_SILENT", "NO_POSE", "NO_IMAGES"].includes(status.state)) return "Nothing is compensated now.";
-  if (status.state === "LOST" || status.state === "DISPLACED") return "Nothing is compensated now. Press S to set clicks anew.";
+  if (status.state === "LOST" || status.state === "DISPLACED") {
+    if (!status.proposed) return "Nothing is compensated now. Press S to set clicks anew.";
+    const next = status.proposed > 1 ? ", N for the next" : "";
+    return `Nothing is compensated now. Enter begins anew with it${next}: its picture is the new reference, where a volume is to be registered.`;
+  }
   if (status.state === "DEGRADED") return "There is a pose, but a less certain one.";
   return "";
 }
