@@ -61,6 +61,8 @@ setup(
         # By this, and not by package.xml, `colcon test` knows that pytest is to be run.
         "test": ["pytest"],
         "igtl": ["pyigtl>=0.3"],
+        # Compiles the tracker's kernels; numpy 2.4 needs a newer one than Ubuntu 24.04's numpy does.
+        "fast": ["numba>=0.59"],
         "cluster": ["distributed>=2024.1", "dask-jobqueue>=0.8"],
         "dev": [
             "colcon-common-extensions",

@@ -37,7 +37,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as directory:
         venv.create(directory, with_pip=True)
         python = Path(directory) / "bin" / "python"
-        everything = resolved(python, "ros,overlay,video,web,dicom,volume,igtl,cluster,dev")
+        everything = resolved(python, "ros,overlay,video,web,dicom,volume,igtl,fast,cluster,dev")
         running = {name: everything[name] for name in resolved(python, "ros,overlay,video,web,dicom")}
     testing = {name: version for name, version in everything.items() if name not in running}
     for name, title, head, pins in (

@@ -17,6 +17,7 @@ import numpy as np
 from lasso_motion_ros.bench.codecs import Codec, available_codec
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.core.compiled import arithmetic
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.core.progress import progress
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
@@ -99,6 +100,7 @@ class Benchmark:
         recording: the recording's name.
         configuration: the configuration's name.
         machine: processor architecture, Python and library versions.
+        arithmetic: whether compiled kernels ran.
     """
 
     pairs: int
@@ -113,6 +115,7 @@ class Benchmark:
     recording: str
     configuration: str
     machine: str
+    arithmetic: str
 
 
 def measure(
@@ -213,6 +216,7 @@ def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) ->
         configuration=configuration,
         machine=f"{platform.machine()}, Python {platform.python_version()}, numpy {np.__version__}, "
         f"scipy {installed_version('scipy')}, OpenCV {importlib.import_module('cv2').__version__}",
+        arithmetic=arithmetic(),
     )
 
 
@@ -235,6 +239,7 @@ def format_benchmark(benchmark: Benchmark) -> str:
         f"processor time / wall time {benchmark.processor_per_wall:.2f}; "
         f"{benchmark.pairs_per_processor_s:.1f} pairs a second of processor time",
         f"messages by {benchmark.messages}; {benchmark.machine}",
+        f"arithmetic: {benchmark.arithmetic}",
     ]
     lines += [f"  {name:<18}{spent:9.2f} ms" for name, spent in benchmark.stages_ms.items()]
     return "\n".join(lines)

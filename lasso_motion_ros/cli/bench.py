@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from lasso_motion_ros.cli.arguments import CommandParser
 from lasso_motion_ros.cli.main import EXIT_DONE
 from lasso_motion_ros.config.parameters import load_configuration
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.compiled import plain
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.core.one_thread import one_thread
 from lasso_motion_ros.core.output_files import write_json
@@ -42,6 +44,9 @@ def add_arguments(parser: CommandParser) -> None:
     parser.add_input("--bag", metavar="FILE", help="recording to track (default: the bundled one)")
     parser.add_argument(
         "--pairs", type=int, default=DEFAULT_PAIRS, metavar="N", help="pairs to track (default %(default)s)"
+    )
+    parser.add_argument(
+        "--plain", action="store_true", help="in plain numpy, though the extra `fast` is installed: to compare"
     )
     parser.add_output("--json", metavar="FILE", help="write the figures")
     parser.add_argument(
@@ -83,11 +88,11 @@ def run(args: argparse.Namespace) -> int:
     messages = read_undecoded(recording)
     if args.scaling or args.memory:
         return _run_growth(args, config, messages)
-    with one_thread():
+    with one_thread(), plain() if args.plain else nullcontext():
         clock, codec = measure(config, messages, args.pairs, quiet=args.quiet)
         with busy("drawing overlays", args.quiet):
             overlay = measure_overlay()
-    benchmark = summarise(clock, codec, recording.stem, configuration.name)
+        benchmark = summarise(clock, codec, recording.stem, configuration.name)
     print(format_benchmark(benchmark))
     print(format_overlay(overlay))
     if args.json is not None:

@@ -15,6 +15,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
 from lasso_motion_ros.motion import matern
 
@@ -221,6 +222,11 @@ def moved_on(
     """States (filters, SIZE) and their covariances (filters, SIZE, SIZE) after an interval without measurements."""
     scales_s = tuning.time_scale_s, tuning.heartbeat_time_scale_s
     transition, breathing, renewed = _passage(round(interval_s * 1e9), scales_s)
+    if has_kernels():
+        from lasso_motion_ros.motion import kernels
+
+        later: tuple[Array, Array] = kernels.moved_on(state, covariance, transition, breathing, spread, renewed * heart)
+        return later
     covariance = transition @ covariance @ transition.T
     covariance[:, :9, :9] += _in_each_direction(breathing, spread)
     covariance[:, HEARTBEAT, HEARTBEAT] += renewed * heart
@@ -236,6 +242,11 @@ def measured(
         The two; (filters,) squared Mahalanobis distance of the value from what was foretold; and (filters,) natural
         logarithm of the highest normal density that it could have had.
     """
+    if len(value) == 2 and has_kernels():
+        from lasso_motion_ros.motion import kernels
+
+        taken_in: tuple[Array, Array, Array, Array] = kernels.measured(state, covariance, h, value, noise)
+        return taken_in
     cross = covariance @ h.T
     precision, determinant = inverses(h @ cross + noise)
     innovation = value - state @ h.T

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
     DISPLACEMENT,
@@ -169,6 +170,10 @@ class RespiratoryMotion:
 
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
         """A linear function h (3, SIZE) of the state, over all filters."""
+        if has_kernels():
+            from lasso_motion_ros.motion import kernels
+
+            return Estimate(*kernels.mixed(self.weights, state, covariance, h))
         return self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T)
 
     def _mixed(self, each: Array, within: Array) -> Estimate:

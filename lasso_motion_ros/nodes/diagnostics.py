@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from lasso_motion_ros.core.compiled import arithmetic
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.state_words import state_words
 from lasso_motion_ros.nodes.watch import StreamWatch
@@ -62,6 +63,7 @@ def tracker_status(
         if pose_age_s is not None:
             values["age of the last pose (s)"] = f"{pose_age_s:.3f}"
         values |= latencies or {}
+        values["arithmetic"] = arithmetic()
         if posture is not None:
             values[POSTURE_KEY] = posture
         if statistics.pairs > statistics.half_pairs:

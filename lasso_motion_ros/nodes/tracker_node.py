@@ -14,6 +14,7 @@ from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
+from lasso_motion_ros.core.compiled import arithmetic
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.ring_finder import Proposal
@@ -160,6 +161,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         config = self._live.config
         self._seeds = read_seeds_file(config.seeds_file) if config.seeds_file else {}
         if not self._warm:
+            self.get_logger().info(f"arithmetic: {arithmetic()}")
             warm_up(config, self.messages)
             self._warm = True
         self._pipeline = TrackingPipeline(config, self.messages, extrinsics=tf_extrinsics(self, config.world_frame))

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring.loop_views import LoopViews, PlaneFit
@@ -118,7 +119,7 @@ def align(
         stretch: logarithm of size to start from.
     """
     planes = tuple(images)
-    views = LoopViews(images, template, np.stack([starts[plane] for plane in planes]))
+    views = _views(images, template, np.stack([starts[plane] for plane in planes]))
     shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
     ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
     precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
@@ -190,6 +191,15 @@ def align_from_afar(
         first.turn,
         first.stretch,
     )
+
+
+def _views(images: dict[Plane, WorkingImage], template: RingTemplate, centres: Array) -> LoopViews:
+    """The planes about centres (P, 3) m, looked at by the compiled kernels where they are there."""
+    if not has_kernels():
+        return LoopViews(images, template, centres)
+    from lasso_motion_ros.ring.compiled_views import CompiledLoopViews
+
+    return CompiledLoopViews(images, template, centres)
 
 
 def _is_hopeless(correlations: tuple[float, ...], usual: float) -> bool:

@@ -45,6 +45,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.ring.strip import upper_median
 
@@ -318,6 +319,10 @@ def unfiltered(pixels: Pixels, before: Pixels, share: float) -> Pixels:
 def sampled(pixels: Pixels, tuning: DisplayChainTuning) -> Sample:
     """Blocks from all over an image (H, W)."""
     size, most = tuning.block_px, tuning.blocks_a_side
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        return Sample(*kernels.sampled(pixels, size, most))
     down, right = (max(1, side // size // most) for side in pixels.shape)
     rows, columns = pixels.shape[0] // (size * down), pixels.shape[1] // (size * right)
     whole = pixels[: rows * down * size, : columns * right * size]
@@ -342,6 +347,10 @@ def grey_change(sample: Sample, before: Sample) -> float:
 def difference(sample: Sample, before: Sample, tuning: DisplayChainTuning) -> Difference:
     """The difference of two samples, what is fine and what is smooth in it apart."""
     size, cell = tuning.block_px, tuning.block_px // 4
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        return Difference(*kernels.difference(sample.values, before.values, size))
     change = cv2.subtract(sample.values, before.values)
     fine = cv2.subtract(change, cv2.sepFilter2D(change, cv2.CV_32F, THIRDS, THIRDS))  # twice as fast as cv2.blur
     for first in (0, size - 1):
@@ -366,7 +375,7 @@ def group_sums(new: Difference, old: Difference, tuning: DisplayChainTuning) -> 
     count = int(tuning.still_share * noisy.size)
     if count < tuning.fewest_blocks:
         return None
-    product = block_means(new.fine * old.fine, tuning.block_px) + rounding
+    product = _products(new.fine, old.fine, tuning.block_px) + np.float32(rounding)
     still = noisy[np.argpartition((new.moved + old.moved)[noisy], count - 1)[:count]]
     correlation = 2.0 * product[still] / energies[:, still].sum(axis=0)
     off = np.abs(correlation - upper_median(correlation[None]))
@@ -376,8 +385,23 @@ def group_sums(new: Difference, old: Difference, tuning: DisplayChainTuning) -> 
     return np.asarray(values @ np.eye(tuning.groups)[np.arange(still.size) % tuning.groups])
 
 
+def _products(one: Image, other: Image, size: int) -> Image:
+    """(n · m,) means of the products of two images (n · size, m · size), block by block."""
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        means: Image = kernels.products(one, other, size)
+        return means
+    return block_means(one * other, size)
+
+
 def filter_of(sums: Array) -> tuple[float, float]:
     """λ of C, E1, E0 (3, G), summed over groups of blocks, and its standard deviation by the jackknife."""
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        share, sigma = kernels.filter_of(sums)
+        return share, sigma
     total = sums.sum(axis=1)
     without = filter_from(*(total[:, None] - sums))
     count = sums.shape[1]

@@ -131,6 +131,7 @@ class LoopViews:
         self._depth = homogeneous[..., 2]
         step_px = PIXEL_MM * self._focal_px / (1e3 * self._depth.sum(axis=1) / len(arms))
         self._strip = strip = strip_about(homogeneous[..., :2] / self._depth[..., None], step_px)
+        self._pixels = strip.pixels
         planes = zip(strip.coordinates(), self._images, strict=True)
         self._samples = samples = np.array([sample_at(at, image) for at, image in planes])
         density = np.minimum(strip.spacing, TUNING.largest_spacing_px).astype(np.float32)[..., None]
@@ -203,6 +204,28 @@ class LoopViews:
         Args:
             covariance: (N, N) of the parameters.
         """
+        visible, beside = self._seen()
+        shown, evidence, coverage = self._evidence()
+        return [
+            PlaneFit(
+                self.centres[i],
+                self._rays[i],
+                self._across[i],
+                TUNING.place_share * covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
+                float(self._gains[i]) * self._images[i].contrast_unit(self.centres[i]),
+                float(self.correlation[i]),
+                evidence[i],
+                coverage[i],
+                float(visible[i]),
+                PIXEL_MM * float(beside[i]),
+                self._samples[i],
+                shown[i],
+            )
+            for i in range(len(self._images))
+        ]
+
+    def _seen(self) -> tuple[Array, Array]:
+        """(P,) share of the loop's segments that look as expected, and their mean distance from the curve, columns."""
         sideways = self._slopes[1]
         weighted, steepness = self._weights * self._pattern, self._weights * sideways
         gain = np.maximum(self._gains, TUNING.segment_gain)[:, None]
@@ -222,30 +245,12 @@ class LoopViews:
         # One step across the curve, segment by segment: what moves the pattern there onto the samples.
         step = beside / (gain * np.maximum(steep, 1e-9))
         distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
-        residual_px = distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
-        shown, evidence, coverage = self._evidence()
-        return [
-            PlaneFit(
-                self.centres[i],
-                self._rays[i],
-                self._across[i],
-                TUNING.place_share * covariance[2 * i : 2 * i + 2, 2 * i : 2 * i + 2],
-                float(self._gains[i]) * self._images[i].contrast_unit(self.centres[i]),
-                float(self.correlation[i]),
-                evidence[i],
-                coverage[i],
-                float(visible[i]),
-                PIXEL_MM * float(residual_px[i]),
-                self._samples[i],
-                shown[i],
-            )
-            for i in range(len(self._images))
-        ]
+        return visible, distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
 
     def _evidence(self) -> tuple[list[Image], list[float], list[float]]:
         """Each plane's evidence along the curve where it was last sampled, its weighted mean, and its coverage."""
         shown, evidence, coverage = [], [], []
-        for pixels, image in zip(self._strip.pixels, self._images, strict=True):
+        for pixels, image in zip(self._pixels, self._images, strict=True):
             values = image.evidence_at(pixels)
             inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
             share = float(self._arc_weights @ inside)

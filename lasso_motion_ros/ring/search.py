@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.ring.strip import render, strip_along
 from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in_cells
@@ -91,6 +92,23 @@ def find_peaks(
     if (high < low).any():
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
     scores = _correlation(_padded(cells, low, high + size), kernel)
+    found, places = _highest(scores)
+    centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
+    pixels = (places + (centre_cell - expected + low) + 0.5) * CELL_PX - 0.5
+    return Peaks(found, pixels, image)
+
+
+def _highest(scores: Image) -> tuple[Array, Array]:
+    """The highest local maxima of a map (h, w), which may be changed by it.
+
+    Returns:
+        (K,) in units of the map's root mean square, highest first; (K, 2) their places x and y, to a fraction.
+    """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.search import highest
+
+        highest_peaks: tuple[Array, Array] = highest(scores, TUNING.peaks, TUNING.peak_radius_cells)
+        return highest_peaks
     scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
     is_peak = scores >= cv2.dilate(scores, _PEAK_WINDOW)
     is_peak[0] = is_peak[-1] = is_peak[:, 0] = is_peak[:, -1] = False
@@ -99,10 +117,7 @@ def find_peaks(
     places = places[np.argsort(flat[places], kind="stable")[::-1][: TUNING.peaks]]
     at, beside = flat[places], np.array([[1], [width]])
     fraction = vertex(flat[places - beside], at, flat[places + beside])  # (2, K) in x and in y
-    centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
-    to_centre = centre_cell - expected + low
-    pixels = (np.array([places % width, places // width]).T + fraction.T + to_centre + 0.5) * CELL_PX - 0.5
-    return Peaks(at.astype(np.float64), pixels, image)
+    return at.astype(np.float64), np.array([places % width, places // width]).T + fraction.T
 
 
 def join_peaks(
@@ -129,33 +144,90 @@ def join_peaks(
         a, b = peaks["a"], peaks["b"]
         apart = expected["b"] - expected["a"]
         rays_a, rays_b = a.image.projection.rays(a.pixels), b.image.projection.rays(b.pixels)
+        # Once B's are moved back by the expected motion.
         source_a, source_b = a.image.projection.source, b.image.projection.source - apart
-        # Nearest points of every ray of A to every ray of B, once B's are moved back by the expected motion.
-        cosine = rays_a @ rays_b.T
-        across = source_b - source_a
-        from_a, from_b = rays_a @ across, rays_b @ across
-        determinant = np.maximum(1.0 - cosine**2, 1e-6)
-        along_a = (from_a[:, None] - cosine * from_b[None]) / determinant
-        along_b = (cosine * from_a[:, None] - from_b[None]) / determinant
-        # x, y and z first, (3, K, K): sums over them are sums of whole arrays.
-        on_a = source_a[:, None, None] + along_a * rays_a.T[:, :, None]
-        on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
-        apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected["a"][:, None, None]
-        gap = np.sqrt((apart_there * apart_there).sum(axis=0))
-        weighted = (np.linalg.inv(covariance) @ middle.reshape(3, -1)).reshape(middle.shape)
-        distance = (weighted * middle).sum(axis=0)
-        score = np.minimum(a.scores, TUNING.score_ceiling)[:, None] + np.minimum(b.scores, TUNING.score_ceiling)[None]
-        score = score - np.minimum(0.1 * distance, 2.0)
-        # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
-        excess = np.maximum(gap - TUNING.ray_tolerance_m - slack_m, 0.0)
-        penalised = score - TUNING.disagreement_penalty - excess / TUNING.disagreement_scale_m
-        score = np.where(excess == 0.0, score, penalised)
-        score = np.where(excess < TUNING.largest_disagreement_m, score, -np.inf)
-        for index in np.argsort(score, axis=None, kind="stable")[::-1][:count]:
-            i, j = np.unravel_index(int(index), score.shape)
-            if np.isfinite(score[i, j]):
-                found.append(SearchCandidate(float(score[i, j]), {"a": on_a[:, i, j], "b": on_b[:, i, j] + apart}))
+        precision = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
+        tolerance_m = TUNING.ray_tolerance_m + slack_m
+        best = _joined(
+            a.scores, b.scores, rays_a, rays_b, source_a, source_b, expected["a"], precision, tolerance_m, count
+        )
+        for score, on_a, on_b in zip(*best, strict=True):
+            found.append(SearchCandidate(float(score), {"a": on_a, "b": on_b + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
+
+
+def _joined(
+    scores_a: Array,
+    scores_b: Array,
+    rays_a: Array,
+    rays_b: Array,
+    source_a: Array,
+    source_b: Array,
+    expected: Array,
+    precision: Array,
+    tolerance_m: float,
+    count: int,
+) -> tuple[Array, Array, Array]:
+    """The best pairs of both planes' peaks.
+
+    Args:
+        scores_a: (K,) of plane A's peaks.
+        scores_b: (M,) of plane B's.
+        rays_a: (K, 3) unit vectors.
+        rays_b: (M, 3) unit vectors.
+        source_a: (3,) world metres.
+        source_b: (3,) likewise, moved back by the expected motion.
+        expected: (3,) where the centre is expected.
+        precision: (3, 3) of that, 1/m².
+        tolerance_m: rays that pass each other by less meet.
+        count: how many pairs at most.
+
+    Returns:
+        (N,) scores, highest first; (N, 3) the nearest points on A's rays; (N, 3) on B's.
+    """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.search import joined
+
+        best_pairs: tuple[Array, Array, Array] = joined(
+            scores_a,
+            scores_b,
+            rays_a,
+            rays_b,
+            source_a,
+            source_b,
+            expected,
+            precision,
+            count,
+            TUNING.score_ceiling,
+            tolerance_m,
+            TUNING.largest_disagreement_m,
+            TUNING.disagreement_penalty,
+            TUNING.disagreement_scale_m,
+        )
+        return best_pairs
+    # Nearest points of every ray of A to every ray of B.
+    cosine = rays_a @ rays_b.T
+    across = source_b - source_a
+    from_a, from_b = rays_a @ across, rays_b @ across
+    determinant = np.maximum(1.0 - cosine**2, 1e-6)
+    along_a = (from_a[:, None] - cosine * from_b[None]) / determinant
+    along_b = (cosine * from_a[:, None] - from_b[None]) / determinant
+    # x, y and z first, (3, K, M): sums over them are sums of whole arrays.
+    on_a = source_a[:, None, None] + along_a * rays_a.T[:, :, None]
+    on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
+    apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected[:, None, None]
+    gap = np.sqrt((apart_there * apart_there).sum(axis=0))
+    distance = ((precision @ middle.reshape(3, -1)).reshape(middle.shape) * middle).sum(axis=0)
+    score = np.minimum(scores_a, TUNING.score_ceiling)[:, None] + np.minimum(scores_b, TUNING.score_ceiling)[None]
+    score = score - np.minimum(0.1 * distance, 2.0)
+    # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
+    excess = np.maximum(gap - tolerance_m, 0.0)
+    penalised = score - TUNING.disagreement_penalty - excess / TUNING.disagreement_scale_m
+    score = np.where(excess == 0.0, score, penalised)
+    score = np.where(excess < TUNING.largest_disagreement_m, score, -np.inf)
+    best = np.argsort(score, axis=None, kind="stable")[::-1][:count]
+    best = best[np.isfinite(score.reshape(-1)[best])]
+    return score.reshape(-1)[best], on_a.reshape(3, -1)[:, best].T, on_b.reshape(3, -1)[:, best].T
 
 
 def _padded(cells: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Image:

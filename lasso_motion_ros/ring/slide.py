@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.logistic import logistic
 
 Array = npt.NDArray[np.float64]
@@ -129,6 +130,8 @@ class SeenPlaces:
 
 def _change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuning: SlideTuning) -> Slide:
     """The slide by the last of the places (N, 3) m at times (N,) s."""
+    if has_kernels():
+        return _compiled_change_point(points, times, is_whole, axis, tuning)
     if len(points) < tuning.fewest:
         return Slide()
     intervals = np.diff(times)
@@ -147,6 +150,33 @@ def _change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuni
     if seen.sum() < tuning.fewest:
         return Slide()
     return _best_drift(times[seen], across[seen], _breathing(along[seen], speed[seen], tuning), tuning)
+
+
+def _compiled_change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuning: SlideTuning) -> Slide:
+    """The same by the compiled kernel."""
+    from lasso_motion_ros.ring.kernels.slide import change_point
+
+    return Slide(
+        *change_point(
+            points,
+            times,
+            is_whole,
+            axis,
+            tuning.fewest,
+            tuning.longest_gap,
+            tuning.usual_depth,
+            tuning.unusual_share,
+            tuning.unusual_m,
+            tuning.places_a_term,
+            tuning.expected_noise_m,
+            tuning.expected_weight,
+            tuning.starts,
+            tuning.shortest_s,
+            tuning.fastest_m_s,
+            tuning.penalty,
+            tuning.rest_penalty,
+        )
+    )
 
 
 def _breathing(along: Array, speed: Array, tuning: SlideTuning) -> Array:

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import quarter_turn, unit_tangents
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
@@ -83,6 +84,11 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
         (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its
         first element.
     """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.search import rendered
+
+        kernel, left, top = rendered(values, strip.coordinates(), strip.spacing, cell_px)
+        return kernel, np.array([left, top])
     at = strip.coordinates().reshape(2, -1) / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
     cell = np.floor(at)
     fraction = at - cell

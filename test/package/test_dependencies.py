@@ -40,13 +40,14 @@ WITHOUT_KEY = {
     "threadpoolctl": ("python3-threadpoolctl", "threadpoolctl"),
 }
 BROUGHT_BY_MCAP = {"lz4": "lz4", "zstandard": "zstandard"}
-# Of the extras `volume`, `igtl`, `dicom` and `cluster`: said when one is missing.
+# Of the extras `volume`, `igtl`, `dicom`, `cluster` and `fast`: said when one is missing.
 OPTIONAL = {
     "SimpleITK": "SimpleITK",
     "vtkmodules": "vtk",
     "pyigtl": "pyigtl",
     "pydicom": "pydicom",
     "distributed": "distributed",
+    "numba": "numba",
     "dask_jobqueue": "dask-jobqueue",
 }
 PIP_NAMES = {name: pip for name, (_, pip) in (FROM_APT | BY_PIP_KEY | WITHOUT_KEY).items()} | BROUGHT_BY_MCAP | OPTIONAL

@@ -1,0 +1,174 @@
+"""What the filter in time does to its states and covariances, compiled: see `core/compiled.py`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1]))(float64[:, ::1], float64[:, :, ::1],"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True))"
+)
+def moved_on(
+    state: Array, covariance: Array, transition: Array, breathing: Array, spread: Array, heart: Array
+) -> tuple[Array, Array]:
+    """States and covariances after an interval: `motion_model.moved_on`.
+
+    Args:
+        state: (filters, N).
+        covariance: (filters, N, N).
+        transition: (N, N); the first nine components depend on those of their own axis (every third one), the others
+            on themselves.
+        breathing: (3, 3) noise of value, slope and curvature, in units of the spread.
+        spread: (3, 3) m².
+        heart: (filters, 3, 3) m² that the heartbeat adds.
+    """
+    filters, size = state.shape
+    new_state, new = np.zeros((filters, size)), np.empty((filters, size, size))
+    rows = np.empty((size, size))
+    for f in range(filters):
+        old = covariance[f]
+        for i in range(size):
+            own = transition[i, i]
+            if i >= 9:
+                new_state[f, i] = own * state[f, i]
+                for j in range(size):
+                    rows[i, j] = own * old[i, j]
+            else:
+                k = i % 3
+                u, v, w = transition[i, k], transition[i, k + 3], transition[i, k + 6]
+                new_state[f, i] = u * state[f, k] + v * state[f, k + 3] + w * state[f, k + 6]
+                for j in range(size):
+                    rows[i, j] = u * old[k, j] + v * old[k + 3, j] + w * old[k + 6, j]
+        for i in range(size):
+            row = rows[i]
+            for j in range(9):
+                k = j % 3
+                new[f, i, j] = (
+                    transition[j, k] * row[k] + transition[j, k + 3] * row[k + 3] + transition[j, k + 6] * row[k + 6]
+                )
+            for j in range(9, size):
+                new[f, i, j] = transition[j, j] * row[j]
+        for i in range(9):
+            for j in range(9):
+                new[f, i, j] += breathing[i // 3, j // 3] * spread[i % 3, j % 3]
+        for i in range(3):
+            for j in range(3):
+                new[f, 9 + i, 9 + j] += heart[f, i, j]
+        for i in range(size):
+            for j in range(i):
+                new[f, i, j] = new[f, j, i] = 0.5 * (new[f, i, j] + new[f, j, i])
+    return new_state, new
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64[::1]))(float64[:, ::1], float64[:, :, ::1],"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True))"
+)
+def measured(
+    state: Array, covariance: Array, h: Array, value: Array, noise: Array
+) -> tuple[Array, Array, Array, Array]:
+    """States and covariances with a measurement of two components taken in: `motion_model.measured`.
+
+    Args:
+        state: (filters, N).
+        covariance: (filters, N, N).
+        h: (2, N) of the measurement.
+        value: (2,) of it.
+        noise: (2, 2) of it.
+
+    Returns:
+        As there.
+    """
+    filters, size = state.shape
+    new_state, new = np.empty((filters, size)), np.empty((filters, size, size))
+    distance, peaks = np.empty(filters), np.empty(filters)
+    cross, gain, back = np.empty((size, 2)), np.empty((size, 2)), np.empty((size, 2))
+    for f in range(filters):
+        old, made = covariance[f], new[f]
+        for i in range(size):
+            u, v = 0.0, 0.0
+            for k in range(size):
+                u += old[i, k] * h[0, k]
+                v += old[i, k] * h[1, k]
+            cross[i, 0], cross[i, 1] = u, v
+        a, b, c, d = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
+        off_0, off_1 = value[0], value[1]
+        for k in range(size):
+            a += h[0, k] * cross[k, 0]
+            b += h[0, k] * cross[k, 1]
+            c += h[1, k] * cross[k, 0]
+            d += h[1, k] * cross[k, 1]
+            off_0 -= h[0, k] * state[f, k]
+            off_1 -= h[1, k] * state[f, k]
+        determinant = a * d - b * c
+        for i in range(size):
+            gain[i, 0] = (cross[i, 0] * d - cross[i, 1] * c) / determinant
+            gain[i, 1] = (cross[i, 1] * a - cross[i, 0] * b) / determinant
+            new_state[f, i] = state[f, i] + gain[i, 0] * off_0 + gain[i, 1] * off_1
+            for j in range(size):
+                made[i, j] = old[i, j]
+        for i in range(size):
+            for j in range(size):
+                made[i, j] -= gain[i, 0] * cross[j, 0] + gain[i, 1] * cross[j, 1]
+        for i in range(size):
+            u = gain[i, 0] * noise[0, 0] + gain[i, 1] * noise[1, 0]
+            v = gain[i, 0] * noise[0, 1] + gain[i, 1] * noise[1, 1]
+            for k in range(size):
+                u -= made[i, k] * h[0, k]
+                v -= made[i, k] * h[1, k]
+            back[i, 0], back[i, 1] = u, v
+        for i in range(size):
+            for j in range(size):
+                made[i, j] += back[i, 0] * gain[j, 0] + back[i, 1] * gain[j, 1]
+        distance[f] = (off_0 * (d * off_0 - b * off_1) + off_1 * (a * off_1 - c * off_0)) / determinant
+        peaks[f] = -0.5 * math.log(determinant) - math.log(2.0 * math.pi)
+    return new_state, new, distance, peaks
+
+
+@compiled(
+    "Tuple((float64[::1], float64[:, ::1]))(Array(float64, 1, 'A', readonly=True), float64[:, ::1],"
+    " float64[:, :, ::1], Array(float64, 2, 'A', readonly=True))"
+)
+def mixed(weights: Array, state: Array, covariance: Array, h: Array) -> tuple[Array, Array]:
+    """Mean and covariance of a function of the state over all filters: `RespiratoryMotion._seen_along`.
+
+    Args:
+        weights: (filters,) of sum 1.
+        state: (filters, N).
+        covariance: (filters, N, N).
+        h: (3, N) the function.
+    """
+    filters, size = state.shape
+    each, mean, within = np.zeros((filters, 3)), np.zeros(3), np.zeros((3, 3))
+    joint, rows = np.zeros((size, size)), np.zeros((3, size))
+    for f in range(filters):
+        weight, one = weights[f], covariance[f]
+        for i in range(size):
+            for j in range(size):
+                joint[i, j] += weight * one[i, j]
+        for k in range(3):
+            for i in range(size):
+                each[f, k] += h[k, i] * state[f, i]
+            mean[k] += weight * each[f, k]
+    for k in range(3):
+        for i in range(size):
+            if h[k, i] != 0.0:
+                for j in range(size):
+                    rows[k, j] += h[k, i] * joint[i, j]
+    for k in range(3):
+        for m in range(3):
+            for j in range(size):
+                within[k, m] += rows[k, j] * h[m, j]
+            for f in range(filters):
+                within[k, m] += weights[f] * (each[f, k] - mean[k]) * (each[f, m] - mean[m])
+    return mean, within

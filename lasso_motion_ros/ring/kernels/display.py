@@ -1,0 +1,151 @@
+"""The sums over blocks of `display_chain`, compiled: see `core/compiled.py`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+
+
+@compiled(
+    "Tuple((float32[:, ::1], float32[::1]))(Array(uint8, 2, 'A', readonly=True), int64, int64)",
+    "Tuple((float32[:, ::1], float32[::1]))(Array(uint16, 2, 'A', readonly=True), int64, int64)",
+)
+def sampled(pixels: Pixels, size: int, most: int) -> tuple[Image, Image]:
+    """Blocks from all over an image, side by side, and their means: `display_chain.sampled`.
+
+    Args:
+        pixels: (H, W).
+        size: of a block, pixels.
+        most: blocks a side.
+    """
+    height, width = pixels.shape
+    down, right = max(1, height // size // most), max(1, width // size // most)
+    rows, columns = height // (size * down), width // (size * right)
+    values, grey = np.empty((rows * size, columns * size), np.float32), np.empty(rows * columns, np.float32)
+    for r in range(rows):
+        for c in range(columns):
+            top, left = (r * down + down // 2) * size, (c * right + right // 2) * size
+            total = 0
+            for i in range(size):
+                for j in range(size):
+                    value = int(pixels[top + i, left + j])
+                    values[r * size + i, c * size + j] = value
+                    total += value
+            grey[r * columns + c] = total / (size * size)
+    return values, grey
+
+
+@compiled("void(float32[::1], float32[::1], float32[::1])")
+def _subtract(one: Image, other: Image, result: Image) -> None:
+    for j in range(result.size):
+        result[j] = one[j] - other[j]
+
+
+@compiled("void(float32[::1], float32[::1], float32[::1], float32[::1])")
+def _add_up(one: Image, two: Image, three: Image, result: Image) -> None:
+    for j in range(result.size):
+        result[j] = one[j] + two[j] + three[j]
+
+
+@compiled("void(float32[:, ::1], float32[:, ::1], float32[::1], float32[::1])")
+def _mean_of_products(one: Image, other: Image, columns_sum: Image, means: Image) -> None:
+    """(m,) means of the products of a row of blocks (size, m · size) each."""
+    size = one.shape[0]
+    columns_sum[:] = 0.0
+    for i in range(size):
+        first, second = one[i], other[i]
+        for j in range(columns_sum.size):
+            columns_sum[j] += first[j] * second[j]
+    for k in range(means.size):
+        total = np.float32(0.0)
+        for j in range(k * size, (k + 1) * size):
+            total += columns_sum[j]
+        means[k] = total / np.float32(size * size)
+
+
+@compiled("Tuple((float32[:, ::1], float32[::1], float32[::1]))(float32[:, ::1], float32[:, ::1], int64)")
+def difference(values: Image, before: Image, size: int) -> tuple[Image, Image, Image]:
+    """The difference of two samples, what is fine and what is smooth in it apart: `display_chain.difference`.
+
+    Args:
+        values: (n · size, m · size).
+        before: likewise.
+        size: of a block, pixels; a multiple of four.
+
+    Returns:
+        As `display_chain.Difference`.
+    """
+    height, width = values.shape
+    rows, columns, cell = height // size, width // size, size // 4
+    fine, beside = np.empty((height, width), np.float32), np.zeros((height, width), np.float32)
+    energy, moved = np.empty((rows, columns), np.float32), np.zeros((rows, columns), np.float32)
+    change, columns_sum = np.empty((height, width), np.float32), np.empty(width, np.float32)
+    third = np.float32(1.0 / 3.0)
+    # Whole rows at a time: these loops are what the compiler makes vectors of.
+    for i in range(height):
+        _subtract(values[i], before[i], change[i])
+        _add_up(change[i, :-2], change[i, 1:-1], change[i, 2:], beside[i, 1:-1])
+    for i in range(height):
+        if i % size in (0, size - 1):
+            fine[i] = 0.0
+            continue
+        _add_up(beside[i - 1], beside[i], beside[i + 1], fine[i])
+        row, own = fine[i], change[i]
+        for j in range(width):
+            row[j] = own[j] - third * third * row[j]
+        row[::size] = 0.0
+        row[size - 1 :: size] = 0.0
+    for r in range(rows):
+        _mean_of_products(fine[r * size : (r + 1) * size], fine[r * size : (r + 1) * size], columns_sum, energy[r])
+        for part in range(4):
+            columns_sum[:] = 0.0
+            for i in range(r * size + part * cell, r * size + (part + 1) * cell):
+                row = change[i]
+                for j in range(width):
+                    columns_sum[j] += row[j]
+            for k in range(columns * 4):
+                total = np.float32(0.0)
+                for j in range(k * cell, (k + 1) * cell):
+                    total += columns_sum[j]
+                mean = total / np.float32(cell * cell)
+                moved[r, k // 4] += mean * mean / np.float32(16.0)
+    return fine, energy.reshape(-1), moved.reshape(-1)
+
+
+@compiled("float32[::1](float32[:, ::1], float32[:, ::1], int64)")
+def products(one: Image, other: Image, size: int) -> Image:
+    """(n · m,) means of the products of two images (n · size, m · size), block by block."""
+    height, width = one.shape
+    means, columns_sum = np.empty((height // size, width // size), np.float32), np.empty(width, np.float32)
+    for r in range(height // size):
+        block = slice(r * size, (r + 1) * size)
+        _mean_of_products(one[block], other[block], columns_sum, means[r])
+    return means.reshape(-1)
+
+
+@compiled("float64(float64, float64, float64)")
+def _filter_from(product: float, energy_1: float, energy_0: float) -> float:
+    root = math.sqrt(max(product * product - energy_0 * (energy_1 - energy_0), 0.0))
+    return 1.0 - (root - product) / energy_0
+
+
+@compiled("UniTuple(float64, 2)(Array(float64, 2, 'A', readonly=True))")
+def filter_of(sums: Array) -> tuple[float, float]:
+    """λ of C, E1, E0 (3, G), summed over groups of blocks, and its standard deviation: `display_chain.filter_of`."""
+    count = sums.shape[1]
+    c, e1, e0 = sums[0].sum(), sums[1].sum(), sums[2].sum()
+    without = np.empty(count)
+    for k in range(count):
+        without[k] = _filter_from(c - sums[0, k], e1 - sums[1, k], e0 - sums[2, k])
+    mean, spread = without.sum() / count, 0.0
+    for k in range(count):
+        spread += (without[k] - mean) ** 2
+    return _filter_from(c, e1, e0), math.sqrt((count - 1) / count * spread)

@@ -1,0 +1,223 @@
+"""What the search does besides its correlations, compiled: see `core/compiled.py`."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.compiled import compiled
+
+Array = npt.NDArray[np.float64]
+Image = npt.NDArray[np.float32]
+
+
+@compiled(
+    "Tuple((float32[:, ::1], int64, int64))(Array(float32, 2, 'A', readonly=True),"
+    " Array(float32, 3, 'A', readonly=True), Array(float64, 1, 'A', readonly=True), float64)"
+)
+def rendered(values: Image, coordinates: Image, spacing: Array, cell_px: float) -> tuple[Image, int, int]:
+    """A strip's values laid back into the image plane: `strip.render`.
+
+    Args:
+        values: (L, C) the template's.
+        coordinates: (2, L, C) where they lie, x and y, working pixels.
+        spacing: (L,) of the curve's points, working pixels.
+        cell_px: size of a search cell, working pixels.
+
+    Returns:
+        (h, w) kernel of zero mean and unit norm; the cell, x and y, of its first element.
+    """
+    length, columns = values.shape
+    scale, offset = np.float32(cell_px), np.float32(0.5 / cell_px - 0.5)
+    left, top = np.inf, np.inf
+    right, bottom = -np.inf, -np.inf
+    for i in range(length):
+        for j in range(columns):
+            x, y = coordinates[0, i, j] / scale + offset, coordinates[1, i, j] / scale + offset
+            left, right, top, bottom = min(left, x), max(right, x), min(top, y), max(bottom, y)
+    first_column, first_row = math.floor(left) - 1, math.floor(top) - 1
+    width, height = math.floor(right) + 3 - first_column, math.floor(bottom) + 3 - first_row
+    weight, weighted = np.zeros((height, width)), np.zeros((height, width))
+    for i in range(length):
+        density = min(spacing[i], 2.0 * cell_px)
+        for j in range(columns):
+            x, y = coordinates[0, i, j] / scale + offset, coordinates[1, i, j] / scale + offset
+            column, row = math.floor(x), math.floor(y)
+            # Each sample is shared out among the four cells about it.
+            beside, down = density * (x - column), y - row
+            here, up = density - beside, 1.0 - down
+            at_column, at_row, value = int(column) - first_column, int(row) - first_row, values[i, j]
+            weight[at_row, at_column] += here * up
+            weight[at_row, at_column + 1] += beside * up
+            weight[at_row + 1, at_column] += here * down
+            weight[at_row + 1, at_column + 1] += beside * down
+            weighted[at_row, at_column] += here * up * value
+            weighted[at_row, at_column + 1] += beside * up * value
+            weighted[at_row + 1, at_column] += here * down * value
+            weighted[at_row + 1, at_column + 1] += beside * down * value
+    largest = weight.max()
+    mean, inside = 0.0, 0
+    for i in range(height):
+        for j in range(width):
+            # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
+            weighted[i, j] /= max(weight[i, j], 0.25 * largest)
+            if weight[i, j] > 0.05 * largest:
+                mean += weighted[i, j]
+                inside += 1
+    mean /= inside
+    power = 0.0
+    for i in range(height):
+        for j in range(width):
+            weighted[i, j] = weighted[i, j] - mean if weight[i, j] > 0.05 * largest else 0.0
+            power += weighted[i, j] * weighted[i, j]
+    norm = max(math.sqrt(power), 1e-12)
+    made = np.empty((height, width), np.float32)
+    for i in range(height):
+        for j in range(width):
+            made[i, j] = weighted[i, j] / norm
+    return made, first_column, first_row
+
+
+@compiled("float64(float32, float32, float32)")
+def _vertex(before: float, at: float, after: float) -> float:
+    curvature = min(before - np.float32(2.0) * at + after, np.float32(-1e-30))
+    fraction = np.float32(0.5) * (before - after) / curvature
+    return float(min(max(fraction, np.float32(-0.5)), np.float32(0.5)))
+
+
+@compiled("Tuple((float64[::1], float64[:, ::1]))(Array(float32, 2, 'A', readonly=True), int64, int64)")
+def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
+    """The highest local maxima of a map: `search._highest`.
+
+    Args:
+        scores: (h, w).
+        count: how many at most.
+        radius: each is the highest within it, along both axes.
+
+    Returns:
+        (K,) in units of the map's root mean square, highest first; (K, 2) their places x and y, to a fraction.
+    """
+    height, width = scores.shape
+    power = 0.0
+    for i in range(height):
+        for j in range(width):
+            power += scores[i, j] * scores[i, j]
+    scale = np.float32(1.0 / max(math.sqrt(power / scores.size), 1e-6))
+    values, rows, columns = np.empty(count, np.float32), np.empty(count, np.int64), np.empty(count, np.int64)
+    kept = 0
+    for i in range(1, height - 1):
+        for j in range(1, width - 1):
+            value = scores[i, j]
+            if (
+                value < scores[i, j + 1]
+                or value < scores[i + 1, j]
+                or value < scores[i, j - 1]
+                or value < scores[i - 1, j]
+            ):
+                continue
+            if kept == count and value < values[count - 1]:
+                continue
+            is_peak = True
+            for k in range(max(i - radius, 0), min(i + radius + 1, height)):
+                for m in range(max(j - radius, 0), min(j + radius + 1, width)):
+                    is_peak = is_peak and scores[k, m] <= value
+            if not is_peak:
+                continue
+            # Sorted in, before those that are alike.
+            place = min(kept, count - 1)
+            kept = min(kept + 1, count)
+            while place > 0 and values[place - 1] <= value:
+                values[place], rows[place], columns[place] = values[place - 1], rows[place - 1], columns[place - 1]
+                place -= 1
+            values[place], rows[place], columns[place] = value, i, j
+    found, places = np.empty(kept), np.empty((kept, 2))
+    for n in range(kept):
+        i, j = rows[n], columns[n]
+        found[n] = scale * values[n]
+        places[n, 0] = j + _vertex(scale * scores[i, j - 1], scale * scores[i, j], scale * scores[i, j + 1])
+        places[n, 1] = i + _vertex(scale * scores[i - 1, j], scale * scores[i, j], scale * scores[i + 1, j])
+    return found, places
+
+
+@compiled(
+    "Tuple((float64[::1], float64[:, ::1], float64[:, ::1]))(float64[::1], float64[::1],"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 1, 'A', readonly=True), Array(float64, 2, 'A', readonly=True), int64, float64, float64, float64,"
+    " float64, float64)"
+)
+def joined(
+    scores_a: Array,
+    scores_b: Array,
+    rays_a: Array,
+    rays_b: Array,
+    source_a: Array,
+    source_b: Array,
+    expected: Array,
+    precision: Array,
+    count: int,
+    score_ceiling: float,
+    tolerance_m: float,
+    largest_disagreement_m: float,
+    disagreement_penalty: float,
+    disagreement_scale_m: float,
+) -> tuple[Array, Array, Array]:
+    """The best pairs of both planes' peaks: `search._joined`.
+
+    Args:
+        scores_a: (K,) of plane A's peaks.
+        scores_b: (M,) of plane B's.
+        rays_a: (K, 3) unit vectors.
+        rays_b: (M, 3) unit vectors.
+        source_a: (3,) world metres.
+        source_b: (3,) likewise, moved back by the expected motion.
+        expected: (3,) where the centre is expected.
+        precision: (3, 3) of that, 1/m².
+        count: how many pairs at most.
+        score_ceiling: of a plane.
+        tolerance_m: rays that pass each other by less meet.
+        largest_disagreement_m: beyond the tolerance; what passes further off is no pair.
+        disagreement_penalty: of what does not meet,
+        disagreement_scale_m: and one more for each of these.
+
+    Returns:
+        (N,) scores, highest first; (N, 3) the nearest points on A's rays; (N, 3) on B's.
+    """
+    best, found_a, found_b = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
+    kept = 0
+    on_a, on_b, off = np.empty(3), np.empty(3), np.empty(3)
+    for i in range(scores_a.size):
+        for j in range(scores_b.size):
+            cosine, from_a, from_b = 0.0, 0.0, 0.0
+            for k in range(3):
+                across = source_b[k] - source_a[k]
+                cosine += rays_a[i, k] * rays_b[j, k]
+                from_a += rays_a[i, k] * across
+                from_b += rays_b[j, k] * across
+            determinant = max(1.0 - cosine * cosine, 1e-6)
+            along_a, along_b = (from_a - cosine * from_b) / determinant, (cosine * from_a - from_b) / determinant
+            gap, distance = 0.0, 0.0
+            for k in range(3):
+                on_a[k], on_b[k] = source_a[k] + along_a * rays_a[i, k], source_b[k] + along_b * rays_b[j, k]
+                gap += (on_a[k] - on_b[k]) ** 2
+                off[k] = 0.5 * (on_a[k] + on_b[k]) - expected[k]
+            excess = max(math.sqrt(gap) - tolerance_m, 0.0)
+            if not excess < largest_disagreement_m:
+                continue
+            for k in range(3):
+                distance += off[k] * (precision[k, 0] * off[0] + precision[k, 1] * off[1] + precision[k, 2] * off[2])
+            score = min(scores_a[i], score_ceiling) + min(scores_b[j], score_ceiling) - min(0.1 * distance, 2.0)
+            if excess > 0.0:
+                score -= disagreement_penalty + excess / disagreement_scale_m
+            if kept == count and score < best[count - 1]:
+                continue
+            # Sorted in, before those that are alike.
+            place = min(kept, count - 1)
+            kept = min(kept + 1, count)
+            while place > 0 and best[place - 1] <= score:
+                best[place], found_a[place], found_b[place] = best[place - 1], found_a[place - 1], found_b[place - 1]
+                place -= 1
+            best[place], found_a[place], found_b[place] = score, on_a, on_b
+    return best[:kept].copy(), found_a[:kept].copy(), found_b[:kept].copy()

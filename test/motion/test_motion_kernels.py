@@ -1,0 +1,65 @@
+"""The compiled kernels of the filter in time against the plain versions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from lasso_motion_ros.core.compiled import has_kernels, plain
+from lasso_motion_ros.motion import motion_model
+from lasso_motion_ros.motion.motion_model import DISPLACEMENT, SINCE_B, SIZE, TUNING, Observation
+from lasso_motion_ros.motion.respiration import RespiratoryMotion
+
+pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_states_move_on_and_are_measured_alike(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    state = generator.normal(size=(8, SIZE)) * 1e-2
+    half = generator.normal(size=(8, SIZE, SIZE)) * 1e-3
+    covariance = half @ half.swapaxes(1, 2)
+    spread = np.cov(generator.normal(size=(3, 9)) * 1e-2)
+    heart = TUNING.heart_covariances(np.cov(generator.normal(size=(3, 9))))
+    h = np.linalg.qr(generator.normal(size=(3, 3)))[0][:2] @ (SINCE_B if seed % 2 else DISPLACEMENT)
+    value, noise = generator.normal(size=2) * 1e-3, np.cov(generator.normal(size=(2, 5)) * 1e-4)
+
+    def results() -> list[np.ndarray]:
+        moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
+        return [*moved, *motion_model.measured(state, covariance, h, value, noise)]
+
+    compiled = results()
+    with plain():
+        plainly = results()
+    for one, other in zip(compiled, plainly, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+
+
+def followed() -> tuple[list[np.ndarray], float]:
+    generator = np.random.default_rng(3)
+    motion = RespiratoryMotion(0.0, 0.03)
+    across = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+    seen: list[np.ndarray] = []
+    likelihood = 0.0
+    for number in range(1, 25):
+        time_s = number / 15.0
+        place = np.array([1e-3, 3e-3, 8e-3]) * np.sin(time_s) + generator.normal(size=3) * 1e-4
+        for plane, offset in (("a", 0.0), ("b", 0.03)):
+            rows = across[:2] if plane == "a" else across[1:]
+            observation = Observation(rows, rows @ place, 1e-9 * np.eye(2))
+            likelihood += motion.observe(time_s + offset, **{plane: observation})
+            if plane == "a":
+                motion.mark_a(time_s)
+        motion.learn(motion.at_a.displacement)
+        foretold = motion.predict(time_s + 1.0)
+        seen += [motion.at_a.displacement, motion.at_a.covariance, foretold.displacement, foretold.covariance]
+    return seen, likelihood
+
+
+def test_a_ring_is_followed_alike() -> None:
+    compiled, likelihood = followed()
+    with plain():
+        plainly, plain_likelihood = followed()
+    assert likelihood == pytest.approx(plain_likelihood, rel=1e-9)
+    for one, other in zip(compiled, plainly, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-12)

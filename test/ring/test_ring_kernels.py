@@ -1,0 +1,201 @@
+"""The compiled kernels against the plain versions, on random input and on images of a ring."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
+
+from lasso_motion_ros.core.compiled import has_kernels, plain
+from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
+from lasso_motion_ros.ring import search, slide
+from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
+from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
+from lasso_motion_ros.ring.slide import SlideTuning
+from lasso_motion_ros.ring.strip import Strip, render, strip_along
+from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
+from lasso_motion_ros.ring.working_image import WorkingImage, working_image
+
+pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
+
+ARMS = CURVE[::4] - LOOP.centre
+SAME_M, SAME_RAD = 1e-9, 1e-7
+
+
+def both(call: Callable[[], Any]) -> tuple[Any, Any]:
+    """What the kernels and what the plain version give."""
+    compiled = call()
+    with plain():
+        return compiled, call()
+
+
+def images(generator: np.random.Generator, moved: np.ndarray, turn: np.ndarray) -> dict[str, WorkingImage]:
+    curve = LOOP.centre + moved + (CURVE - LOOP.centre) @ rotation_from_vector(turn).T
+    made = {}
+    for plane, view in VIEWS.items():
+        pixels = noisy(lasso_image(curve, view), generator.integers(1 << 30), 5.0)
+        made[plane] = working_image(
+            Frame(0, pixels, view),
+            LOOP.centre,
+            bright=False,
+            shift=np.zeros(2),
+            reach_mm=float(generator.uniform(14, 32)),
+        )
+    return made
+
+
+def template(images: dict[str, WorkingImage]) -> RingTemplate:
+    along = {plane: strip_along(LOOP.centre + ARMS, image.projection) for plane, image in images.items()}
+    strips = {plane: along[plane].sample(image) for plane, image in images.items()}
+    shown = {plane: image.evidence_at(along[plane].pixels) for plane, image in images.items()}
+    return RingTemplate(strips, shown, TemplateTuning())
+
+
+def same_alignment(one: Alignment, other: Alignment) -> None:
+    assert (one.is_given_up, len(one.correlations)) == (other.is_given_up, len(other.correlations))
+    np.testing.assert_allclose(one.correlations, other.correlations, atol=1e-5)
+    np.testing.assert_allclose(one.turn, other.turn, atol=SAME_RAD)
+    assert one.stretch == pytest.approx(other.stretch, abs=SAME_RAD)
+    for plane, centre in one.centres.items():
+        np.testing.assert_allclose(centre, other.centres[plane], rtol=0.0, atol=SAME_M)
+        fit, plain_fit = one.planes[plane], other.planes[plane]
+        np.testing.assert_allclose(fit.covariance, plain_fit.covariance, rtol=1e-3, atol=1e-14)
+        np.testing.assert_allclose(fit.strip, plain_fit.strip, atol=1e-3)
+        for name in ("contrast", "correlation", "evidence", "coverage", "visible", "residual_mm"):
+            assert getattr(fit, name) == pytest.approx(getattr(plain_fit, name), rel=1e-4, abs=1e-5), name
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_an_alignment_ends_in_the_same_place(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    pattern = template(images(generator, np.zeros(3), np.zeros(3)))
+    seen = images(generator, generator.normal(size=3) * 3e-4, generator.normal(size=3) * 0.03)
+    planes = (["a", "b"], ["a"], ["b"])[seed % 4 % 3]
+    # The fourth, and every fourth after it, begins where there is no ring.
+    start = LOOP.centre + (np.array([0.004, 0.004, -0.005]) if seed % 4 == 3 else 0.0)
+    compiled, plainly = both(
+        lambda: align(
+            {plane: seen[plane] for plane in planes},
+            pattern,
+            ARMS,
+            dict.fromkeys(planes, start),
+            RingPrior(float(np.radians(2.5)), 0.02),
+            generator.normal(size=3) * 0.0,
+        )
+    )
+    same_alignment(compiled, plainly)
+
+
+def test_an_alignment_at_the_border_ends_in_the_same_place() -> None:
+    """The loop hangs half out of the image, where what lies beyond it is zero."""
+    generator = np.random.default_rng(1)
+    whole = images(generator, np.zeros(3), np.zeros(3))
+    pattern = template(whole)
+    part = {plane: image.about(LOOP.centre + ARMS, -1.0) for plane, image in whole.items()}
+    prior = RingPrior(float(np.radians(2.5)), 0.02)
+    compiled, plainly = both(lambda: align(part, pattern, ARMS, dict.fromkeys("ab", LOOP.centre), prior))
+    assert all(0.3 < fit.coverage < 0.99 for fit in compiled.planes.values())
+    same_alignment(compiled, plainly)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_strip_is_laid_back_alike(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count = int(generator.integers(5, 150))
+    angle = np.linspace(0.0, generator.uniform(1.0, 7.0), count)
+    pixels = 40.0 * np.column_stack([np.cos(angle), generator.uniform(0.0, 1.0) * np.sin(angle)])
+    tangents = generator.normal(size=(count, 2))
+    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
+    strip = Strip(pixels, tangents, tangents[:, ::-1] * [-1, 1], generator.uniform(0.0, 5.0, count), np.array(1.1))
+    values = generator.normal(size=(count, 13)).astype(np.float32)
+    (kernel, first), (plain_kernel, plain_first) = both(lambda: render(values, strip, 2))
+    np.testing.assert_array_equal(first, plain_first)
+    np.testing.assert_allclose(kernel, plain_kernel, atol=2e-6)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_same_peaks_are_found(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    shape = generator.integers(1, 90, 2)
+    scores = generator.normal(size=shape).astype(np.float32)
+    if seed % 3 == 0:  # many that are alike
+        scores = np.round(scores)
+    (found, places), (plain_found, plain_places) = both(lambda: search._highest(scores.copy()))
+    np.testing.assert_allclose(found, plain_found, rtol=1e-5)
+    np.testing.assert_allclose(places, plain_places, atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_same_peaks_are_joined(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    count_a, count_b = generator.integers(0, 25, 2)
+    sources = np.array([[0.0, -0.7, 0.1], [0.7, 0.0, 0.0]])
+    points = generator.normal(size=(max(count_a, count_b), 3)) * 0.02
+    rays = []
+    for source, count in zip(sources, (count_a, count_b), strict=True):
+        ray = points[:count] + generator.normal(size=(count, 3)) * generator.choice([1e-4, 5e-3]) - source
+        rays.append(ray / np.linalg.norm(ray, axis=1)[:, None])
+    scores = generator.uniform(2.0, 30.0, count_a), generator.uniform(2.0, 30.0, count_b)
+    precision = np.linalg.inv(np.diag(generator.uniform(1e-5, 1e-3, 3)))
+    wanted = int(generator.integers(1, 12))
+    compiled, plainly = both(
+        lambda: search._joined(*scores, *rays, *sources, generator.normal(size=3) * 0.0, precision, 0.002, wanted)
+    )
+    for one, other in zip(compiled, plainly, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+
+
+def places(generator: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    count = int(generator.integers(4, 60))
+    times = np.cumsum(generator.uniform(0.25, generator.choice([0.4, 1.2]), count))
+    axis = generator.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    breath = 0.006 * generator.uniform() * np.sin(1.5 * times)
+    points = breath[:, None] * axis + generator.normal(size=(count, 3)) * 3e-4 * generator.uniform(0.1, 1.0)
+    slid = np.maximum(times - generator.choice(times), 0.0) if generator.random() < 0.7 else np.zeros(count)
+    return points + slid[:, None] * generator.normal(size=3) * 4e-4, times, generator.random(count) < 0.9, axis
+
+
+def test_a_slide_is_told_alike() -> None:
+    generator = np.random.default_rng(0)
+    told = 0
+    for _ in range(300):
+        case = places(generator)
+        compiled, plainly = both(lambda case=case: slide._change_point(*case, SlideTuning()))
+        assert compiled == pytest.approx(plainly, rel=1e-8, abs=1e-9)
+        told += plainly.log_odds > 0.0
+    assert 100 < told < 250
+
+
+@pytest.mark.parametrize(
+    ("shape", "dtype"),
+    [((512, 512), np.uint8), ((1024, 1000), np.uint16), ((100, 301), np.uint16), ((20, 16), np.uint8)],
+)
+def test_a_display_filter_is_seen_alike(shape: tuple[int, int], dtype: type) -> None:
+    generator, tuning = np.random.default_rng(shape[0]), DisplayChainTuning()
+    film = [generator.normal(120.0, 9.0, shape) for _ in range(3)]
+    for before, after in pairwise(film):
+        after += 0.4 * (before - after)
+
+    def sums() -> tuple[Any, ...]:
+        samples = [sampled(pixels.astype(dtype), tuning) for pixels in film]
+        changes = [difference(after, before, tuning) for before, after in pairwise(samples)]
+        return samples[0], changes[1], group_sums(changes[1], changes[0], tuning)
+
+    (sample, change, groups), (plain_sample, plain_change, plain_groups) = both(sums)
+    np.testing.assert_array_equal(sample.values, plain_sample.values)
+    np.testing.assert_allclose(sample.grey, plain_sample.grey, rtol=1e-6)
+    np.testing.assert_allclose(change.fine, plain_change.fine, atol=2e-5)
+    np.testing.assert_allclose(change.energy, plain_change.energy, rtol=1e-5)
+    np.testing.assert_allclose(change.moved, plain_change.moved, rtol=1e-4, atol=1e-5)
+    if plain_groups is None:
+        assert groups is None
+        return
+    np.testing.assert_allclose(groups, plain_groups, rtol=1e-4, atol=1e-3)
+    compiled, plainly = both(lambda: filter_of(plain_groups))
+    assert compiled == pytest.approx(plainly, rel=1e-9)
