@@ -56,18 +56,19 @@ def plain() -> Iterator[None]:
         _PLAIN.reset(token)
 
 
-def compiled(*signatures: str) -> Callable[[Function], Function]:
+def compiled(*signatures: str, is_exact: bool = False) -> Callable[[Function], Function]:
     """Decorator of a kernel: compiled at once, for these types.
 
     Args:
         signatures: as Numba writes them, `float64(float64[:, ::1])`; of several the first that fits is taken.
+        is_exact: sums and products are rounded one by one, in their order, as Python does.
     """
     numba = _numba()
     if numba is None:
         raise ImportError("kernels are imported only where has_kernels() says so")
 
     def decorate(function: Function) -> Function:
-        options = {"error_model": "numpy", "fastmath": _FASTMATH, "nogil": True}
+        options = {"error_model": "numpy", "fastmath": False if is_exact else _FASTMATH, "nogil": True}
         try:
             made = numba.njit(list(signatures), cache=True, **options)(function)
         except RuntimeError as error:

@@ -8,6 +8,8 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
+
 Array = npt.NDArray[np.float64]
 Real = TypeVar("Real", bound=np.floating[Any])
 
@@ -32,6 +34,11 @@ def resample(points: Array, count: int) -> Array:
 def distance_to_curve(points: Array, curve: Array) -> Array:
     """(N,) distance of each point (N, D) to an open polyline (M, D), exact on its segments."""
     points = np.asarray(points, dtype=np.float64)
+    if has_kernels():
+        from lasso_motion_ros.geometry.kernels import distances
+
+        nearest_by: Array = distances(points, curve)
+        return nearest_by
     start, step = curve[:-1], np.diff(curve, axis=0)
     squared = (step * step).sum(axis=1)
     per_length = step / np.where(squared > 0.0, squared, 1.0)[:, None]

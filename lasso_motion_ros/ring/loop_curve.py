@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import BSpline
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, slope
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
@@ -146,6 +147,11 @@ def _ridge_paths(gains: Array) -> npt.NDArray[np.int64]:
 
     Dynamic programming from both ends at once, which meets in the middle row.
     """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.seed import ridge_paths
+
+        best: npt.NDArray[np.int64] = ridge_paths(gains, TUNING.bend)
+        return best
     strips, rows, columns = gains.shape
     middle = rows // 2
     upwards = gains[:, middle:][:, ::-1]

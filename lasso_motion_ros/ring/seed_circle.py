@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.errors import GeometryError, ReconstructionError
 from lasso_motion_ros.geometry.directions import axes_across, half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
@@ -166,6 +167,11 @@ class _Views:
         return self._beside(pixels[:count]), np.ascontiguousarray(np.stack(shown).swapaxes(1, 2))
 
     def _beside(self, pixels: Array) -> Array:
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels.seed import beside
+
+            seen = zip(self._views, pixels, strict=True)
+            return np.stack([beside(one, view.clicks, view.unit, TUNING.farthest_mm**2) for view, one in seen])
         means = []
         for view, clicks, (x, y) in zip(self._views, self._clicks, pixels, strict=True):
             # |p - c|² = |p|² + |c|² - 2 p · c: one product of matrices, for the many circles that are tried.
@@ -203,6 +209,10 @@ def _projected(circles: Array, matrices: Array) -> Array:
     first, second = _axes(circles)
     world[:3, 1], world[:3, 2] = first.T, second.T
     world[3] = np.array([[1.0], [0.0], [0.0]])
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.seed import projected
+
+        return np.stack([projected(world, matrix, _AROUND) for matrix in matrices])
     seen = _AROUND @ (matrices.reshape(-1, 4) @ world.reshape(4, -1)).reshape(-1, 3, len(circles))
     seen = seen.reshape(len(matrices), 3, TUNING.points, len(circles))
     return np.asarray(seen[:, :2] / seen[:, 2:])

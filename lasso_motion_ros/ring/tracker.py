@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import FramePair, Seed
@@ -42,13 +41,6 @@ from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 Array = npt.NDArray[np.float64]
 
 
-def _load_kernels() -> None:
-    """Have the compiled kernels ready, where they are there, so that no pair waits for them."""
-    if has_kernels():
-        import lasso_motion_ros.motion.kernels
-        import lasso_motion_ros.ring.kernels  # noqa: F401
-
-
 class RingTracker:
     """Follows one ring; publishes nothing that is not believed.
 
@@ -59,7 +51,6 @@ class RingTracker:
     """
 
     def __init__(self, config: TrackerConfig, stages: Stages = no_stages, options: RingOptions | None = None) -> None:
-        _load_kernels()
         self._config = config
         self._stages, self._options = stages, options or RingOptions()
         self._track: Track | None = None

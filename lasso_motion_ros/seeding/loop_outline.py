@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from numpy.lib.stride_tricks import sliding_window_view
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import resample
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
@@ -127,20 +128,39 @@ def _monotone_angles(outlines: list[Array], ellipse: Ellipse3D, projections: lis
         np.sqrt(x * x + y * y, out=cost[:, number, 0])
         cost[:, number, 1] = cost[:, number, 0, ::-1]
     reach = int(TUNING.angles_per_turn * TUNING.largest_step_turns)
-    totals = np.full((*cost.shape[:-1], reach - 1 + len(angles)), np.inf)
+    ways = _cheapest_ways(cost, reach)
+    return [np.asarray(angles[:: (1, -1)[way[0]]][way[1:]]) for way in ways.tolist()]
+
+
+def _cheapest_ways(cost: Array, reach: int) -> npt.NDArray[np.int64]:
+    """The cheapest monotone way of each outline round its ellipse.
+
+    Args:
+        cost: (N, outlines, 2, angles) of each point at each angle, rising and falling.
+        reach: largest step from point to point is one angle less.
+
+    Returns:
+        (outlines, N + 1): the direction, then the angle's number of each point.
+    """
+    if has_kernels():
+        from lasso_motion_ros.seeding.kernels import cheapest_ways
+
+        compiled_ways: npt.NDArray[np.int64] = cheapest_ways(cost, reach)
+        return compiled_ways
+    totals = np.full((*cost.shape[:-1], reach - 1 + cost.shape[-1]), np.inf)
     # From any earlier angle within the largest step, to this one: (N, reach, outlines, 2, angles), the farthest first.
-    before = np.moveaxis(sliding_window_view(totals, len(angles), axis=-1), -2, 1)
+    before = np.moveaxis(sliding_window_view(totals, cost.shape[-1], axis=-1), -2, 1)
     here = totals[..., reach - 1 :]
     here[0] = cost[0]
     for row in range(1, len(cost)):
         np.add(np.minimum.reduce(before[row - 1]), cost[row], out=here[row])
     found = []
-    for number in range(len(outlines)):
+    for number in range(cost.shape[1]):
         direction = int(np.argmin(here[-1, number].min(axis=-1)))
         index = int(np.argmin(here[-1, number, direction]))
         indices = [index]
         for total in totals[-2::-1, number, direction]:
             index -= int(total[index : index + reach][::-1].argmin())
             indices.append(index)
-        found.append(np.asarray(angles[:: (1, -1)[direction]][indices[::-1]]))
-    return found
+        found.append([direction, *indices[::-1]])
+    return np.array(found, dtype=np.int64)

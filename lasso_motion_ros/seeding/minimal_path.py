@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import skfmm
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.curves import resample, slope
 from lasso_motion_ros.seeding.line_filter import sato
@@ -150,6 +151,11 @@ def _cheapest_arc(cost: Array, start: Array, end: Array) -> float:
 
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
+    if has_kernels():
+        from lasso_motion_ros.seeding.kernels import descended
+
+        walked, is_there = descended(arrival, start, goal, TUNING.step_px, TUNING.goal_px)
+        return walked if is_there else None
     # Plain numbers: of the thousand steps each would spend its time in making arrays of two and four. A complex number
     # is both slopes at once.
     slopes = np.empty(arrival.shape, dtype=np.complex128)

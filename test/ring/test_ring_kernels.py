@@ -13,7 +13,7 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring import search, slide
+from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
 from lasso_motion_ros.ring.slide import SlideTuning
@@ -199,3 +199,27 @@ def test_a_display_filter_is_seen_alike(shape: tuple[int, int], dtype: type) -> 
     np.testing.assert_allclose(groups, plain_groups, rtol=1e-4, atol=1e-3)
     compiled, plainly = both(lambda: filter_of(plain_groups))
     assert compiled == pytest.approx(plainly, rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_best_way_along_a_line_is_the_same(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    gains = np.minimum(generator.random((2, int(generator.integers(3, 120)), 21)), generator.choice([0.5, 1.0]))
+    compiled, plainly = both(lambda: loop_curve._ridge_paths(gains))
+    np.testing.assert_array_equal(compiled, plainly)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    circles = generator.normal(size=(30, 6)) * [5.0, 5.0, 5.0, 8.0, 8.0, 8.0]
+    clicks = {plane: view.project(CURVE[:: 20 + seed]) for plane, view in VIEWS.items()}
+    seen = images(generator, np.zeros(3), np.zeros(3))
+    views = seed_circle._Views(
+        [seed_circle._View.of(clicks[plane], view, seen[plane], LOOP.centre) for plane, view in VIEWS.items()]
+    )
+    around = circles + np.r_[1e3 * LOOP.centre, np.zeros(3)]
+    (beside, shown), (plain_beside, plain_shown) = both(lambda: views.both(around))
+    np.testing.assert_allclose(beside, plain_beside, rtol=1e-8, atol=1e-8)
+    np.testing.assert_allclose(shown, plain_shown, atol=1e-3)
+    np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
