@@ -16,35 +16,13 @@ import numpy.typing as npt
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
+from lasso_motion_ros.ring.gauss_newton import TUNING, descend
 from lasso_motion_ros.ring.loop_views import LoopViews, PlaneFit
 from lasso_motion_ros.ring.strip import HALF_WIDTH
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import PIXEL_MM, SOFT_REACH_MM, WorkingImage
 
 Array = npt.NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Tuning:
-    """How far an alignment goes, and when it is given up."""
-
-    iterations: int = 8
-    converged_mm: float = 0.015
-    # What one step may change at most: further off, the derivative says nothing.
-    largest_step_mm: float = 0.4
-    largest_turn_rad: float = 0.03
-    largest_stretch: float = 0.02  # of the size's natural logarithm
-    ridge: float = 1e-12  # a trace of damping, for a plane that shows nothing
-    # Mean of the planes' correlations, relative to what it usually is, below which no loop is there; look by look.
-    hopeless_likeness: tuple[float, ...] = (0.27, 0.45, 0.55)
-    # A plane that shows next to nothing is not waited for from the third look (counted from 0) on: it would cost them
-    # all.
-    first_sure_look: int = 2
-    afar_prior: float = 2.5  # times as loose: a ring that is looked for from afar may have turned more than usual
-    nothing_seen_m: float = 5e-3  # standard deviation of a place that was given up at once
-
-
-TUNING = _Tuning()
 
 
 @dataclass(frozen=True)
@@ -119,43 +97,26 @@ def align(
         stretch: logarithm of size to start from.
     """
     planes = tuple(images)
-    views = _views(images, template, np.stack([starts[plane] for plane in planes]))
-    shared = 2 * len(planes)  # the parameters: two shifts a plane, then turn (3) and stretch
+    centres = np.stack([starts[plane] for plane in planes])
     ring = np.array([*(np.zeros(3) if turn is None else turn), stretch])
     precision = np.array([prior.turn_rad] * 3 + [prior.stretch]) ** -2
-    limits = np.array(
-        [TUNING.largest_step_mm * 1e-3] * shared + [TUNING.largest_turn_rad] * 3 + [TUNING.largest_stretch]
-    )
-    usual = float(views.usual.sum()) / len(planes)
-    normal = np.diag([*[TUNING.nothing_seen_m**-2] * shared, *precision])
-    correlations: tuple[float, ...] = ()
-    is_given_up = False
-    for iteration in range(TUNING.iterations):
-        views.look(arms @ rotation_from_vector(ring[:3]).T * np.exp(ring[3]))
-        correlations += (float(views.correlation.sum()) / len(planes),)
-        if is_given_up := _is_hopeless(correlations, usual):
-            break
-        # The derivative changes little on the way; the residual is what has to be exact.
-        normal, gradient = views.equations(renew=iteration < 2)
-        diagonal = np.einsum("ii->i", normal)  # a view
-        diagonal[shared:] += precision
-        diagonal += TUNING.ridge * diagonal.sum()
-        gradient[shared:] -= precision * ring
-        step: Array = np.linalg.solve(normal, gradient).astype(np.float64)
-        np.minimum(np.maximum(step, -limits, out=step), limits, out=step)
-        views.shift(step[:shared].reshape(-1, 2))
-        ring = ring + step[shared:]
-        if _has_arrived(step, limits, views, iteration):
-            break
-    covariance = np.linalg.inv(normal) if is_given_up else views.covariance(normal)
+    views: LoopViews
+    if has_kernels():
+        from lasso_motion_ros.ring.compiled_views import CompiledLoopViews
+
+        views = CompiledLoopViews(images, template, centres)
+        descent = views.descend(arms, ring, precision)
+    else:
+        views = LoopViews(images, template, centres)
+        descent = descend(views, arms, ring, precision)
     return Alignment(
         likeness=dict(zip(planes, views.likeness.tolist(), strict=True)),
-        turn=ring[:3],
-        stretch=float(ring[3]),
-        correlations=correlations,
-        is_given_up=is_given_up,
+        turn=descent.ring[:3],
+        stretch=float(descent.ring[3]),
+        correlations=descent.correlations,
+        is_given_up=descent.is_given_up,
         views=views,
-        covariance=covariance,
+        covariance=descent.covariance,
     )
 
 
@@ -191,29 +152,3 @@ def align_from_afar(
         first.turn,
         first.stretch,
     )
-
-
-def _views(images: dict[Plane, WorkingImage], template: RingTemplate, centres: Array) -> LoopViews:
-    """The planes about centres (P, 3) m, looked at by the compiled kernels where they are there."""
-    if not has_kernels():
-        return LoopViews(images, template, centres)
-    from lasso_motion_ros.ring.compiled_views import CompiledLoopViews
-
-    return CompiledLoopViews(images, template, centres)
-
-
-def _is_hopeless(correlations: tuple[float, ...], usual: float) -> bool:
-    """Whether no loop is there, by the planes' mean correlation so far and where the loop is seen."""
-    look, now = len(correlations) - 1, correlations[-1]
-    limits = TUNING.hopeless_likeness
-    return look < len(limits) and now < limits[look] * usual
-
-
-def _has_arrived(step: Array, limits: Array, views: LoopViews, look: int) -> bool:
-    """Whether a step (N,) was so small that no other is needed."""
-    size = np.abs(step)
-    shifts = size[:-4]  # before turn and stretch
-    if look >= TUNING.first_sure_look:
-        shifts *= np.repeat(views.is_hopeful, 2)
-    # A turn or stretch that was cut to its limit is not done, though the shifts may be.
-    return bool(shifts.max() < TUNING.converged_mm * 1e-3 and (size < limits).all())

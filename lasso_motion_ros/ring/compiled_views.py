@@ -6,83 +6,69 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.curves import SMALLEST_SPACING
-from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.ring.gauss_newton import TUNING, Descent
 from lasso_motion_ros.ring.kernels import alignment as kernels
-from lasso_motion_ros.ring.loop_views import TUNING, LoopViews
-from lasso_motion_ros.ring.template import RingTemplate
-from lasso_motion_ros.ring.working_image import PIXEL_MM, WorkingImage
+from lasso_motion_ros.ring.loop_views import TUNING as SAMPLING
+from lasso_motion_ros.ring.loop_views import LoopViews
+from lasso_motion_ros.ring.working_image import PIXEL_MM
 
 Array = npt.NDArray[np.float64]
 
 
 class CompiledLoopViews(LoopViews):
-    """See `LoopViews`."""
+    """See `LoopViews`; it goes its way at once."""
 
-    def __init__(self, planes: dict[Plane, WorkingImage], template: RingTemplate, centres: Array) -> None:
-        super().__init__(planes, template, centres)
-        count, shape = len(planes), template.values.shape
-        self._steps, self._gains = np.empty(count), np.empty(count)
-        self._noise: Array = np.empty(count)
-        self._pixels, self._tangents = np.empty((2, count, shape[0], 2))
-        self._spacing, self._depth = np.empty((2, count, shape[0]))
+    def descend(self, arms: Array, ring: Array, precision: Array) -> Descent:
+        """What `gauss_newton.descend` does with plain views."""
+        count, shape = len(self._images), self._pattern.shape
+        self.centres, ring = self.centres.copy(), ring.copy()
+        self._pixels, tangents = np.empty((2, count, shape[0], 2))
         self._samples, self._weights = np.empty((2, count, *shape), dtype=np.float32)
-        self._moves = np.empty((count, shape[0], 2, 6))
-        size = 2 * count + 4
-        self._normal, self._scores = np.empty((size, size)), np.empty((size, count, shape[0]))
-        self._projections = np.array([image.projection.matrix for image in planes.values()])
-
-    def look(self, arms: Array) -> None:
-        """See `LoopViews.look`."""
-        self._arms, self._correlation_before = arms, self.correlation
-        self.correlation = np.empty(len(self._images))
-        for p, image in enumerate(self._images):
-            self._steps[p], self._gains[p], self._noise[p], self.correlation[p] = kernels.look(
-                image.values,
-                self._projections[p],
-                self.centres[p],
-                arms,
-                self._pattern,
-                1e-3 * PIXEL_MM * self._focal_px[p],
-                SMALLEST_SPACING,
-                TUNING.largest_spacing_px,
-                TUNING.outlier_sigmas,
-                self._pixels[p],
-                self._tangents[p],
-                self._spacing[p],
-                self._depth[p],
-                self._samples[p],
-                self._weights[p],
-            )
-
-    def equations(self, *, renew: bool) -> tuple[Array, Array]:
-        """See `LoopViews.equations`; the matrix is overwritten by the next call."""
-        if renew:
-            kernels.derivative(
-                self._pixels,
-                self._tangents,
-                self._spacing,
-                self._depth,
-                self._steps,
-                self._projections,
-                self._across,
-                self._arms,
-                self._moves,
-            )
+        spacing, depth = np.empty((2, count, shape[0]))
+        steps, self._gains, noise = np.empty((3, count))
+        correlation, means = np.zeros((2, count)), np.empty(TUNING.iterations)
         along, sideways = self._slopes[:, 0]
-        kernels.equations(
+        looks, is_given_up, covariance = kernels.descend(
+            (self._images[0].values, self._images[-1].values),
+            np.array([image.projection.matrix for image in self._images]),
+            self.centres,
+            self._across,
+            arms,
             self._pattern,
             along,
             sideways,
+            1e-3 * PIXEL_MM * self._focal_px,
+            self.usual,
+            ring,
+            precision,
+            (1e-3 * TUNING.largest_step_mm, TUNING.largest_turn_rad, TUNING.largest_stretch),
+            TUNING.hopeless_likeness,
+            (SAMPLING.nothing_likeness, SAMPLING.hopeful_rise),
+            TUNING.renewals,
+            1e-3 * TUNING.converged_mm,
+            TUNING.ridge,
+            TUNING.first_sure_look,
+            TUNING.nothing_seen_m**-2,
+            SMALLEST_SPACING,
+            SAMPLING.largest_spacing_px,
+            SAMPLING.outlier_sigmas,
+            SAMPLING.noise_correlation,
+            SAMPLING.segments,
+            SAMPLING.nominal_segments,
+            self._pixels,
+            tangents,
+            spacing,
+            depth,
+            steps,
             self._samples,
             self._weights,
             self._gains,
-            self._noise,
-            self._moves,
-            TUNING.noise_correlation,
-            self._normal,
-            self._scores,
+            noise,
+            correlation,
+            means,
         )
-        return self._normal, self._scores.sum(axis=(1, 2))
+        self.correlation = correlation[1]
+        return Descent(ring, tuple(means[:looks].tolist()), is_given_up, covariance)
 
     def _seen(self) -> tuple[Array, Array]:
         planes = zip(self._samples, self._weights, self._gains, strict=True)
@@ -93,8 +79,8 @@ class CompiledLoopViews(LoopViews):
                 self._pattern,
                 self._slopes[1, 0],
                 gain,
-                TUNING.segments,
-                TUNING.segment_gain,
+                SAMPLING.segments,
+                SAMPLING.segment_gain,
             )
             for samples, weights, gain in planes
         ]

@@ -332,3 +332,263 @@ def seen(
             distance += min(abs(step), columns // 2)
             count += 1
     return visible / max(total, 1e-9), distance / max(count, 1)
+
+
+@compiled("void(float64[:, ::1], float64[:, ::1])")
+def _factorise(matrix: Array, factor: Array) -> None:
+    """Cholesky's factor (N, N) of a matrix that is positive, written below the diagonal and on it."""
+    size = matrix.shape[0]
+    for i in range(size):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            factor[i, j] = math.sqrt(total) if i == j else total / factor[j, j]
+
+
+@compiled("void(float64[:, ::1], float64[::1])")
+def _solve(factor: Array, values: Array) -> None:
+    """Put the solution of a factorised matrix's equations in the place of their right side (N,)."""
+    size = values.size
+    for i in range(size):
+        for k in range(i):
+            values[i] -= factor[i, k] * values[k]
+        values[i] /= factor[i, i]
+    for i in range(size - 1, -1, -1):
+        for k in range(i + 1, size):
+            values[i] -= factor[k, i] * values[k]
+        values[i] /= factor[i, i]
+
+
+@compiled("float64[:, ::1](float64[:, ::1])")
+def _inverse(matrix: Array) -> Array:
+    """(N, N) of a matrix that is positive."""
+    factor, inverse = np.empty_like(matrix), np.eye(matrix.shape[0])
+    _factorise(matrix, factor)
+    for i in range(inverse.shape[0]):
+        _solve(factor, inverse[i])
+    return inverse
+
+
+@compiled("float64[:, ::1](float64[:, ::1], float64[:, :, ::1], int64, float64)")
+def covariance(normal: Array, scores: Array, segments: int, known: float) -> Array:
+    """(N, N) of the parameters, by the noise and by the segments' scatter: `LoopViews.covariance`.
+
+    Args:
+        normal: (N, N) the last normal matrix, priors included.
+        scores: (N, P, L) the points' shares in the right side.
+        segments: of the loop.
+        known: segments that the noise alone would tell of.
+    """
+    size, planes, length = scores.shape
+    clusters = planes * segments
+    sums = np.zeros((size, clusters))
+    for i in range(size):
+        for p in range(planes):
+            for segment in range(segments):
+                for at in range(segment * length // segments, (segment + 1) * length // segments):
+                    sums[i, p * segments + segment] += scores[i, p, at]
+        sums[i] -= sums[i].mean()
+    nominal = _inverse(normal)
+    wider, pulled = np.empty(size), np.zeros(clusters)
+    for i in range(size):
+        # The sandwich's diagonal: squares of what each segment pulls the parameter by.
+        pulled[:] = 0.0
+        for k in range(size):
+            for c in range(clusters):
+                pulled[c] += nominal[i, k] * sums[k, c]
+        scatter = 0.0
+        for c in range(clusters):
+            scatter += pulled[c] * pulled[c]
+        scatter *= clusters / (clusters - size)
+        wider[i] = math.sqrt(
+            max((known * nominal[i, i] + clusters * scatter) / ((known + clusters) * nominal[i, i]), 1.0)
+        )
+    for i in range(size):
+        for k in range(size):
+            nominal[i, k] *= wider[i] * wider[k]
+    return nominal
+
+
+@compiled("void(Array(float64, 2, 'A', readonly=True), float64[::1], float64[:, ::1])")
+def _turned(arms: Array, ring: Array, result: Array) -> None:
+    """(L, 3) arms, turned and stretched: `rotation_from_vector`."""
+    x, y, z = ring[0], ring[1], ring[2]
+    angle = math.sqrt(x * x + y * y + z * z)
+    first, second = 1.0 - angle * angle / 6.0, 0.5 - angle * angle / 24.0
+    if angle >= 1e-4:
+        first, second = math.sin(angle) / angle, (1.0 - math.cos(angle)) / (angle * angle)
+    size = math.exp(ring[3])
+    for i in range(arms.shape[0]):
+        a, b, c = arms[i, 0], arms[i, 1], arms[i, 2]
+        # a + first · ω × a + second · ω × (ω × a)
+        u, v, w = y * c - z * b, z * a - x * c, x * b - y * a
+        result[i, 0] = size * (a + first * u + second * (y * w - z * v))
+        result[i, 1] = size * (b + first * v + second * (z * u - x * w))
+        result[i, 2] = size * (c + first * w + second * (x * v - y * u))
+
+
+@compiled(
+    "Tuple((int64, boolean, float64[:, ::1]))(UniTuple(Array(float32, 2, 'A', readonly=True), 2), float64[:, :, ::1],"
+    " float64[:, ::1], Array(float64, 3, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float32, 2, 'C', readonly=True), Array(float32, 2, 'A', readonly=True),"
+    " Array(float32, 2, 'A', readonly=True), float64[::1], float64[::1], float64[::1], float64[::1],"
+    " UniTuple(float64, 3), UniTuple(float64, 3), UniTuple(float64, 2), int64, float64, float64, int64, float64,"
+    " float64, float64, float64, float64, int64, float64, float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1],"
+    " float64[:, ::1], float64[::1], float32[:, :, ::1], float32[:, :, ::1], float64[::1], float64[::1],"
+    " float64[:, ::1], float64[::1])"
+)
+def descend(
+    images: tuple[Image, Image],
+    projections: Array,
+    centres: Array,
+    across: Array,
+    arms: Array,
+    pattern: Image,
+    along: Image,
+    sideways: Image,
+    columns_px_m: Array,
+    usual: Array,
+    ring: Array,
+    precision: Array,
+    limits: tuple[float, float, float],
+    hopeless: tuple[float, float, float],
+    hope: tuple[float, float],
+    renewals: int,
+    converged: float,
+    ridge: float,
+    first_sure_look: int,
+    nothing_seen: float,
+    smallest_spacing: float,
+    largest_spacing: float,
+    outlier_sigmas: float,
+    noise_correlation: float,
+    segments: int,
+    nominal_segments: float,
+    pixels: Array,
+    tangents: Array,
+    spacing: Array,
+    depth: Array,
+    steps: Array,
+    samples: Image,
+    weights: Image,
+    gains: Array,
+    noise: Array,
+    correlation: Array,
+    means: Array,
+) -> tuple[int, bool, Array]:
+    """Go to where the planes show the loop: `gauss_newton.descend`.
+
+    Args:
+        images: the planes' working images; the second is not looked at where there is one plane.
+        projections: (P, 3, 4) to their pixels.
+        centres: (P, 3) where the loop is taken to be; moved.
+        across: (P, 2, 3) unit vectors along which each moves.
+        arms: (L, 3) the loop about its centre at the seed pair.
+        pattern: (L, C) the template's values.
+        along: (L, C) their slope along the arc.
+        sideways: (L, C) and across it.
+        columns_px_m: (P,) a strip's column at a depth of one metre, working pixels.
+        usual: (P,) correlation where the loop is seen.
+        ring: (4,) turn and stretch; moved.
+        precision: (4,) of their prior.
+        limits: of one step: shift, m, turn, rad, and stretch.
+        hopeless: likeness, look by look, below which no loop is there.
+        hope: a plane's likeness, and rise of it, from which on there may be a loop.
+        renewals: of the derivative, at the first looks.
+        converged: shift of a step, m, below which no other is needed.
+        ridge: damping, relative to the normal matrix.
+        first_sure_look: from which on a plane without hope is not waited for.
+        nothing_seen: precision of a place that was given up at once, 1/m².
+        smallest_spacing: as `look`, like the next two.
+        largest_spacing: pixels.
+        outlier_sigmas: where Tukey's weight is zero.
+        noise_correlation: samples that count as one.
+        segments: of the loop, for its covariance.
+        nominal_segments: as which the noise counts there.
+        pixels: (P, L, 2) written by each look, like all but the last two that follow: see there.
+        tangents: (P, L, 2).
+        spacing: (P, L).
+        depth: (P, L).
+        steps: (P,).
+        samples: (P, L, C).
+        weights: (P, L, C).
+        gains: (P,).
+        noise: (P,).
+        correlation: (2, P) written: at the last look but one, and at the last.
+        means: (looks,) written: mean of the planes' correlations, look by look.
+
+    Returns:
+        Number of looks; whether it was given up; covariance of the parameters (N, N).
+    """
+    planes, length = depth.shape
+    size, shared = 2 * planes + 4, 2 * planes
+    normal, factor, step = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
+    moves, scores, turned = np.empty((planes, length, 2, 6)), np.empty((size, planes, length)), np.empty((length, 3))
+    for i in range(size):
+        normal[i, i] = nothing_seen if i < shared else precision[i - shared]
+    correlation[:] = 0.0
+    looks, is_given_up = 0, False
+    while looks < means.size:
+        _turned(arms, ring, turned)
+        correlation[0] = correlation[1]
+        for p in range(planes):
+            steps[p], gains[p], noise[p], correlation[1, p] = look(
+                images[p],
+                projections[p],
+                centres[p],
+                turned,
+                pattern,
+                columns_px_m[p],
+                smallest_spacing,
+                largest_spacing,
+                outlier_sigmas,
+                pixels[p],
+                tangents[p],
+                spacing[p],
+                depth[p],
+                samples[p],
+                weights[p],
+            )
+        means[looks] = correlation[1].sum() / planes
+        looks += 1
+        if looks <= len(hopeless) and means[looks - 1] < hopeless[looks - 1] * usual.sum() / planes:
+            is_given_up = True
+            break
+        # The derivative changes little on the way; the residual is what has to be exact.
+        if looks <= renewals:
+            derivative(pixels, tangents, spacing, depth, steps, projections, across, turned, moves)
+        equations(pattern, along, sideways, samples, weights, gains, noise, moves, noise_correlation, normal, scores)
+        trace = 0.0
+        for i in range(size):
+            step[i] = scores[i].sum()
+            if i >= shared:
+                normal[i, i] += precision[i - shared]
+                step[i] -= precision[i - shared] * ring[i - shared]
+            trace += normal[i, i]
+        for i in range(size):
+            normal[i, i] += ridge * trace
+        _factorise(normal, factor)
+        _solve(factor, step)
+        is_done = True
+        for i in range(size):
+            limit = limits[0] if i < shared else (limits[1] if i < size - 1 else limits[2])
+            step[i] = min(max(step[i], -limit), limit)
+            p = i // 2
+            if i >= shared:
+                ring[i - shared] += step[i]
+            else:
+                for k in range(3):
+                    centres[p, k] += step[i] * across[p, i % 2, k]
+                likeness = correlation[1, p] / usual[p]
+                is_hopeful = likeness >= hope[0] or likeness >= correlation[0, p] / usual[p] + hope[1]
+                if looks > first_sure_look and not is_hopeful:
+                    continue
+            # A turn or stretch that was cut to its limit is not done, though the shifts may be.
+            is_small = abs(step[i]) < (converged if i < shared else limit)
+            is_done = is_done and is_small and abs(step[i]) < limit
+        if is_done:
+            break
+    if is_given_up:
+        return looks, True, _inverse(normal)
+    return looks, False, covariance(normal, scores, segments, nominal_segments)

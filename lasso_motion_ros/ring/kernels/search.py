@@ -110,14 +110,14 @@ def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
     for i in range(1, height - 1):
         for j in range(1, width - 1):
             value = scores[i, j]
+            if kept == count and value < values[count - 1]:
+                continue
             if (
                 value < scores[i, j + 1]
                 or value < scores[i + 1, j]
                 or value < scores[i, j - 1]
                 or value < scores[i - 1, j]
             ):
-                continue
-            if kept == count and value < values[count - 1]:
                 continue
             is_peak = True
             for k in range(max(i - radius, 0), min(i + radius + 1, height)):
