@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Frame, Plane
 from lasso_motion_ros.geometry.projection import Projection
 
@@ -40,6 +41,7 @@ class _Tuning:
     evidence_coarse_cells: float = 2.65
     evidence_coarse_kernel_cells: tuple[int, int] = (17, 17)
     evidence_window_px: tuple[int, int] = (33, 33)
+    evidence_floor: float = 1e-8  # of the mean square there: where nothing is, nothing is divided
     evidence_reach_px: int = 28  # what lies further from a pixel changes its evidence by 0.003 at most
     evidence_range: tuple[float, float] = (-1.0, 2.0)
     soft_box_px: tuple[int, int] = (7, 7)  # twice: nearly a Gaussian of 2.8 pixels
@@ -77,17 +79,37 @@ class WorkingImage:
         """
         if not np.isfinite(pixels).all():
             return np.zeros(len(pixels), dtype=np.float32)
+        if has_kernels():
+            return self._compiled_evidence_at(pixels)
         evidence, corner = self.evidence_about(pixels)
         if evidence.size == 0:
             return np.zeros(len(pixels), dtype=np.float32)
         x, y = (pixels - corner).astype(np.float32).T
         return np.asarray(cv2.remap(evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)).reshape(-1)
 
+    def _compiled_evidence_at(self, pixels: Array) -> Image:
+        """The same, divided by its root mean square at the pixels only."""
+        from lasso_motion_ros.ring.kernels.band import evidence_at
+
+        grey, corner = self._grey_about(pixels)
+        if grey.size == 0:
+            return np.zeros(len(pixels), dtype=np.float32)
+        fine, slow = _log_scales(grey)
+        half, (lowest, highest) = TUNING.evidence_window_px[0] // 2, TUNING.evidence_range
+        at = (pixels - corner).astype(np.float32)
+        shown: Image = evidence_at(fine, slow, self.bright, half, TUNING.evidence_floor, lowest, highest, at)
+        return shown
+
     def evidence_about(self, pixels: Array) -> tuple[Image, Array]:
         """The same as an image (h, w) of the surroundings of pixels (N, 2), finite, and the pixel (2,) of its corner.
 
         It is empty where they lie outside the image.
         """
+        grey, corner = self._grey_about(pixels)
+        return (_evidence(grey, self.bright) if grey.size else np.zeros((0, 0), dtype=np.float32)), corner
+
+    def _grey_about(self, pixels: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Array]:
+        """The surroundings (h, w) of pixels (N, 2) on which their evidence rests, and the pixel (2,) of its corner."""
         height, width = self.grey.shape
         # Whole cells of the image's grid: a part of it shows what the whole does.
         left, top = (
@@ -97,10 +119,7 @@ class WorkingImage:
             min(side, math.ceil((v + TUNING.evidence_reach_px + 1) / CELL_PX) * CELL_PX)
             for v, side in zip(pixels.max(axis=0).tolist(), (width, height), strict=True)
         )
-        corner = np.array([left, top], dtype=np.float64)
-        if left >= right or top >= bottom:
-            return np.zeros((0, 0), dtype=np.float32), corner
-        return _evidence(self.grey[top:bottom, left:right], self.bright), corner
+        return self.grey[max(top, 0) : max(bottom, 0), left : max(right, 0)], np.array([left, top], dtype=np.float64)
 
     def about(self, points: Array, reach_mm: float) -> WorkingImage:
         """The part of it that shows some world points (N, 3) m and what lies within a reach of them, there."""
@@ -217,6 +236,11 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     floor = 1e-6 * max(1.0, float(reduced.max()))
     fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
     slow = cv2.GaussianBlur(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import band as kernels
+
+        power = _local_mean(kernels.subtracted(fine, slow, bright))
+        return fine, kernels.divided(fine, power, floor, TUNING.clip)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = _local_mean(in_cells(cv2.multiply(band, band, dst=coarse)))
@@ -231,14 +255,20 @@ def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
     In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device to
     what an electrode may count: a bigger or denser one is no better an electrode.
     """
+    fine, slow = _log_scales(grey)
+    coarse = cv2.resize(slow, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
+    band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
+    power = cv2.blur(cv2.multiply(band, band, dst=coarse), TUNING.evidence_window_px, borderType=cv2.BORDER_REFLECT)
+    noise = cv2.sqrt(cv2.max(power, TUNING.evidence_floor, dst=power), dst=power)
+    return _clipped(np.divide(band, noise, out=band), *TUNING.evidence_range)
+
+
+def _log_scales(grey: npt.NDArray[np.uint8 | np.uint16]) -> tuple[Image, Image]:
+    """Logarithm of grey values (h, w), blurred to an electrode's width; and in cells (h // 2, w // 2), blurred more."""
     logarithm = cv2.log(np.maximum(grey, 1).astype(np.float32))
     fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
     slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
-    coarse = cv2.resize(slow, grey.shape[::-1], dst=logarithm, interpolation=cv2.INTER_LINEAR)
-    band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
-    power = cv2.blur(cv2.multiply(band, band, dst=coarse), TUNING.evidence_window_px, borderType=cv2.BORDER_REFLECT)
-    noise = cv2.sqrt(cv2.max(power, 1e-8, dst=power), dst=power)
-    return _clipped(np.divide(band, noise, out=band), *TUNING.evidence_range)
+    return np.asarray(fine), np.asarray(slow)
 
 
 def _clipped(values: Image, lowest: float, highest: float) -> Image:

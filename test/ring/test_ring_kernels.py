@@ -25,6 +25,7 @@ pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is n
 
 ARMS = CURVE[::4] - LOOP.centre
 SAME_M, SAME_RAD = 1e-9, 1e-7
+ANGLES = np.linspace(0.0, 6.28, 120)
 
 
 def both(call: Callable[[], Any]) -> tuple[Any, Any]:
@@ -101,6 +102,24 @@ def test_an_alignment_at_the_border_ends_in_the_same_place() -> None:
     compiled, plainly = both(lambda: align(part, pattern, ARMS, dict.fromkeys("ab", LOOP.centre), prior))
     assert all(0.3 < fit.coverage < 0.99 for fit in compiled.planes.values())
     same_alignment(compiled, plainly)
+
+
+@pytest.mark.parametrize("bright", [False, True])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_working_image_is_the_same(dtype: type, bright: bool) -> None:
+    generator = np.random.default_rng(2)
+    most = np.iinfo(dtype).max
+    pixels = np.clip(generator.normal(0.4, 0.1, (512, 512)) * most, 0, most).astype(dtype)
+    pixels[:60, :200] = most // 2  # a collimator: without noise
+    frame = Frame(0, pixels, VIEWS["a"])
+    compiled, plainly = both(lambda: working_image(frame, LOOP.centre, bright=bright, shift=np.zeros(2)))
+    np.testing.assert_allclose(compiled.noise, plainly.noise, rtol=1e-4)
+    np.testing.assert_allclose(compiled.values, plainly.values, atol=1e-3)
+    height, width = plainly.values.shape
+    for place in ((250.0, 200.0), (5.0, 8.0), (width - 4.0, height - 9.0), (-20.0, 100.0), (1e4, 1e4), (np.nan, 0.0)):
+        around = np.array(place) + 40.0 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+        shown, plainly_shown = both(lambda around=around: plainly.evidence_at(around))
+        np.testing.assert_allclose(shown, plainly_shown, atol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(20))

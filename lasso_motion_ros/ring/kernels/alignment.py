@@ -221,8 +221,8 @@ def derivative(
 
 
 @compiled(
-    "void(Array(float32, 2, 'A', readonly=True), Array(float32, 2, 'A', readonly=True),"
-    " Array(float32, 2, 'A', readonly=True), float32[:, :, ::1], float32[:, :, ::1], float64[::1], float64[::1],"
+    "void(Array(float32, 2, 'C', readonly=True), Array(float32, 2, 'C', readonly=True),"
+    " Array(float32, 2, 'C', readonly=True), float32[:, :, ::1], float32[:, :, ::1], float64[::1], float64[::1],"
     " float64[:, :, :, ::1], float64, float64[:, ::1], float64[:, :, ::1])"
 )
 def equations(
@@ -287,8 +287,8 @@ def equations(
 
 
 @compiled(
-    "UniTuple(float64, 2)(float32[:, ::1], float32[:, ::1], Array(float32, 2, 'A', readonly=True),"
-    " Array(float32, 2, 'A', readonly=True), float64, int64, float64)"
+    "UniTuple(float64, 2)(float32[:, ::1], float32[:, ::1], Array(float32, 2, 'C', readonly=True),"
+    " Array(float32, 2, 'C', readonly=True), float64, int64, float64)"
 )
 def seen(
     samples: Image,
@@ -431,8 +431,8 @@ def _turned(arms: Array, ring: Array, result: Array) -> None:
 @compiled(
     "Tuple((int64, boolean, float64[:, ::1]))(UniTuple(Array(float32, 2, 'A', readonly=True), 2), float64[:, :, ::1],"
     " float64[:, ::1], Array(float64, 3, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
-    " Array(float32, 2, 'C', readonly=True), Array(float32, 2, 'A', readonly=True),"
-    " Array(float32, 2, 'A', readonly=True), float64[::1], float64[::1], float64[::1], float64[::1],"
+    " Array(float32, 2, 'C', readonly=True), Array(float32, 2, 'C', readonly=True),"
+    " Array(float32, 2, 'C', readonly=True), float64[::1], float64[::1], float64[::1], float64[::1],"
     " UniTuple(float64, 3), UniTuple(float64, 3), UniTuple(float64, 2), int64, float64, float64, int64, float64,"
     " float64, float64, float64, float64, int64, float64, float64[:, :, ::1], float64[:, :, ::1], float64[:, ::1],"
     " float64[:, ::1], float64[::1], float32[:, :, ::1], float32[:, :, ::1], float64[::1], float64[::1],"

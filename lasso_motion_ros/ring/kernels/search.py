@@ -87,7 +87,7 @@ def _vertex(before: float, at: float, after: float) -> float:
     return float(min(max(fraction, np.float32(-0.5)), np.float32(0.5)))
 
 
-@compiled("Tuple((float64[::1], float64[:, ::1]))(Array(float32, 2, 'A', readonly=True), int64, int64)")
+@compiled("Tuple((float64[::1], float64[:, ::1]))(Array(float32, 2, 'C', readonly=True), int64, int64)")
 def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
     """The highest local maxima of a map: `search._highest`.
 

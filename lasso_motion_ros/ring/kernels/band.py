@@ -1,0 +1,178 @@
+"""What the working image does between its filters, compiled: see `core/compiled.py`.
+
+Each goes once through the image where numpy and OpenCV go five times. What varies slowly comes in cells of two by two
+pixels, and is interpolated between their centres.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.core.compiled import compiled
+
+Image = npt.NDArray[np.float32]
+
+_QUARTER, _MOST = np.float32(0.25), np.float32(0.75)
+
+
+@compiled("void(float32[:, ::1], int64, float32[::1], float32[::1])")
+def _between_cells(cells: Image, row: int, column_of_cells: Image, result: Image) -> None:
+    """One row of cells (h, w), interpolated to (2 w,) pixels, as `cv2.resize` does.
+
+    Args:
+        cells: (h, w).
+        row: of the pixels.
+        column_of_cells: (w + 2,) overwritten.
+        result: (2 w,) written.
+    """
+    height, width = cells.shape
+    cell = row // 2
+    other = min(cell + 1, height - 1) if row % 2 else max(cell - 1, 0)
+    near, far = cells[cell], cells[other]
+    inner = column_of_cells[1:]
+    for c in range(width):
+        inner[c] = _MOST * near[c] + _QUARTER * far[c]
+    column_of_cells[0], column_of_cells[width + 1] = column_of_cells[1], column_of_cells[width]
+    for c in range(width):
+        result[2 * c] = _QUARTER * column_of_cells[c] + _MOST * column_of_cells[c + 1]
+        result[2 * c + 1] = _MOST * column_of_cells[c + 1] + _QUARTER * column_of_cells[c + 2]
+
+
+@compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean)")
+def subtracted(fine: Image, slow: Image, bright: bool) -> Image:
+    """Take what varies slowly from an image, and tell the power of what is left.
+
+    Args:
+        fine: (2 h, 2 w) blurred a little; overwritten by the band between the two.
+        slow: (h, w) cells, blurred much.
+        bright: whether what is brighter is positive.
+
+    Returns:
+        (h, w) mean square of the band in each cell.
+    """
+    height, width = slow.shape
+    cells, coarse = np.empty(width + 2, np.float32), np.empty(2 * width, np.float32)
+    power = np.empty((height, width), np.float32)
+    sign = np.float32(1.0 if bright else -1.0)
+    for i in range(2 * height):
+        _between_cells(slow, i, cells, coarse)
+        row = fine[i]
+        for j in range(2 * width):
+            row[j] = sign * (row[j] - coarse[j])
+        if i % 2:
+            above, below, mean = fine[i - 1], row, power[i // 2]
+            for c in range(width):
+                mean[c] = _QUARTER * (
+                    above[2 * c] * above[2 * c]
+                    + above[2 * c + 1] * above[2 * c + 1]
+                    + below[2 * c] * below[2 * c]
+                    + below[2 * c + 1] * below[2 * c + 1]
+                )
+    return power
+
+
+@compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], float32, float32)")
+def divided(band: Image, power: Image, floor: float, clip: float) -> Image:
+    """Divide a band by its local root mean square, and clip it.
+
+    Args:
+        band: (2 h, 2 w) overwritten by the quotient.
+        power: (h, w) mean square about each cell.
+        floor: of it.
+        clip: of the quotient, either way.
+
+    Returns:
+        (2 h, 2 w) the root mean square.
+    """
+    height, width = power.shape
+    noise, root, cells = np.empty_like(band), np.empty((height, width), np.float32), np.empty(width + 2, np.float32)
+    for i in range(height):
+        values, roots = power[i], root[i]
+        for c in range(width):
+            roots[c] = np.sqrt(values[c] if values[c] > floor else floor)
+    for i in range(2 * height):
+        row, own = band[i], noise[i]
+        _between_cells(root, i, cells, own)
+        for j in range(2 * width):
+            row[j] = min(max(row[j] / own[j], -clip), clip)
+    return noise
+
+
+@compiled(
+    "float32[::1](float32[:, ::1], float32[:, ::1], boolean, int64, float32, float32, float32,"
+    " Array(float32, 2, 'A', readonly=True))"
+)
+def evidence_at(
+    fine: Image, slow: Image, bright: bool, half: int, floor: float, lowest: float, highest: float, pixels: Image
+) -> Image:
+    """The evidence at some pixels: `WorkingImage.evidence_at`.
+
+    Args:
+        fine: (2 h, 2 w) logarithm of the grey values, blurred a little; overwritten.
+        slow: (h, w) cells of it, blurred much.
+        bright: whether what is brighter is positive.
+        half: of the window's side, less the pixel in its middle.
+        floor: of the mean square in it.
+        lowest: of the evidence.
+        highest: likewise.
+        pixels: (N, 2) x and y.
+
+    Returns:
+        (N,) bilinear; zero outside the image.
+    """
+    height, width = fine.shape
+    cells, coarse = np.empty(slow.shape[1] + 2, np.float32), np.empty(width, np.float32)
+    sign = np.float32(1.0 if bright else -1.0)
+    above = np.zeros((height + 1, width))  # sums of squares over the rows above each
+    for i in range(height):
+        _between_cells(slow, i, cells, coarse)
+        row, last, new = fine[i], above[i], above[i + 1]
+        for j in range(width):
+            row[j] = sign * (row[j] - coarse[j])
+            new[j] = last[j] + row[j] * row[j]
+    shown = np.zeros(pixels.shape[0], np.float32)
+    sums = np.empty(width)
+    for n in range(pixels.shape[0]):
+        x, y = pixels[n, 0], pixels[n, 1]
+        if not (x > -1.0 and y > -1.0 and x < width and y < height):
+            continue
+        column, row_number = math.floor(x), math.floor(y)
+        right, down = x - np.float32(column), y - np.float32(row_number)
+        for k in range(2):
+            at = row_number + k
+            if at < 0 or at >= height:
+                continue
+            # The window's rows; beyond the border they come again from the other side.
+            top, bottom = at - half, at + half + 1
+            low, high = max(column - half, 0), min(column + 1 + half + 1, width)
+            first, last = above[max(top, 0)], above[min(bottom, height)]
+            for j in range(low, high):
+                sums[j] = last[j] - first[j]
+            if top < 0:
+                mirrored = above[-top]
+                for j in range(low, high):
+                    sums[j] += mirrored[j]
+            if bottom > height:
+                mirrored, whole = above[2 * height - bottom], above[height]
+                for j in range(low, high):
+                    sums[j] += whole[j] - mirrored[j]
+            for m in range(2):
+                place = column + m
+                if place < 0 or place >= width:
+                    continue
+                power = 0.0
+                for j in range(max(place - half, 0), min(place + half + 1, width)):
+                    power += sums[j]
+                for j in range(half - place):
+                    power += sums[j]
+                for j in range(2 * width - place - half - 1, width):
+                    power += sums[j]
+                power /= (2 * half + 1) * (2 * half + 1)
+                value = fine[at, place] / np.float32(math.sqrt(max(power, floor)))
+                value = min(max(value, lowest), highest)
+                share = (down if k else np.float32(1.0) - down) * (right if m else np.float32(1.0) - right)
+                shown[n] += share * value
+    return shown
