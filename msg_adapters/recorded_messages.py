@@ -28,21 +28,23 @@ class RecordedMessages:
 
     def __init__(self, types: Typestore | None = None) -> None:
         self._types = types if types is not None else jazzy_types()
-        self._known: dict[str, dict[str, _Convert]] = {}
+        self._known: dict[str, tuple[type, dict[str, _Convert]]] = {}
 
     def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
         """See `MessageFactory.make`."""
         return self._made(type_name, fields)
 
     def _made(self, type_name: str, fields: Mapping[str, Any]) -> Any:
-        converters = self._known.get(type_name)
-        if converters is None:
-            converters = self._known[type_name] = self._converters(type_name)
-        for name in fields:
-            if name not in converters:
-                raise MessageError(f"{type_name} has no field {name!r}")
-        arguments = {name: convert(fields.get(name)) for name, convert in converters.items()}
-        return self._types.types[type_name](**arguments)
+        known = self._known.get(type_name)
+        if known is None:
+            converters = self._converters(type_name)
+            known = self._known[type_name] = self._types.types[type_name], converters
+        message_type, converters = known
+        if not fields.keys() <= converters.keys():
+            unknown = next(name for name in fields if name not in converters)
+            raise MessageError(f"{type_name} has no field {unknown!r}")
+        # Of the definition's fields, in its order: of a hundred points each, names would take half of the time.
+        return message_type(*[convert(fields.get(name)) for name, convert in converters.items()])
 
     def _converters(self, type_name: str) -> dict[str, _Convert]:
         """For each field, what converts a value (or None, for the default) to what the message holds."""
@@ -64,7 +66,7 @@ class RecordedMessages:
         return partial(_recorded_array, dtype, count, kind == Nodetype.ARRAY)
 
     def _nested(self, type_name: str, value: Any) -> Any:
-        if value is None or isinstance(value, Mapping):
+        if type(value) is dict or value is None or isinstance(value, Mapping):  # the first is asked at once
             return self._made(type_name, value or {})
         return value
 
@@ -85,11 +87,15 @@ def _recorded_array(dtype: np.dtype[Any], length: int, is_fixed: bool, value: An
     return filled
 
 
+def _float(value: Any) -> float:
+    return 0.0 if value is None else float(value)
+
+
 def _base_converter(kind: str) -> _Convert:
     if kind == "string":
         return lambda value: "" if value is None else str(value)
     if kind == "bool":
         return bool
     if kind.startswith("float"):
-        return lambda value: 0.0 if value is None else float(value)
+        return _float
     return lambda value: value[0] if isinstance(value, bytes) else int(value or 0)

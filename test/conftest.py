@@ -37,6 +37,15 @@ if "hypothesis" not in MISSING:
     settings.load_profile("project")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Compile the kernels once, where they are there, before tests and the processes that they start wait for it."""
+    if importlib.util.find_spec("numba") is not None and not hasattr(config, "workerinput"):
+        from lasso_motion_ros.config.tracker import TrackerConfig
+        from lasso_motion_ros.stream.tracker_factory import create_tracker
+
+        create_tracker(TrackerConfig())
+
+
 def pytest_report_header() -> list[str]:
     """Which tests are left out, and for want of what."""
     names = ", ".join(Path(path).name for path in collect_ignore)
