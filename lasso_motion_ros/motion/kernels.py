@@ -172,3 +172,52 @@ def mixed(weights: Array, state: Array, covariance: Array, h: Array) -> tuple[Ar
             for f in range(filters):
                 within[k, m] += weights[f] * (each[f, k] - mean[k]) * (each[f, m] - mean[m])
     return mean, within
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64))(float64[:, ::1], float64[:, :, ::1],"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 1, 'A', readonly=True), float64, float64)"
+)
+def taken_in(
+    state: Array,
+    covariance: Array,
+    h: Array,
+    value: Array,
+    noise: Array,
+    log_weights: Array,
+    odds: Array,
+    freedom: float,
+    unusual: float,
+) -> tuple[Array, Array, Array, float]:
+    """A measurement of two components, and what it tells of the filters: `RespiratoryMotion._update`.
+
+    Args:
+        state: as `measured`, like the next four.
+        covariance: (filters, N, N).
+        h: (2, N).
+        value: (2,).
+        noise: (2, 2).
+        log_weights: (filters,) logarithms of their weights, but for a constant.
+        odds: (filters,) of them before any measurement.
+        freedom: degrees of freedom of the measurements' distribution.
+        unusual: share of `odds` in what is expected.
+
+    Returns:
+        States and covariances; the logarithms of the weights; that of the measurement's probability density.
+    """
+    new_state, new, distance, peaks = measured(state, covariance, h, value, noise)
+    filters = distance.size
+    densities, weights = np.empty(filters), np.empty(filters)
+    highest, heaviest, total, likelihood = -np.inf, -np.inf, 0.0, 0.0
+    for f in range(filters):
+        densities[f] = peaks[f] - 0.5 * (freedom + 2.0) * math.log1p(distance[f] / freedom)
+        highest, heaviest = max(highest, densities[f]), max(heaviest, log_weights[f])
+    for f in range(filters):
+        weights[f] = math.exp(log_weights[f] - heaviest)
+        total += weights[f]
+    for f in range(filters):
+        likelihood += ((1.0 - unusual) * weights[f] / total + unusual * odds[f]) * math.exp(densities[f] - highest)
+        densities[f] += log_weights[f]
+    return new_state, new, densities, highest + math.log(likelihood + 1e-300)

@@ -242,11 +242,6 @@ def measured(
         The two; (filters,) squared Mahalanobis distance of the value from what was foretold; and (filters,) natural
         logarithm of the highest normal density that it could have had.
     """
-    if len(value) == 2 and has_kernels():
-        from lasso_motion_ros.motion import kernels
-
-        taken_in: tuple[Array, Array, Array, Array] = kernels.measured(state, covariance, h, value, noise)
-        return taken_in
     cross = covariance @ h.T
     precision, determinant = inverses(h @ cross + noise)
     innovation = value - state @ h.T

@@ -347,6 +347,23 @@ class RespiratoryMotion:
 
     def _update(self, h: Array, value: Array, noise: Array) -> float:
         """Take in a measurement; returns the logarithm of its probability density, per metre and component."""
+        if len(value) == 2 and has_kernels():
+            from lasso_motion_ros.motion import kernels
+
+            state, covariance, log_weights, likelihood = kernels.taken_in(
+                self._state,
+                self._covariance,
+                h,
+                value,
+                noise,
+                self._log_weights,
+                self._tuning.odds,
+                self._tuning.freedom,
+                self._tuning.unusual_share,
+            )
+            self._become(state, covariance)
+            self._weigh(log_weights)
+            return likelihood
         state, covariance, distance, peaks = measured(self._state, self._covariance, h, value, noise)
         self._become(state, covariance)
         freedom, unusual = self._tuning.freedom, self._tuning.unusual_share

@@ -24,14 +24,15 @@ def test_states_move_on_and_are_measured_alike(seed: int) -> None:
     h = np.linalg.qr(generator.normal(size=(3, 3)))[0][:2] @ (SINCE_B if seed % 2 else DISPLACEMENT)
     value, noise = generator.normal(size=2) * 1e-3, np.cov(generator.normal(size=(2, 5)) * 1e-4)
 
-    def results() -> list[np.ndarray]:
-        moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
-        return [*moved, *motion_model.measured(state, covariance, h, value, noise)]
+    from lasso_motion_ros.motion import kernels
 
-    compiled = results()
     with plain():
-        plainly = results()
-    for one, other in zip(compiled, plainly, strict=True):
+        plain_moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
+    moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
+    measured = kernels.measured(state, covariance, h, value, noise)
+    for one, other in zip(
+        (*moved, *measured), (*plain_moved, *motion_model.measured(state, covariance, h, value, noise)), strict=True
+    ):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 

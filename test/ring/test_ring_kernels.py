@@ -9,7 +9,8 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
+from support.breathing_lasso import ASIDE, CONFIG, pair
+from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, lasso_seed, noisy
 
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame
@@ -20,6 +21,7 @@ from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, 
 from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.strip import Strip, render, strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
+from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.working_image import WorkingImage, working_image
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
@@ -251,3 +253,23 @@ def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
     np.testing.assert_allclose(beside, plain_beside, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(shown, plain_shown, atol=1e-3)
     np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
+
+
+@interpolates_exactly
+def test_a_ring_that_breathes_hides_and_is_moved_is_followed_alike() -> None:
+    def results() -> list[Any]:
+        tracker = RingTracker(CONFIG)
+        followed = [tracker.initialise(pair(0), lasso_seed())]
+        followed += [tracker.track(pair(index)) for index in range(1, 10)]
+        followed += [tracker.track(pair(index, planes=planes)) for index, planes in ((10, "a"), (11, "b"), (12, "ab"))]
+        return followed + [tracker.track(pair(index, ASIDE)) for index in range(13, 16)]
+
+    compiled, plainly = both(results)
+    for one, other in zip(compiled, plainly, strict=True):
+        assert (one.state, one.motion is None) == (other.state, other.motion is None)
+        if other.motion is not None:
+            there = np.r_[LOOP.centre, 1.0]
+            np.testing.assert_allclose(one.motion @ there, other.motion @ there, rtol=0.0, atol=2e-8)
+            np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-3, atol=1e-12)
+        if other.loop is not None:
+            np.testing.assert_allclose(one.loop, other.loop, rtol=0.0, atol=2e-7)
