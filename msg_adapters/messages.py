@@ -71,7 +71,7 @@ class RosMessages:
     def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
         """See `MessageFactory.make`; also raises MessageError where the package is not installed."""
         message = _ros_class(type_name)()
-        _fill_ros(message, fields)
+        _fill_ros(message, fields, _converters(message.__class__))
         return message
 
 
@@ -84,8 +84,7 @@ def _ros_class(type_name: str) -> Any:
         raise MessageError(f"message type {type_name} is not installed ({error})") from error
 
 
-def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
-    converters = _converters(message.__class__)
+def _fill_ros(message: Any, fields: Mapping[str, Any], converters: Mapping[str, _Convert | None]) -> None:
     for name, value in fields.items():
         if name not in converters:
             raise MessageError(f"{type(message).__name__} has no field {name!r}")
@@ -93,7 +92,8 @@ def _fill_ros(message: Any, fields: Mapping[str, Any]) -> None:
         if convert is not None:
             setattr(message, name, convert(value))
         elif isinstance(value, Mapping):
-            _fill_ros(getattr(message, name), value)
+            part = getattr(message, name)
+            _fill_ros(part, value, _converters(part.__class__))
         else:
             setattr(message, name, value)
 
@@ -145,10 +145,11 @@ def _array(code: str, value: Any) -> Any:
 
 def _ros_items(type_name: str, values: Any) -> list[Any]:
     message_class, items = _ros_class(type_name), []
+    converters = _converters(message_class)
     for value in values:
-        if isinstance(value, Mapping):
+        if type(value) is dict or isinstance(value, Mapping):  # the first is asked at once, a hundred times a curve
             message = message_class()
-            _fill_ros(message, value)
+            _fill_ros(message, value, converters)
             items.append(message)
         else:
             items.append(value)
