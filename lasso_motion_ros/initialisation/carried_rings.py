@@ -164,16 +164,13 @@ def _way(
         return expected
     middle = places.mean(axis=0)
     reach = TUNING.reach_m + float(np.linalg.norm(places - middle, axis=1).max())
-    (numbers,) = cloud.within((middle + expected[:3])[None], np.array([reach]))
-    near = np.asarray(numbers, np.intp)
-    near = near[cloud.points.strengths[near] >= TUNING.faintest]
-    near = near[np.argsort(-cloud.points.strengths[near], kind="stable")][: TUNING.voted_for]
+    near = cloud.strongest_within(middle + expected[:3], reach, faintest=TUNING.faintest, most=TUNING.voted_for)
     there = np.concatenate([cloud.points.places[near], cloud.points.lifts[near, None]], axis=1)
     here = np.concatenate([places, lifts[:, None]], axis=1)
     ways = (there[:, None] - here).reshape(-1, 4) - expected
     votes = np.minimum(cloud.points.strengths[near][:, None], strengths).reshape(-1)
     bounds = np.array([TUNING.reach_m] * 3 + [lift_m])
-    is_possible = (np.abs(ways) < bounds).all(axis=1)
+    is_possible = np.logical_and.reduce([np.abs(way) < bound for way, bound in zip(ways.T, bounds, strict=True)])
     ways, votes = ways[is_possible], votes[is_possible]
     if not len(votes):
         return expected

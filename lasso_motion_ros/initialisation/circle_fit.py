@@ -43,7 +43,7 @@ class _Round:
 class _Tuning:
     """How circles come to lie on lines."""
 
-    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 120, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 1.2e-3, 0.97))
+    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 80, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 1.2e-3, 0.97))
     nearer_share: float = 0.6  # standard deviation of where the line is, of the reach
     beside_m: float = 2e-3  # a ring has nothing there
     beside_share: float = 0.5  # of it counts against the circle
@@ -52,7 +52,7 @@ class _Tuning:
     narrow_beside: float = 0.4  # a narrow ellipse lies on many a line
     tilts: tuple[float, ...] = (-0.25, 0.0, 0.25)  # sines, out of a plane's view, that are tried of a narrow circle
     # Of the best, what is tried beside each: lines nearby may hold a circle of which a part lies on the ring.
-    varied: int = 20
+    varied: int = 10
     aside_m: float = 1.5e-3
     aside_tilt: float = 0.25  # sine
     aside_radius: float = 0.12  # of the radius
@@ -215,9 +215,8 @@ def _moved(
     offsets = np.arange(-one.reach_m, one.reach_m + 0.5 * one.step_m, one.step_m)
     nearness = np.exp(-0.5 * (offsets / (TUNING.nearer_share * one.reach_m)) ** 2)
     first, second = axes_across(circles.normals)
-    out = circles.radii[:, None, None] * circles.normals[:, None]
-    # World metres by which each point moves: a tilt about either axis, and a larger radius.
-    moves = (np.sin(TURN)[:, None] * out, np.cos(TURN)[:, None] * out, circles.spokes())
+    cosine, sine = np.cos(TURN), np.sin(TURN)
+    jacobian = np.zeros((len(circles), len(TURN), 7))
     for plane in PLANES:
         columns, rows = laid(circles, plane, grid)
         along, down, length = tangents(columns, rows)
@@ -228,10 +227,17 @@ def _moved(
         found = (weights * offsets).sum(axis=2) / np.maximum(weights.sum(axis=2), 1e-6)
         # Where a plane sees the circle's side, its points lie close together.
         weight = shown.max(axis=2) * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
-        across = x * grid.sideways[plane] + y * grid.upward
-        turned = [np.einsum("npi,npi->np", across, np.broadcast_to(move, across.shape)) for move in moves]
-        lifted = y[..., 0] if plane == "b" else np.zeros_like(length)
-        jacobian = np.concatenate([across, np.stack([*turned, lifted], axis=2)], axis=2)
+        jacobian[..., :3] = x * grid.sideways[plane] + y * grid.upward
+
+        def seen(axes: Array) -> Array:
+            """(N, P) how far across the circle points go that move along axes (N, 3)."""
+            return -down * (axes @ grid.sideways[plane])[:, None] + along * (axes @ grid.upward)[:, None]  # noqa: B023 - called at once
+
+        # A tilt about either axis, and a larger radius.
+        tilted = seen(circles.radii[:, None] * circles.normals)
+        jacobian[..., 3], jacobian[..., 4] = sine * tilted, cosine * tilted
+        jacobian[..., 5] = cosine * seen(first) + sine * seen(second)
+        jacobian[..., 6] = along if plane == "b" else 0.0
         weighted = jacobian * weight[..., None]
         normal += np.matmul(weighted.transpose(0, 2, 1), jacobian)
         right += np.einsum("npi,np->ni", weighted, found)

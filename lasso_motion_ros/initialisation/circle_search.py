@@ -41,7 +41,7 @@ class _Tuning:
     widened_cells: int = 5  # of the maps: a circle between two that are tried is seen in both
     reach_m: float = 0.018  # of a shape
     rows: int = 3_000  # of some shape, in which places are looked for
-    kept: int = 400
+    kept: int = 200
     same_m: float = 3e-3
     same_cosine: float = 0.9
 

@@ -17,8 +17,10 @@ Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.intp]
 
 POINTS = 36  # along a circle: 2 mm apart, as long as a line filter
+_BLOCK = 128
 NARROW_M = 3e-3  # from the middle to either side, of a circle as a plane shows it
 TURN = 2.0 * np.pi * np.arange(POINTS) / POINTS
+_SHARES = np.stack([np.ones(POINTS), np.cos(TURN), np.sin(TURN)])  # of the centre and two axes in a circle's points
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,19 +78,27 @@ class Circles:
             same_cosine: if the cosine of the angle between them is larger.
         """
         order = np.argsort(-self.scores, kind="stable")
-        centres, normals = self.centres[order], self.normals[order]
-        is_left = np.ones(len(order), dtype=bool)
-        chosen: list[int] = []
-        for k in range(len(order)):
-            if not is_left[k]:
-                continue
-            chosen.append(k)
+        chosen = np.zeros(0, np.intp)
+        # Block by block: most are worse than those that are chosen, and are never compared.
+        for start in range(0, len(order), _BLOCK):
+            block = order[start : start + _BLOCK]
+            block = block[~self._are_same(block, chosen, same_m, same_cosine).any(axis=1)]
+            is_other = ~self._are_same(block, block, same_m, same_cosine)
+            is_left, first = np.ones(len(block), dtype=bool), []
+            for k in range(len(block)):
+                if is_left[k]:
+                    first.append(k)
+                    is_left &= is_other[k]
+            chosen = np.concatenate([chosen, block[first]])[:count]
             if len(chosen) == count:
                 break
-            away = centres[k:] - centres[k]
-            near = k + np.flatnonzero(np.einsum("ni,ni->n", away, away) < same_m**2)
-            is_left[near[np.abs(normals[near] @ normals[k]) > same_cosine]] = False
-        return order[np.array(chosen, dtype=np.intp)]
+        return chosen
+
+    def _are_same(self, some: Indices, others: Indices, same_m: float, same_cosine: float) -> npt.NDArray[np.bool_]:
+        """(S, O) which of some are about the same as which of others; arguments as of `distinct_numbers`."""
+        away = self.centres[some][:, None] - self.centres[others]
+        is_near = np.einsum("soi,soi->so", away, away) < same_m**2
+        return np.asarray(is_near & (np.abs(self.normals[some] @ self.normals[others].T) > same_cosine))
 
 
 def is_narrow(circles: Circles, plane: Plane, grid: EpipolarGrid) -> npt.NDArray[np.bool_]:
@@ -106,5 +116,8 @@ def outward(columns: Array, rows: Array) -> tuple[Array, Array]:
 
 def laid(circles: Circles, plane: Plane, grid: EpipolarGrid) -> tuple[Array, Array]:
     """(N, POINTS) columns and rows, metres, of points along circles in a plane's grid."""
-    columns, rows = grid.lay(plane, circles.points())
+    first, second = axes_across(circles.normals)
+    radii = circles.radii[:, None]
+    axes = np.stack([circles.centres, radii * first, radii * second], axis=1)
+    columns, rows = grid.lay_along(plane, axes, _SHARES)
     return columns, rows + circles.lifts[:, None] if plane == "b" else rows

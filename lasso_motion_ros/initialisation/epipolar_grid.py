@@ -101,6 +101,23 @@ class EpipolarGrid:
         rows = self.lever * (rays @ self.upward) / (rays @ self.outward)
         return np.asarray(columns), np.asarray(rows)
 
+    def lay_along(self, plane: Plane, axes: Array, shares: Array) -> tuple[Array, Array]:
+        """Columns and rows (N, P) of points that are sums of a few vectors each, metres in a plane's grid.
+
+        As `lay`, without the points: what the grid asks of the vectors adds up as they do.
+
+        Args:
+            plane: whose grid.
+            axes: (N, K, 3) vectors, the first of them a place, world metres.
+            shares: (K, P) how much of each is in the points; the first's is 1.
+        """
+        seen = np.stack([self.sideways[plane], self.view[plane], self.upward, self.outward])
+        parts = axes @ seen.T
+        parts[:, 0] -= seen @ self.sources[plane]
+        aside, ahead, up, out = np.moveaxis(parts, 2, 0) @ shares
+        distance = float((self.centre - self.sources[plane]) @ self.view[plane])
+        return np.asarray(distance * aside / ahead), np.asarray(self.lever * up / out)
+
     def places(self, columns: dict[Plane, Array], rows: Array) -> Array:
         """(N, 3) the world points that both planes show in columns (N,) of theirs and common rows (N,), metres."""
         ends = {}

@@ -60,10 +60,11 @@ class _Tuning:
     # Of the lines beside a circle, before a model is made and followed: less than the mean of several pairs shows.
     glance_covered: float = 0.5
     glance_agreement: float = 0.0
-    first_support: float = 1.95
+    first_support: float = 1.95  # of the first pair alone: what was fitted to it shows more there
 
 
 TUNING = _Tuning()
+FIRST_SUPPORT = TUNING.first_support
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ class Judgement:
         covered: share of the arc on which both planes show something of a ring.
         spread: how evenly the electrodes lie along the arc, 1 at most.
         agreement: correlation of what the two planes show.
-        comb: score of equally spaced poles; 0 where all else speaks against a ring already.
+        comb: score of equally spaced poles; 0 where without it there is too little of a ring already.
         roundness: nearest by farthest point of the curve from its middle.
         support: what the planes show of it in later pairs, by the tracker's own measure.
         diameter_mm: of the ring.
@@ -169,15 +170,15 @@ class Glance:
         return cls(float((means > TUNING.shown).mean()), float(a @ b) / max(scale, 1e-9))
 
 
+def at_best(*, roundness: float, diameter_mm: float, worth: float, rareness: float, line_beyond: float) -> Judgement:
+    """The judgement of a ring that shows all that one can show once it is followed; arguments as of `Judgement`."""
+    return Judgement(1.0, 1.0, 1.0, np.inf, roundness, np.inf, diameter_mm, worth, rareness, line_beyond)
+
+
 def has_ring_size(diameter_mm: float) -> bool:
     """Whether a ring is as large as a lasso's."""
     low, high = TUNING.diameter_mm
     return low <= diameter_mm <= high
-
-
-def is_shown_at_first(support: float) -> bool:
-    """Whether the first pair shows a ring, by the tracker's own measure: what was fitted to it shows more there."""
-    return support >= TUNING.first_support
 
 
 def judge(
@@ -218,8 +219,8 @@ def judge(
         rareness=rareness,
         line_beyond=line_beyond,
     )
-    # The comb is what takes time.
-    comb = None if judgement.missing else evidence.comb
+    # The comb is what takes time, and the most that it may prove is not always enough.
+    comb = evidence.comb if judgement.is_rival else None
     return replace(judgement, comb=0.0 if comb is None else comb.score)
 
 

@@ -29,6 +29,7 @@ class _Tuning:
 TUNING = _Tuning()
 _Number = TypeVar("_Number", np.float64, np.intp)
 LEVELS = np.array(TUNING.levels)
+_BLOCK = 4096  # points that are looked at together
 _A_PAIRS_SPOTS = 1 << 24  # more than a plane shows
 
 
@@ -78,26 +79,49 @@ class PointCloud:
     Args:
         points: the pair's.
         largest_lift_m: that they have.
+
+    Attributes:
+        points: the same, the strongest first.
     """
 
     def __init__(self, points: ElectrodePoints, largest_lift_m: float) -> None:
-        self.points, self._lifts_m = points, 2.0 * largest_lift_m
+        self.points = points[np.argsort(-points.strengths, kind="stable")]
+        self._lifts_m = 2.0 * largest_lift_m
 
     @cached_property
     def _tree(self) -> cKDTree:
-        return cKDTree(self.points.places)
+        return _tree_of(self.points.places)
 
     @cached_property
     def _trees(self) -> list[cKDTree | None]:
         """Of the points as strong as each level."""
         strong = [self.points.places[self.points.strengths >= level] for level in LEVELS]
-        return [cKDTree(one) if len(one) else None for one in strong]
+        return [_tree_of(one) if len(one) else None for one in strong]
 
     def within(self, centres: Array, radii: Array) -> list[list[int]]:
         """The points in each of some spheres (N, 3), (N,)."""
         if not len(self.points):
             return [[] for _ in centres]
         return list(self._tree.query_ball_point(centres, radii))
+
+    def strongest_within(self, centre: Array, radius_m: float, *, faintest: float, most: int) -> Indices:
+        """The strongest points in a sphere about a place (3,) m, strongest first.
+
+        Args:
+            centre: of the sphere.
+            radius_m: of it.
+            faintest: that a point may be.
+            most: how many at most.
+        """
+        end = int(np.searchsorted(-self.points.strengths, -faintest, side="right"))
+        found, count = [np.zeros(0, np.intp)], 0
+        for start in range(0, end, _BLOCK):
+            away = self.points.places[start : min(start + _BLOCK, end)] - centre
+            found.append(start + np.flatnonzero(np.einsum("ni,ni->n", away, away) <= radius_m**2))
+            count += len(found[-1])
+            if count >= most:
+                break
+        return np.concatenate(found)[:most]
 
     def about(self, centres: Array, radii: Array, lifts: Array, moved: Array, most: int) -> Nearby:
         """The points about rings, moved back by as much as the rings have moved until then.
@@ -113,8 +137,11 @@ class PointCloud:
         numbers = self.within(there, radii + TUNING.reach_m)
         some = np.concatenate([np.asarray(one, np.intp) for one in (*numbers, [])])
         ring = np.repeat(np.arange(len(centres)), [len(one) for one in numbers])
-        away = np.linalg.norm(points.places[some] - there[ring], axis=1)
-        is_near = (away > radii[ring] - TUNING.reach_m) & (np.abs(points.lifts[some] - lifted[ring]) < TUNING.lift_m)
+        away = points.places[some] - there[ring]
+        squared = np.einsum("ni,ni->n", away, away)
+        is_near = (squared > np.square(radii[ring] - TUNING.reach_m)) & (
+            np.abs(points.lifts[some] - lifted[ring]) < TUNING.lift_m
+        )
         some, ring = some[is_near], ring[is_near]
         order = np.lexsort((-points.strengths[some], ring))
         some, ring = some[order], ring[order]
@@ -145,3 +172,8 @@ class PointCloud:
         ]
         volume = 4.0 / 3.0 * np.pi * spheres**3 * self._lifts_m
         return np.asarray(np.maximum(np.stack(counts, axis=1), 1.0) / volume[:, None])
+
+
+def _tree_of(places: Array) -> cKDTree:
+    """A tree of places (M, 3) that is asked a few hundred times: it is made in less than half of the usual time."""
+    return cKDTree(places, compact_nodes=False, balanced_tree=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +22,16 @@ from lasso_motion_ros.initialisation.direction_maps import (
     direction_maps,
 )
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, has_ring_size, is_shown_at_first, judge
+from lasso_motion_ros.initialisation.judgement import (
+    FIRST_SUPPORT,
+    Glance,
+    Judgement,
+    at_best,
+    has_ring_size,
+    judge,
+)
 from lasso_motion_ros.initialisation.ring_search import FoundRings, Layout, search_rings
+from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_curves import build_loop_model
 from lasso_motion_ros.ring.seed_images import SeedImages
@@ -39,7 +47,7 @@ class _Tuning:
 
     pairs: int = 3  # that have to show a ring
     agreement_share: float = 0.5  # of the planes' agreement in a ring's worth
-    lined: int = 4  # circles along lines that are followed beside the rings that electrodes tell of
+    lined: int = 2  # circles along lines that are followed beside the rings that electrodes tell of
     same_curve_m: float = 0.5e-3  # mean distance of two curves along the same lines
     same_m: float = 8e-3  # rings whose centres are closer share much of what they rest on: only the better is one
     same_ring_m: float = 1.5e-3  # curves of one ring have their centres within
@@ -186,6 +194,17 @@ class _Candidate:
         one, another = self.model.points, other.model.points
         return float(distance_to_curve(one, another).mean()) < TUNING.same_curve_m
 
+    @cached_property
+    def at_best(self) -> Judgement:
+        """What it can be once it is followed."""
+        return at_best(
+            roundness=self.model.roundness,
+            diameter_mm=self.model.diameter_mm,
+            worth=self.worth,
+            rareness=self.rareness,
+            line_beyond=self.line_beyond,
+        )
+
 
 def _worth_following(
     told: FoundRings,
@@ -198,22 +217,26 @@ def _worth_following(
     """The rings beside which both planes show something of one: by their electrodes, and the best by their lines."""
     chosen: list[_Candidate] = []
     for found, most in ((told, len(told)), (lined, TUNING.lined)):
+        circles = scored(found.rings.circles(np.zeros(len(found))), maps, grid)
+        beyond = line_beyond(circles, maps, grid)
         candidates = []
         for k in range(len(found)):
             _check(go_on)
-            candidate = _candidate(found, k, images, maps, grid)
-            if candidate is not None and not any(candidate.is_as(other) for other in chosen):
+            seen = _seen_along(found.rings[k : k + 1], images, grid)
+            if seen is None:
+                continue
+            model, agreement = seen
+            worth = float(circles.scores[k]) + TUNING.agreement_share * agreement
+            candidate = _Candidate(model, worth, float(found.rareness[k]), float(beyond[k]))
+            if candidate.at_best.is_rival and not any(candidate.is_as(other) for other in chosen):
                 candidates.append(candidate)
-        candidates.sort(key=lambda one: -one.worth)
+        candidates.sort(key=lambda one: -one.at_best.evidence)
         chosen += candidates[:most]
     return chosen
 
 
-def _candidate(
-    found: FoundRings, number: int, images: SeedImages, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid
-) -> _Candidate | None:
-    """What lies along one ring; None where both planes do not show something of a ring there."""
-    ring = found.rings[number : number + 1]
+def _seen_along(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> tuple[LoopModel, float] | None:
+    """The model along one ring, and the planes' agreement; None where both do not show something of a ring there."""
     try:
         model = model_of(ring, images, grid)
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
@@ -221,12 +244,7 @@ def _candidate(
     seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
     along = {p: image.projection.project(model.points) for p, image in seen.items()}
     glance = Glance.at({p: image.evidence_at(along[p]) for p, image in seen.items()}, places_along(model, images))
-    if not (glance.is_worth_following and has_ring_size(model.diameter_mm)):
-        return None
-    circle = scored(ring.circles(np.zeros(1)), maps, grid)
-    worth = float(circle.scores[0]) + TUNING.agreement_share * glance.agreement
-    beyond = float(line_beyond(circle, maps, grid)[0])
-    return _Candidate(model, worth, float(found.rareness[number]), beyond)
+    return (model, glance.agreement) if glance.is_worth_following and has_ring_size(model.diameter_mm) else None
 
 
 def _followed(
@@ -242,9 +260,7 @@ def _followed(
     tracker = RingTracker(config)
     supports = []
     try:
-        track = tracker.begin(first, one.model, whole)
-        if not is_shown_at_first(track.seed_support):
-            return None
+        track = tracker.begin(first, one.model, whole, least_support=FIRST_SUPPORT)
         for pair in pairs[1:]:
             _check(go_on)
             tracker.track(pair)
@@ -265,7 +281,7 @@ def _followed(
         rareness=one.rareness,
         line_beyond=one.line_beyond,
     )
-    text = "" if judgement.missing else evidence.text
+    text = evidence.text if judgement.is_ring else ""
     return Proposal(first, clicks_along(track.model, images), track.model.points, judgement, 0, text)
 
 

@@ -28,9 +28,9 @@ Array = npt.NDArray[np.float64]
 class _Tuning:
     """How many rings are carried through the pairs, and how many are left."""
 
-    carried: int = 48  # by the first pair's electrodes
+    carried: int = 16  # by the first pair's electrodes
     lined: int = 14  # of the circles that lie on lines, beside those
-    questioned: int = 16
+    questioned: int = 10
     kept: int = 4  # by either evidence
     same_m: float = 3e-3
     same_cosine: float = 0.9

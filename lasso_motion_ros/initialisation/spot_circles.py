@@ -35,7 +35,7 @@ class _Tuning:
     widened_cells: int = 5
     strongest: float = 3.0
     sectors: int = 12
-    kept: int = 300
+    kept: int = 80
     same_m: float = 3e-3
     same_cosine: float = 0.9
 
@@ -67,8 +67,10 @@ def spotted(circles: Circles, spots: Mapping[Plane, Spots], grid: EpipolarGrid) 
         height, width = image.shape
         is_inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
         shown.append(np.where(is_inside, image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0.0))
-    both = np.minimum(*shown).reshape(len(circles), TUNING.sectors, POINTS // TUNING.sectors)
-    scores = np.asarray(both.max(axis=2).mean(axis=1), np.float64)
+    both = np.minimum(*shown)
+    in_sector = POINTS // TUNING.sectors
+    most = np.maximum.reduce([both[:, place::in_sector] for place in range(in_sector)])
+    scores = np.asarray(most.mean(axis=1), np.float64)
     return Circles(circles.centres, circles.normals, circles.radii, circles.lifts, scores)
 
 
@@ -94,7 +96,7 @@ def _through_triples(points: ElectrodePoints) -> Circles:
     first, second, third = first[is_triple], second[is_triple], third[is_triple]
     u, v = u[is_triple], v[is_triple]
     middle, normals, is_open = _circumcircles(u, v)
-    radii = np.linalg.norm(middle, axis=1)
+    radii = np.sqrt(np.einsum("ni,ni->n", middle, middle))
     smallest, largest = TUNING.radii_m
     is_ring = is_open & (radii > smallest) & (radii < largest)
     lifted = (lifts[first] + lifts[second] + lifts[third]) / 3.0

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.core.errors import TrackingError
+from lasso_motion_ros.core.errors import SeedError, TrackingError
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
@@ -75,28 +75,41 @@ class RingTracker:
         self._begin = partial(self._started, pair, whole)
         return result
 
-    def begin(self, pair: FramePair, model: LoopModel, whole: WholeImages | None = None) -> Track:
+    def begin(
+        self,
+        pair: FramePair,
+        model: LoopModel,
+        whole: WholeImages | None = None,
+        *,
+        least_support: float = -math.inf,
+    ) -> Track:
         """Begin with a ring whose curve is known, on `pair`, as `initialise` does; there is no other curve to choose.
 
         Args:
             pair: both planes.
             model: the curve.
             whole: the pair's working images, where others ask for them, too.
+            least_support: what the pair has to show of it.
 
         Returns:
             What is known of the ring; it is what `known` gives until another seed.
 
         Raises:
-            SeedError: planes that disagree by more than any usable calibration, or a ring of no lasso's shape.
+            SeedError: less support, planes that disagree by more than any usable calibration, or a ring of no lasso's
+                shape.
         """
-        track, _ = self._started(pair, whole or WholeImages(pair.frames), model)
+        track, _ = self._started(pair, whole or WholeImages(pair.frames), model, least_support)
         self._track, self._choice, self._begin = track, None, None
         return track
 
-    def _started(self, pair: FramePair, whole: WholeImages, model: LoopModel) -> tuple[Track, TrackResult]:
+    def _started(
+        self, pair: FramePair, whole: WholeImages, model: LoopModel, least_support: float = -math.inf
+    ) -> tuple[Track, TrackResult]:
         """A track of a model, begun on the seed pair."""
         options, frames, catheter = self._options, pair.frames, named(self._config.catheter)
         view, template, seen = seed_template(model, whole, options.template, options.detection)
+        if seen.support < least_support:
+            raise SeedError(f"the pair shows {seen.support:.2f} of the ring, expected at least {least_support:.2f}")
         model, at_seed = view.model, view.displacement(template)
         agreement = seed_agreement(model, pair, self._config.judgement).doubted(shape_doubt(model, catheter))
         detector = RingDetector(model, template, pair.stamp_ns, options.detector, options.detection, self._stages)

@@ -113,3 +113,20 @@ def test_circles_that_are_told_apart_are_the_best_of_their_neighbours() -> None:
     circles = Circles(centres, normals, np.full(4, 0.01), np.zeros(4), scores)
     assert circles.distinct(4, 3e-3, 0.9).scores.tolist() == [0.9, 0.4, 0.3]
     assert circles.distinct(2, 3e-3, 0.9).scores.tolist() == [0.9, 0.4]
+
+
+@pytest.mark.parametrize("count", [1, 40, 10_000])
+def test_circles_are_told_apart_however_many_there_are(count: int) -> None:
+    random = np.random.default_rng(7)
+    normals = random.normal(size=(1_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    centres, scores = random.uniform(-0.01, 0.01, (1_000, 3)), np.round(random.uniform(size=1_000), 2)
+    circles = Circles(centres, normals, np.full(1_000, 0.01), np.zeros(1_000), scores)
+    expected: list[int] = []
+    for k in np.argsort(-scores, kind="stable").tolist():
+        is_same = (np.linalg.norm(centres[expected] - centres[k], axis=1) < 3e-3) & (
+            np.abs(normals[expected] @ normals[k]) > 0.6
+        )
+        if len(expected) < count and not is_same.any():
+            expected.append(k)
+    assert circles.distinct_numbers(count, 3e-3, 0.6).tolist() == expected

@@ -30,6 +30,15 @@ def test_a_cell_of_the_grid_is_seen_by_its_plane_where_it_is_laid() -> None:
         assert back[1] == pytest.approx(np.broadcast_to(rows[:, None], (3, 4)), abs=1e-9)
 
 
+def test_sums_of_vectors_are_laid_as_the_points_that_they_make() -> None:
+    grid = EpipolarGrid.of(VIEWS)
+    axes, shares = POINTS[:18].reshape(6, 3, 3), np.array([[1.0, 1.0], [0.3, -0.7], [-1.2, 0.1]])
+    points = np.einsum("nki,kp->npi", axes, shares)
+    for plane in VIEWS:
+        laid = np.stack(grid.lay_along(plane, axes, shares))
+        assert laid == pytest.approx(np.stack(grid.lay(plane, points)), abs=1e-12)
+
+
 def test_two_planes_that_look_from_one_side_have_no_grid() -> None:
     with pytest.raises(GeometryError, match="parallel"):
         EpipolarGrid.of({"a": VIEWS["a"], "b": VIEWS["a"]})

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, judge
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, judge
 from lasso_motion_ros.ring.electrodes import RingEvidence
 
 GOOD = Judgement(
@@ -72,6 +72,23 @@ def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
     assert dataclasses.replace(GOOD, comb=12.0, spread=0.86, worth=0.85).is_rival
     assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8, rareness=8.0).is_rival
     assert not dataclasses.replace(GOOD, covered=0.4).is_rival
+
+
+@pytest.mark.parametrize(
+    ("change", "may_be"),
+    [({}, True), ({"worth": 0.4, "rareness": 0.0, "roundness": 0.82}, False), ({"line_beyond": 0.9}, False)],
+)
+def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[str, float], may_be: bool) -> None:
+    known = {
+        "roundness": GOOD.roundness,
+        "diameter_mm": GOOD.diameter_mm,
+        "worth": GOOD.worth,
+        "rareness": GOOD.rareness,
+        "line_beyond": GOOD.line_beyond,
+    }
+    best = at_best(**known | change)
+    assert best.is_rival is may_be
+    assert best.evidence >= dataclasses.replace(GOOD, **change).evidence
 
 
 def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:

@@ -60,3 +60,16 @@ def test_what_two_spots_of_a_ring_s_own_make_is_left_out_and_what_one_and_anothe
 def test_no_points_at_all() -> None:
     nearby = _about(_points(np.zeros((0, 3)), np.zeros(0)))
     assert nearby.strengths.tolist() == [[0.0] * 3] * 2
+
+
+def test_the_strongest_points_of_a_sphere_are_found_however_many_there_are() -> None:
+    random = np.random.default_rng(5)
+    points = _points(random.uniform(-0.02, 0.02, (10_000, 3)), np.round(random.uniform(1.5, 4.0, 10_000), 2))
+    cloud, centre = PointCloud(points, 1.5e-3), np.array([5e-3, 0.0, 0.0])
+    is_near = np.linalg.norm(cloud.points.places - centre, axis=1) <= 8e-3
+    within = np.flatnonzero(is_near & (cloud.points.strengths >= 2.0))
+    assert len(within) > 100
+    for most in (0, 7, 100, 10_000):
+        found = cloud.strongest_within(centre, 8e-3, faintest=2.0, most=most)
+        assert found.tolist() == within[:most].tolist()
+    assert (np.diff(cloud.points.strengths) <= 0.0).all()

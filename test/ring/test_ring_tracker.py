@@ -170,3 +170,11 @@ def test_pairs_are_not_changed(tracker):
     tracker.track(seen)
     np.testing.assert_array_equal(seen.a.pixels, before[0])
     np.testing.assert_array_equal(seen.b.pixels, before[1])
+
+
+def test_a_ring_that_is_begun_with_must_show_as_much_as_is_asked(tracker):
+    before = tracker.known
+    with pytest.raises(SeedError, match=r"shows [\d.]+ of the ring, expected at least 9.00"):
+        tracker.begin(pair(0), before.model, least_support=9.0)
+    assert tracker.known is before
+    assert tracker.begin(pair(0), before.model, least_support=1.0) is tracker.known
