@@ -18,7 +18,9 @@ FARTHEST_M = 0.03  # that a breath takes rings from look to look
 
 
 class RingLookout:
-    """Collects successive pairs and looks for rings in them, as many pairs at a time as have to show one.
+    """Collects successive pairs and looks for rings in them: as many as have to show one, then with those before, too.
+
+    What some pairs show too little of is shown by twice as many.
 
     Args:
         config: the parameters.
@@ -27,6 +29,7 @@ class RingLookout:
     def __init__(self, config: StreamConfig) -> None:
         self._config = config
         self._pairs: list[FramePair] = []
+        self._before: list[FramePair] = []  # those of the look before, if the others succeed them
         self._other_polarity = False
 
     def reconfigure(self, config: StreamConfig) -> None:
@@ -35,18 +38,20 @@ class RingLookout:
 
     def forget(self) -> None:
         """Begin anew: the next pair is not of the same succession."""
-        self._pairs.clear()
+        self._pairs, self._before = [], []
 
     def add(self, pair: FramePair) -> tuple[FramePair, ...]:
         """Take the next pair; the pairs to look at, or none where more are needed."""
-        is_later = not self._pairs or pair.stamp_ns > self._pairs[-1].stamp_ns
+        known = [*self._before, *self._pairs]
+        is_later = not known or pair.stamp_ns > known[-1].stamp_ns
         if not pair.is_whole or pair.new_run or not is_later:
-            self._pairs.clear()
+            self.forget()
         if pair.is_whole:
             self._pairs.append(pair)
         if len(self._pairs) < PAIRS:
             return ()
-        pairs, self._pairs = tuple(self._pairs), []
+        pairs = (*self._before, *self._pairs)
+        self._before, self._pairs = self._pairs, []
         return pairs
 
     def look(self, pairs: Sequence[FramePair], go_on: Callable[[], bool] = lambda: True) -> list[Proposal]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import pytest
-from support.lasso_inputs import CURVE
+from support.lasso_inputs import CURVE, PERIOD_NS, lasso_pair
 from support.proposed_ring import ring
 
+from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.initialisation.ring_finder import Proposal
-from lasso_motion_ros.stream.automatic_start import ProposedRings
+from lasso_motion_ros.stream.automatic_start import ProposedRings, RingLookout
 
 
 def places(rings: list[Proposal]) -> list[float]:
@@ -65,3 +66,13 @@ def test_the_ring_that_was_first_stays_so_while_it_is_found() -> None:
     proposed.replace([])
     proposed.replace([ring(0.03), ring(0.0)])
     assert places(proposed.rings) == [0.03, 0.0]
+
+
+def test_a_look_has_three_pairs_the_next_those_too_and_a_pair_that_lacks_a_plane_begins_anew() -> None:
+    lookout, looks = RingLookout(StreamConfig()), []
+    for index in range(16):
+        planes = "a" if index == 10 else "ab"
+        looks.append([one.stamp_ns // PERIOD_NS for one in lookout.add(lasso_pair(index, None, planes))])
+    assert [look for look in looks if look] == [[0, 1, 2], [0, 1, 2, 3, 4, 5], [3, 4, 5, 6, 7, 8], [11, 12, 13]]
+    lookout.forget()
+    assert [len(lookout.add(lasso_pair(index, None))) for index in range(16, 19)] == [0, 0, 3]
