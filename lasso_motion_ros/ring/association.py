@@ -1,9 +1,9 @@
 """Which of the detections is the ring, and whether any is: probabilities from what the images and the motion say.
 
-Each detection is a hypothesis, "the ring is nowhere in view" one more. A hypothesis is worth what the images show there
-(log odds against the best that anything else shows, from the simulator and real video) and how well the motion so far
-foretold it; a ring that was moved by hand is foretold by nothing, which has a probability of its own. Two questions are
-asked: which of the places is the ring's, if one is, and whether it is the ring that shows there.
+Each detection is a hypothesis, "the ring is nowhere in view" one more. Two planes are two witnesses: how the ring looks
+in each, how far their rays pass each other there, and how far that is from where the motion so far foretold it, are
+likelihood ratios against the best of all else, and are multiplied. What is beside it may be the ring itself, seen a
+little off: what is believed of a place is believed of all of it.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.detection import Detection
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.loop_views import PlaneFit
 
 Array = npt.NDArray[np.float64]
 
-
-SMALLEST_DENSITY = 1e-30  # where nothing else ever shows as much
 
 Way = tuple[float, Callable[[], RespiratoryMotion]]
 
@@ -33,26 +33,34 @@ Way = tuple[float, Callable[[], RespiratoryMotion]]
 class AssociationTuning:
     """What images and motion are worth as evidence."""
 
-    # The best of all else that looks like the ring (clutter) is about normal; what shows at the ring may be anything
-    # over a range.
-    clutter_support: float = 1.0
-    clutter_sigma: float = 0.15
-    view_m: float = 0.04  # something else is found anywhere within this,
-    agreement_m: float = 0.01  # and the two planes agree on it as well as this
-    range_support: float = 1.6
-    # Slipped along itself, or a twin: this share of all else looks as the ring does, whatever that is.
+    # Log odds that what a plane shows in a place is the ring: what is shown there, how well the template fits, and the
+    # share of the loop that looks as expected. By logistic regression (docs/constants.md).
+    nothing: float = -9.65
+    by_evidence: float = 4.43
+    by_likeness: float = 3.71
+    by_visible: float = 3.2
+    # Of the ring, the planes' rays pass each other by this, and by what moves in between; where there is more to it (a
+    # calibration that is off, a heart) by anything up to a limit. Of all else by anything up to another.
+    gap_sigma_m: float = 2.5e-4
+    gap_else: float = 0.03
+    largest_gap_m: float = 6e-3
+    clutter_gap_m: float = 2e-3
+    clutter_slacks: float = 1.2
+    # Where it was foretold, with the tails of a Cauchy distribution: so wide, besides what the filter says.
+    foretold_m: float = 4e-3
+    anywhere: float = 1e-3  # relative to there: a C-arm that was moved unsaid
+    # Its like, a twin or itself slipped along its curve: this share of all else looks as the ring does,
     alike: float = 0.03
+    view_m: float = 0.04  # is anywhere within this,
+    agreement_m: float = 0.01  # and the two planes agree on it as well as this.
     usual_sigma: float = 0.25  # of the support where the ring is, about what is usual,
     flattery: float = 0.5  # of the seed pair, whose support is all that is known of the usual one at first: likewise
-    unlike: float = 0.1  # but for this share, of any support
-    # Being where it was foretold proves so much (log odds) and no more, nor more than what the images show there: what
-    # looks like the ring is often right beside it. Where there are several, it tells more of which of them is the ring.
-    foretold: float = 2.0
-    foretold_of_several: float = 8.0
-    anywhere_of_several: float = -3.0  # at least: a C-arm that was moved unsaid shows it anywhere
+    unlike: float = 0.1  # but for this share, of any support,
+    range_support: float = 1.6  # in this range
     surge_probability: float = 0.1  # that a breath has set in unforeseen
     jump_probability: float = 0.02  # that it was moved by hand
     jump_reach_m: float = 0.024  # then it may be anywhere within this
+    beside_m: float = 2e-3  # the same place, for what is asked of a pose
     weight_kept: float = 1e-3  # hypotheses of less are dropped
 
 
@@ -66,9 +74,9 @@ class Hypothesis:
         log_odds: for it, against the ring being out of view.
         gap_mm: by which the planes disagree on its place, mm, signed; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
-        claim: the same among several places, of which the ring is one.
         alike: probability that it is something just like the ring, however plain: such is rare, but lies anywhere.
         probability: of it, among all hypotheses.
+        believed: probability that the ring is there or right beside it; of the most probable hypothesis only.
     """
 
     detection: Detection
@@ -76,9 +84,9 @@ class Hypothesis:
     log_odds: float
     gap_mm: float
     slack_mm: float
-    claim: float = 0.0
     alike: float = 0.0
     probability: float = 0.0
+    believed: float = 0.0
 
     @property
     def is_whole(self) -> bool:
@@ -89,6 +97,11 @@ class Hypothesis:
     def displacement(self) -> Array:
         """(3,) of the ring's centre since the seed pair, metres."""
         return self.motion.at_a.displacement
+
+    def is_beside(self, other: Hypothesis, limit_m: float) -> bool:
+        """Whether another one, shown by the same planes, has the ring within so many metres."""
+        away = self.displacement - other.displacement
+        return self.detection.planes.keys() == other.detection.planes.keys() and math.sqrt(away @ away) < limit_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,30 +161,35 @@ def associate(
         (math.log(tuning.jump_probability), cache(partial(motion.moved_by_hand, tuning.jump_reach_m))),
     ]
     usual_sigma = math.hypot(tuning.usual_sigma, tuning.flattery / (sightings + 1))
-    looks = [_looks(detection.support, usual, usual_sigma, tuning) for detection in detections]
+    foreseen = motion.predict(time_s)
     hypotheses = [
-        _hypothesis(detection, look, ways, time_s, times, model, tuning)
-        for detection, look in zip(detections, looks, strict=True)
+        _hypothesis(
+            detection,
+            _usualness(detection.support, usual, usual_sigma, tuning),
+            foreseen,
+            ways,
+            time_s,
+            times,
+            model,
+            tuning,
+        )
+        for detection in detections
     ]
     if not hypotheses:
         return Association((), 1.0)
-    # Which of them, if one is; and for itself, whether it is the ring.
-    claims = np.array([one.claim for one in hypotheses])
-    shares = np.exp(claims - np.logaddexp.reduce(claims))
-    probabilities = shares * np.exp(-np.logaddexp(0.0, -np.array([one.log_odds for one in hypotheses])))
-    absent = max(0.0, 1.0 - float(probabilities.sum()))
-    weighed = [
-        replace(one, probability=float(probability)) for one, probability in zip(hypotheses, probabilities, strict=True)
-    ]
+    log_odds = np.array([one.log_odds for one in hypotheses])
+    probabilities = np.exp(log_odds - np.logaddexp.reduce([0.0, *log_odds]))
+    weighed = [replace(one, probability=float(share)) for one, share in zip(hypotheses, probabilities, strict=True)]
     weighed.sort(key=lambda one: -one.probability)
-    return Association(
-        tuple(one for one in weighed if one is weighed[0] or one.probability >= tuning.weight_kept), absent
-    )
+    best, others = weighed[0], [one for one in weighed[1:] if one.probability >= tuning.weight_kept]
+    believed = best.probability + sum(one.probability for one in others if best.is_beside(one, tuning.beside_m))
+    return Association((replace(best, believed=believed), *others), max(0.0, 1.0 - float(probabilities.sum())))
 
 
 def _hypothesis(
     detection: Detection,
-    looks: _Looks,
+    usualness: float,
+    foreseen: Estimate,
     ways: Sequence[Way],
     time_s: float,
     times: Mapping[Plane, float],
@@ -197,13 +215,53 @@ def _hypothesis(
             break
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
-    shown = _shown(detection.support, tuning)
-    log_odds = looks.odds + min(motion_odds, tuning.foretold, shown)
-    claim = looks.odds_with_alike + max(min(motion_odds, tuning.foretold_of_several, shown), tuning.anywhere_of_several)
-    # Which shows whatever the ring does, and anything else.
-    alike = tuning.alike / (tuning.alike + looks.usual * math.exp(motion_odds))
     gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
-    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, claim, alike)
+    log_odds = sum(
+        _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
+    )
+    log_odds += _place_odds(after.at_a.displacement - foreseen.displacement, foreseen.covariance, tuning)
+    if len(detection.planes) == len(PLANES):
+        log_odds += _gap_odds(1e-3 * gap_mm, 1e-3 * slack_mm, tuning)
+    # Which shows whatever the ring does, and anything else.
+    alike = tuning.alike / (tuning.alike + usualness * math.exp(motion_odds))
+    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, alike)
+
+
+def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:
+    """Log odds that a plane shows the ring there, by how it looks."""
+    shown = tuning.by_evidence * fit.evidence + tuning.by_visible * fit.visible
+    return tuning.nothing + shown + tuning.by_likeness * likeness
+
+
+def _gap_odds(gap_m: float, slack_m: float, tuning: AssociationTuning) -> float:
+    """Log odds by how far the planes' rays pass each other, metres, and what the motion may do to that."""
+    ring = (1.0 - tuning.gap_else) * _normal(gap_m, 0.0, math.hypot(slack_m, tuning.gap_sigma_m))
+    ring += tuning.gap_else / (2.0 * tuning.largest_gap_m)
+    return math.log(ring * 2.0 * (tuning.clutter_gap_m + tuning.clutter_slacks * slack_m))
+
+
+def _place_odds(away: Array, covariance: Array, tuning: AssociationTuning) -> float:
+    """Log odds by how far (3,) m it is from where it was foretold, with (3, 3) m² of that: 0 at best.
+
+    Being there proves nothing: what looks like the ring is often right beside it.
+    """
+    spread = covariance + tuning.foretold_m**2 * np.eye(3)
+    distance = float(away @ np.linalg.solve(spread, away))
+    return math.log((1.0 + distance) ** -2 + tuning.anywhere)
+
+
+def _usualness(support: float, usual: float, usual_sigma: float, tuning: AssociationTuning) -> float:
+    """Density of a support of the ring, relative to that of what is usual.
+
+    Far less than usual is seldom the ring's, however little else shows as much: a ring that is half drawn into its
+    sheath looks like a ring, too.
+    """
+
+    def density(value: float) -> float:
+        likely = _normal(value, usual, usual_sigma)
+        return (1.0 - tuning.unlike) * likely + tuning.unlike / tuning.range_support
+
+    return density(support) / density(usual)
 
 
 def _disagreement(
@@ -221,43 +279,6 @@ def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:
     """Log probability density of finding something else there: anywhere in view, the planes nearly agreeing."""
     reach, gap = math.log(tuning.view_m), math.log(tuning.agreement_m)
     return -2.0 * reach if len(detection.planes) == 1 else -3.0 * reach - gap
-
-
-def _shown(support: float, tuning: AssociationTuning) -> float:
-    """By how much a support exceeds what else shows that: logarithm of how rare it would be there; 0 or more."""
-    return 0.5 * (max(support - tuning.clutter_support, 0.0) / tuning.clutter_sigma) ** 2
-
-
-@dataclass(frozen=True)
-class _Looks:
-    """How a support tells the ring, as it usually shows, from all else.
-
-    Attributes:
-        odds: logarithm of how much likelier it is of the ring than of anything else that is seen.
-        odds_with_alike: the same, with what looks just like a ring among the rest.
-        usual: its density, of the ring, relative to that of what is usual. Far less than usual is seldom the ring's,
-            however little else shows as much: a ring that is half drawn into its sheath looks like a ring, too.
-    """
-
-    odds: float
-    odds_with_alike: float
-    usual: float
-
-
-def _looks(support: float, usual: float, usual_sigma: float, tuning: AssociationTuning) -> _Looks:
-    any_support = 1.0 / tuning.range_support
-
-    def of_ring(value: float) -> float:
-        return (1.0 - tuning.unlike) * _normal(value, usual, usual_sigma) + tuning.unlike * any_support
-
-    def of_clutter(value: float) -> float:
-        return _normal(value, tuning.clutter_support, tuning.clutter_sigma)
-
-    ring = of_ring(support)
-    # Less than all else mostly shows speaks for nothing.
-    least = max(of_clutter(max(support, tuning.clutter_support)), SMALLEST_DENSITY)
-    rest = (1.0 - tuning.alike) * of_clutter(support) + tuning.alike * any_support
-    return _Looks(math.log(ring / least), math.log(ring / rest), ring / of_ring(usual))
 
 
 def _normal(value: float, mean: float, sigma: float) -> float:

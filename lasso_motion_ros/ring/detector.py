@@ -10,11 +10,12 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel
-from lasso_motion_ros.ring.search import SearchCandidate, find_peaks, join_peaks
+from lasso_motion_ros.ring.search import Peaks, SearchCandidate, find_electrodes, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import HALF_WIDTH
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage, working_image
@@ -29,6 +30,7 @@ class DetectorTuning:
 
     near_first: bool = True  # about the prediction, before the whole image
     from_afar: bool = True  # a ring that has turned much is aligned in blurred images first
+    electrodes: bool = True  # looked for by themselves, about the prediction, where the template shows nothing plain
     unforeseen_speed_m_s: float = 0.04  # of the motion between the two planes' exposures
     expectation_m: float = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
     rival_score: float = 0.85  # of the best candidate's in the search: one that comes so near is aligned, too
@@ -54,6 +56,29 @@ class Expectation:
     stretch: float
     support: float
     is_followed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Surroundings:
+    """What of a pair is looked at, and where the ring may be in it.
+
+    Attributes:
+        images: per plane that can show it.
+        expected: per plane exposed, (3,) where the ring's centre is expected, world metres.
+        reach_mm: how far from there it may be, where it is not looked for everywhere.
+        covariance: (3, 3) m² of what is expected.
+        slack_m: how far it may have moved, unforeseen, between the two exposures.
+    """
+
+    images: dict[Plane, WorkingImage]
+    expected: dict[Plane, Array]
+    reach_mm: float
+    covariance: Array
+    slack_m: float
+
+    def candidates(self, peaks: dict[Plane, Peaks], count: int) -> list[SearchCandidate]:
+        """Places that the planes' peaks may be of, best first."""
+        return join_peaks(peaks, self.expected, self.covariance, self.slack_m, count)
 
 
 class RingDetector:
@@ -111,24 +136,31 @@ class RingDetector:
         prior = RingPrior(float(np.radians(config.ring.turn_deg)), config.ring.stretch)
         detections: list[Detection] = []
         tried: list[SearchCandidate] = []
-        for near in (True, False) if expected.is_followed and self._tuning.near_first else (False,):
-            images, candidates = self._search(pair, expected.motion, config, whole, near=near)
-            if not images:
+        passes = (True, False) if expected.is_followed and self._tuning.near_first else (False,)
+        for near in passes:
+            place = self._surroundings(pair, expected.motion, config, whole, near=near)
+            if not place.images:
                 continue
+            candidates = self._by_template(place, config, near=near)
             fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
-            detections = self._aligned(fresh, images, expected, prior, detections)
+            detections = self._aligned(fresh, place.images, expected, prior, detections)
             is_new = bool(fresh) and fresh[0] is candidates[0]
             if self._tuning.from_afar and is_new and not self._is_enough(detections, expected):
                 # A ring that has turned much looks otherwise, and its peak in the search is off.
                 start = candidates[0].centres
                 with self._stages("alignment"):
                     turned = align_from_afar(
-                        images, self._template, self._model.arms, start, prior, expected.turn, expected.stretch
+                        place.images, self._template, self._model.arms, start, prior, expected.turn, expected.stretch
                     )
                 detections = self._joined(detections, turned)
+            if self._tuning.electrodes and near is passes[0] and not self._is_enough(detections, expected):
+                others = self._by_electrodes(place, expected, config)
+                fresh = [candidate for candidate in others if not any(map(candidate.is_like, candidates))]
+                detections = self._aligned(fresh, place.images, expected, prior, detections)
+                candidates = [*candidates, *fresh]
             if self._is_enough(detections, expected):
                 break
-            tried = [candidate for candidate in candidates if self._is_inside(candidate, images)]
+            tried = [candidate for candidate in candidates if self._is_inside(candidate, place.images)]
         return detections
 
     def _is_enough(self, detections: list[Detection], expected: Expectation) -> bool:
@@ -150,7 +182,7 @@ class RingDetector:
         inside = ((pixels >= 0.0) & (pixels <= size - 1.0)).all(axis=1)
         return float(self._template.weights @ inside)
 
-    def _search(
+    def _surroundings(
         self,
         pair: FramePair,
         motion: RespiratoryMotion,
@@ -158,8 +190,8 @@ class RingDetector:
         whole: WholeImages | None,
         *,
         near: bool,
-    ) -> tuple[dict[Plane, WorkingImage], list[SearchCandidate]]:
-        """Images to look at, and the places where they may show the ring."""
+    ) -> _Surroundings:
+        """The images of what lies near the prediction, or the whole of them."""
         model, times = self._model, self.exposures(pair)
         foreseen = motion.predict(self.seconds(pair.stamp_ns))
         expected: dict[Plane, Array] = {}
@@ -170,7 +202,7 @@ class RingDetector:
         uncertainty_mm = 2e3 * largest_sigma(foreseen.covariance)
         search_mm = config.search.near_mm + min(uncertainty_mm, 20.0)
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
-        images, peaks = {}, {}
+        images = {}
         for plane in times:
             frame = pair.frames[plane]
             shift = model.shift(plane, frame.projection)
@@ -187,18 +219,38 @@ class RingDetector:
                     )
                 else:
                     images[plane] = whole.at(plane, expected[plane], shift, bright=model.bright)
-            with self._stages("search"):
-                peaks[plane] = find_peaks(
-                    images[plane],
-                    self._template.values,
-                    expected[plane],
-                    model.arms,
-                    reach_mm=search_mm if near else None,
-                )
         slack_m = self._tuning.unforeseen_speed_m_s * (times["b"] - times["a"]) if len(times) == len(PLANES) else 0.0
         covariance = foreseen.covariance + self._tuning.expectation_m**2 * np.eye(3)
-        count = config.search.candidates // (2 if near else 1)
-        return images, join_peaks(peaks, expected, covariance, slack_m, max(1, count))
+        return _Surroundings(images, expected, search_mm, covariance, slack_m)
+
+    def _by_template(self, place: _Surroundings, config: TrackerConfig, *, near: bool) -> list[SearchCandidate]:
+        """Where the template fits."""
+        with self._stages("search"):
+            peaks = {
+                plane: find_peaks(
+                    image,
+                    self._template.values,
+                    place.expected[plane],
+                    self._model.arms,
+                    reach_mm=place.reach_mm if near else None,
+                )
+                for plane, image in place.images.items()
+            }
+            return place.candidates(peaks, max(1, config.search.candidates // (2 if near else 1)))
+
+    def _by_electrodes(
+        self, place: _Surroundings, expected: Expectation, config: TrackerConfig
+    ) -> list[SearchCandidate]:
+        """Where both planes show electrodes like the ring's; what one plane alone shows is a coincidence too often."""
+        if len(place.images) < len(PLANES):
+            return []
+        ring = self._model.arms @ rotation_from_vector(expected.turn).T * np.exp(expected.stretch)
+        with self._stages("search"):
+            peaks = {
+                plane: find_electrodes(image, self._template.weights, place.expected[plane], ring, place.reach_mm)
+                for plane, image in place.images.items()
+            }
+            return place.candidates(peaks, config.search.candidates)
 
     def _aligned(
         self,

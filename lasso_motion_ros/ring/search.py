@@ -1,4 +1,8 @@
-"""Global search for the loop: one correlation per plane, then peaks of both planes joined along their rays."""
+"""Search for the loop: a correlation per plane, then peaks of both planes joined along their rays.
+
+The planes are correlated with the template, which is as fine as the wire; or, where that shows nothing plain, what is
+as wide as an electrode with where the electrodes are: it stands out of more noise.
+"""
 
 from __future__ import annotations
 
@@ -81,21 +85,75 @@ def find_peaks(
         arms: (L, 3) the loop about its centre, metres.
         reach_mm: how far from there, at the loop, its centre may be along each of the image's axes; None: anywhere.
     """
-    kernel, expected = render(template, strip_along(centre + arms, image.projection), CELL_PX)
-    cells = in_cells(image.values)
+    kernel, first = render(template, strip_along(centre + arms, image.projection), CELL_PX)
+    reach = None if reach_mm is None else _reach_cells(image, centre, reach_mm)
+    scores, away = _best_shifts(in_cells(image.values), kernel, first, reach)
+    return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
+
+
+def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Array, reach_mm: float) -> Peaks:
+    """The same with a plane's evidence, and where the ring's electrodes are.
+
+    Args:
+        image: the plane.
+        weights: (L,) of the ring's points: where its electrodes are.
+        centre: (3,) about where the loop's centre is expected, world metres.
+        ring: (L, 3) the loop about its centre, turned and stretched as it is expected, metres.
+        reach_mm: how far from there, at the loop, its centre may be along each of the image's axes.
+    """
+    pixels = image.projection.project(centre + ring)
+    reach = _reach_cells(image, centre, reach_mm)
+    margin = CELL_PX * (reach + 1)
+    evidence, corner = image.evidence_about(np.array([pixels.min(axis=0) - margin, pixels.max(axis=0) + margin]))
+    if min(evidence.shape) < CELL_PX:
+        return Peaks(np.zeros(0), np.zeros((0, 2)), image)
+    kernel, first = _on_cells(weights, pixels - corner)
+    scores, away = _best_shifts(in_cells(evidence), kernel, first, reach)
+    return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
+
+
+def _reach_cells(image: WorkingImage, centre: Array, reach_mm: float) -> int:
+    return math.ceil(reach_mm / (CELL_PX * image.projection.millimetres_per_pixel(centre)))
+
+
+def _on_cells(weights: Image, pixels: Array) -> tuple[Image, npt.NDArray[np.int64]]:
+    """Weights (L,) at pixels (L, 2), each shared out among the four cells about it.
+
+    Returns:
+        (h, w) float32 on the search cells, and the cell (2,) x, y of its first element.
+    """
+    at = (pixels + 0.5) / CELL_PX - 0.5
+    cell = np.floor(at).astype(np.int64)
+    first = cell.min(axis=0)
+    width, height = (cell.max(axis=0) + 2 - first).tolist()
+    (right, down), (x, y) = (at - cell).T, (cell - first).T
+    share = weights * np.array([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
+    index = y * width + x + np.array([[0], [1], [width], [width + 1]])
+    kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height)
+    return kernel.reshape(height, width).astype(np.float32), first
+
+
+def _best_shifts(cells: Image, kernel: Image, first: npt.NDArray[np.int64], reach: int | None) -> tuple[Array, Array]:
+    """Where a kernel fits best.
+
+    Args:
+        cells: (h, w) of the image.
+        kernel: (a, b) on such cells.
+        first: (2,) the cell x, y on which its first one lies where it is expected.
+        reach: by how many cells it may be off that along each axis; None: any.
+
+    Returns:
+        (K,) scores in units of their root mean square, highest first; (K, 2) by how many cells it is off there.
+    """
     # The cells x, y on which the kernel's first may lie: up to half of the loop may be outside the image.
     size = np.array(kernel.shape[::-1])
     low, high = -(size // 2), np.array(cells.shape[::-1]) + size // 2 - size
-    if reach_mm is not None:
-        reach = math.ceil(reach_mm / (CELL_PX * image.projection.millimetres_per_pixel(centre)))
-        low, high = np.maximum(low, expected - reach), np.minimum(high, expected + reach)
+    if reach is not None:
+        low, high = np.maximum(low, first - reach), np.minimum(high, first + reach)
     if (high < low).any():
-        return Peaks(np.zeros(0), np.zeros((0, 2)), image)
-    scores = _correlation(_padded(cells, low, high + size), kernel)
-    found, places = _highest(scores)
-    centre_cell = (image.projection.project(centre) + 0.5) / CELL_PX - 0.5
-    pixels = (places + (centre_cell - expected + low) + 0.5) * CELL_PX - 0.5
-    return Peaks(found, pixels, image)
+        return np.zeros(0), np.zeros((0, 2))
+    scores, places = _highest(_correlation(_padded(cells, low, high + size), kernel))
+    return scores, places + low - first
 
 
 def _highest(scores: Image) -> tuple[Array, Array]:

@@ -262,7 +262,7 @@ class RingTracker:
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
             if best.is_whole:
-                if not is_away and best.probability >= self._options.state.pose:
+                if not is_away and best.believed >= self._options.state.pose:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, self._options.state.elsewhere_sigmas)
@@ -281,7 +281,7 @@ class RingTracker:
         track.learn_motion(best, time_s)
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
         agree = 1.0 - track.contradiction.probability
-        if is_plain and min(best.probability, agree) >= self._options.state.tracking:
+        if is_plain and min(best.believed, agree) >= self._options.state.tracking:
             track.learn_template(best)
         if state is TrackerState.TRACKING and self._options.rotation:
             track.learn_rotation(best, time_s)

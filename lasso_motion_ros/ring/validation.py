@@ -13,6 +13,7 @@ from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import StateTuning, probability_beyond
 from lasso_motion_ros.tracking.tracker import TrackerState
 
+SHOWN = 1.0  # of evidence: a plane that shows less shows nothing like the ring
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
@@ -39,10 +40,10 @@ def refusal(
 ) -> str:
     """Why nothing in the pair is believed to be the ring, wherever it lies; empty if the best detection is."""
     best = association.best
-    if best is None or best.probability < states.pose:
-        return _unseen(association, pair)
-    if abs(best.gap_mm) > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm):
+    if best is not None and _stand_apart(best, limits, tuning) and (best.believed >= states.pose or _both_show(best)):
         return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
+    if best is None or best.believed < states.pose:
+        return _unseen(association, pair)
     turned_deg = _turned_deg(track, best)
     is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
     if turned_deg > limits.lost_turn_deg and best.is_whole and not is_elsewhere:
@@ -52,7 +53,7 @@ def refusal(
 
 def unforeseen(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning, states: StateTuning) -> str:
     """Why a detection may be something that is just like the ring; empty if it is where motion foretold the ring."""
-    if best.probability * (1.0 - best.alike) >= states.pose:
+    if best.believed * (1.0 - best.alike) >= states.pose:
         return ""
     if _disagree(best, limits, tuning):
         return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
@@ -117,11 +118,21 @@ def quality(
     if track.belief.in_place < states.tracking:
         return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
     weak = min(planes, key=lambda plane: planes[plane].evidence).upper()
-    if best.probability < states.tracking:
+    if best.believed < states.tracking:
         return TrackerState.DEGRADED, f"plane {weak} shows the lasso only faintly"
     if best.detection.support < tuning.faint_share * track.usual_support:
         return TrackerState.DEGRADED, f"plane {weak} shows less of the lasso than it did"
     return TrackerState.TRACKING, ""
+
+
+def _stand_apart(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning) -> bool:
+    """Whether the planes disagree so much that no pose may rest on them."""
+    return abs(best.gap_mm) > max(limits.lost_gap_mm, tuning.lost_slacks * best.slack_mm)
+
+
+def _both_show(best: Hypothesis) -> bool:
+    """Whether each plane shows something like the ring, believed to be it or not."""
+    return best.is_whole and min(fit.evidence for fit in best.detection.planes.values()) >= SHOWN
 
 
 def _unseen(association: Association, pair: FramePair) -> str:
@@ -133,7 +144,7 @@ def _unseen(association: Association, pair: FramePair) -> str:
     evidence = {plane: fit.evidence for plane, fit in best.detection.planes.items()}
     weak = min(PLANES, key=lambda plane: evidence.get(plane, -1.0))
     strong = max(evidence.values())
-    if strong < 1.0:
+    if strong < SHOWN:
         return "the lasso is not seen"
     return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
 

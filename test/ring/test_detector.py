@@ -14,7 +14,7 @@ from lasso_motion_ros.ring import detector
 from lasso_motion_ros.ring.alignment import align
 from lasso_motion_ros.ring.detector import DetectorTuning, Expectation
 from lasso_motion_ros.ring.loop_views import LoopViews
-from lasso_motion_ros.ring.search import SearchCandidate
+from lasso_motion_ros.ring.search import Peaks, SearchCandidate, join_peaks
 from lasso_motion_ros.ring.tracker import RingTracker
 
 CONFIG = TrackerConfig()
@@ -131,14 +131,32 @@ def test_what_was_tried_is_not_tried_again(monkeypatch, track, aligned):
 
 def test_not_followed_only_the_whole_is_looked_at(monkeypatch, track):
     asked = []
-    search = track.detector._search
-    monkeypatch.setattr(track.detector, "_search", lambda *args, near: asked.append(near) or search(*args, near=near))
+    search = track.detector._by_template
+    monkeypatch.setattr(
+        track.detector, "_by_template", lambda *args, near: asked.append(near) or search(*args, near=near)
+    )
     detect(track, lasso_pair(1, None), is_followed=False)
     assert asked == [False]
     detect(track, lasso_pair(1, None))
     assert asked == [False, True, False]
     detect(track, lasso_pair(1, None), tuning=DetectorTuning(near_first=False))
     assert asked == [False, True, False, False]
+
+
+def test_where_the_template_shows_nothing_plain_the_electrodes_are_looked_for(monkeypatch, track):
+    nothing = Peaks(np.zeros(0), np.zeros((0, 2)), None)
+    monkeypatch.setattr(detector, "find_peaks", lambda *_, **__: nothing)
+    monkeypatch.setattr(detector, "join_peaks", lambda peaks, *known: join_peaks(peaks, *known) if shown(peaks) else [])
+    found = detect(track, lasso_pair(1, DOWN))
+    assert off_mm(found[0], DOWN) < 0.05
+    assert detect(track, lasso_pair(1, DOWN), is_followed=False)
+    # What one plane alone shows is a coincidence too often; and the tuning's word.
+    assert detect(track, lasso_pair(1, DOWN, planes="a")) == []
+    assert detect(track, lasso_pair(1, DOWN), tuning=DetectorTuning(electrodes=False)) == []
+
+
+def shown(peaks):
+    return all(len(found.scores) for found in peaks.values())
 
 
 def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):

@@ -8,7 +8,7 @@ from support.method_inputs import flipped
 
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring import search
-from lasso_motion_ros.ring.search import TUNING, Peaks, SearchCandidate, find_peaks, join_peaks
+from lasso_motion_ros.ring.search import TUNING, Peaks, SearchCandidate, find_electrodes, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.working_image import CELL_PX, working_image
@@ -296,3 +296,38 @@ def test_nothing_is_found_where_the_reach_is_outside_the_image():
     outside = LOOP.centre + np.array([0.0, 0.0, 0.5])
     assert find_peaks(image, TEMPLATE, outside, ARMS, reach_mm=10.0).scores.size == 0
     assert find_peaks(image, TEMPLATE, outside, ARMS).scores.size > 0
+
+
+def spots_image(curve, name, sigma, seed=0):
+    """A working image of electrodes 1.4 mm wide, ten along a curve, and no wire."""
+    view = VIEWS[name]
+    rows, columns = np.mgrid[: view.height, : view.width]
+    grey = np.full((view.height, view.width), 170.0)
+    for x, y in view.project(curve[::12]):
+        grey -= 40.0 * np.exp(-0.5 * ((columns - x) ** 2 + (rows - y) ** 2) / 2.2**2)
+    frame = Frame(0, noisy(grey, [seed, ord(name)], sigma), view)
+    return working_image(frame, LOOP.centre, bright=False, shift=np.zeros(2))
+
+
+ELECTRODES = np.where(np.arange(len(CURVE)) % 12 == 0, 0.1, 0.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("sigma", [5.0, 80.0], ids=["clear", "noise of twice their depth"])
+@pytest.mark.parametrize("translation_mm", [[0.0, 0.0, 0.0], [3.0, -4.0, 5.0], [-9.0, 2.0, -11.0], [0.0, 0.0, 55.0]])
+def test_electrodes_are_found_about_where_they_are_expected(translation_mm, sigma):
+    translation = 1e-3 * np.array(translation_mm)
+    expected = LOOP.centre + translation - np.array([1e-3, 0.0, 2e-3])
+    for name in "ab":
+        image = spots_image(CURVE + translation, name, sigma)
+        found = find_electrodes(image, ELECTRODES, expected, ARMS, 14.0)
+        assert np.linalg.norm(found.pixels[0] - image.projection.project(LOOP.centre + translation)) < 2.0, name
+        assert (np.diff(found.scores) <= 0.0).all()
+
+
+def test_electrodes_are_looked_for_no_further_than_asked_and_not_beside_the_image():
+    image = spots_image(CURVE + np.array([0.0, 0.0, 0.02]), "a", 5.0)
+    expected = image.projection.project(LOOP.centre)
+    found = find_electrodes(image, ELECTRODES, LOOP.centre, ARMS, 6.0)
+    assert np.abs(found.pixels - expected).max() < (6.0 + 1.0) / image.projection.millimetres_per_pixel(LOOP.centre)
+    outside = find_electrodes(image, ELECTRODES, LOOP.centre + np.array([0.0, 0.0, 0.5]), ARMS, 6.0)
+    assert len(outside.scores) == len(outside.pixels) == 0

@@ -1,6 +1,5 @@
 """Each reason for which a detection is not believed, or only with a doubt, and its words."""
 
-import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -63,7 +62,7 @@ def best(a=1.8, b=1.8, *, probability=0.999, turn_deg=0.0, contrast=0.2, **of_hy
     fits = {p: plane_fit(p, HERE, evidence=e, contrast=contrast) for p, e in shown.items() if e is not None}
     detection = detection_of(fits, turn=np.radians([turn_deg, 0.0, 0.0]))
     values = {"log_odds": 9.0, "gap_mm": 0.1, "slack_mm": 0.05} | of_hypothesis
-    return Hypothesis(detection, None, probability=probability, **values)
+    return Hypothesis(detection, None, probability=probability, believed=probability, **values)
 
 
 def refused(hypothesis, *others, pair=BOTH, of_track=None):
@@ -199,7 +198,7 @@ def test_one_plane_alone_is_a_doubt_that_says_which_is_missing_and_why():
 
 
 def test_a_plane_that_shows_it_faintly_is_a_doubt_and_said_to():
-    faint = dataclasses.replace(best(1.8, 1.1), probability=0.9)
+    faint = best(1.8, 1.1, probability=0.9)
     assert judged(faint) == (TrackerState.DEGRADED, "plane B shows the lasso only faintly")
 
 

@@ -56,12 +56,16 @@ def plane_fit(
 
 
 def detection_of(
-    fits: Mapping[Plane, PlaneFit], *, turn: np.ndarray | None = None, tuning: DetectionTuning = WORTH
+    fits: Mapping[Plane, PlaneFit],
+    *,
+    turn: np.ndarray | None = None,
+    likeness: float = 1.0,
+    tuning: DetectionTuning = WORTH,
 ) -> Detection:
     """The detection that some planes' fits are."""
     size = 2 * len(fits) + 4
     alignment = Alignment(
-        likeness=dict.fromkeys(fits, 1.0),
+        likeness=dict.fromkeys(fits, likeness),
         turn=np.zeros(3) if turn is None else turn,
         stretch=0.0,
         correlations=(0.9,),
@@ -72,6 +76,15 @@ def detection_of(
     return Detection(alignment, tuning)
 
 
-def detection_at(place: np.ndarray, *, planes: str = "ab", evidence: float = 1.8, sigma_m: float = 5e-5) -> Detection:
+def detection_at(
+    place: np.ndarray,
+    *,
+    planes: str = "ab",
+    evidence: float = 1.8,
+    likeness: float = 1.0,
+    visible: float = 1.0,
+    sigma_m: float = 5e-5,
+) -> Detection:
     """Both planes, or one, see the ring's centre at a world point (3,) m."""
-    return detection_of({plane: plane_fit(plane, place, evidence=evidence, sigma_m=sigma_m) for plane in planes})
+    seen = {"evidence": evidence, "visible": visible, "sigma_m": sigma_m}
+    return detection_of({plane: plane_fit(plane, place, **seen) for plane in planes}, likeness=likeness)

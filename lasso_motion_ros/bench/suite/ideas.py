@@ -95,6 +95,8 @@ class TurningWithTheRing(WrappedTracker):
 
 
 OFF = 1e6  # a limit that nothing reaches
+# What is shown alone, by a regression of its own on the same pairs.
+WITHOUT_FIT = AssociationTuning(nothing=-6.4, by_evidence=6.6, by_likeness=0.0, by_visible=0.0)
 
 IDEAS: Mapping[str, Idea] = {
     idea.name: idea
@@ -104,6 +106,7 @@ IDEAS: Mapping[str, Idea] = {
         # Where it is looked for.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("near", "looking near the prediction first", options=_with(detector=DetectorTuning(near_first=False))),
+        Idea("electrodes", "electrodes by themselves", options=_with(detector=DetectorTuning(electrodes=False))),
         Idea("afar", "a look from afar, in blurred images", options=_with(detector=DetectorTuning(from_afar=False))),
         # What it looks like.
         Idea("shared", "one profile that both planes share", options=_with(template=TemplateTuning(shared=False))),
@@ -114,8 +117,17 @@ IDEAS: Mapping[str, Idea] = {
         Idea("pulled", "doubt where the template fits badly", options=_with(detection=DetectionTuning(pulled_m=0.0))),
         # Which of the detections it is.
         Idea("weaker", "the weaker plane's say", options=_with(detection=DetectionTuning(stronger_share=1.0))),
-        Idea("images", "the images' evidence", options=_with(association=AssociationTuning(clutter_sigma=OFF))),
-        Idea("motion", "the motion's evidence", options=_with(association=AssociationTuning(view_m=OFF))),
+        Idea(
+            "images",
+            "the images' evidence",
+            options=_with(association=AssociationTuning(nothing=2.0, by_evidence=0.0, by_likeness=0.0, by_visible=0.0)),
+        ),
+        Idea("fit", "how well the template fits", options=_with(association=WITHOUT_FIT)),
+        Idea(
+            "motion", "the motion's evidence", options=_with(association=AssociationTuning(foretold_m=OFF, view_m=OFF))
+        ),
+        Idea("rays", "that both planes see one thing", options=_with(association=AssociationTuning(gap_else=1.0))),
+        Idea("beside", "places beside it as one", options=_with(association=AssociationTuning(beside_m=0.0))),
         Idea(
             "surge",
             "breaths that set in unforeseen",
