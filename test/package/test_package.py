@@ -163,8 +163,11 @@ def test_the_method_imports_no_message_and_no_ros() -> None:
         f"    files = sorted((pathlib.Path({str(ROOT / PACKAGE)!r}) / room).glob('*.py'))\n"
         "    assert files, room\n"
         "    for p in files:\n"
-        "        if p.stem != 'kernels' or has_kernels():\n"
+        "        try:\n"
         f"            importlib.import_module(f'{PACKAGE}.{{room}}.{{p.stem}}')\n"
+        "        except ImportError as error:\n"
+        "            if has_kernels() or 'has_kernels' not in str(error):\n"
+        "                raise\n"
         "print([m for m in sys.modules if m.split('.')[0] in ('rclpy', 'msg_adapters', 'rosbags', 'sensor_msgs')])"
     )
     assert _run([sys.executable, "-c", code], cwd=ROOT).strip() == "[]"
