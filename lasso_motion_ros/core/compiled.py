@@ -8,6 +8,7 @@ cannot be written, or in the folder that the environment's NUMBA_CACHE_DIR names
 
 from __future__ import annotations
 
+import logging
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -17,6 +18,8 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from lasso_motion_ros.core.errors import ConfigurationError
+
+LOG = logging.getLogger(__name__)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -78,10 +81,18 @@ def compiled(*signatures: str, is_exact: bool = False) -> Callable[[Function], F
                 f"{error}: it is compiled anew at every start; NUMBA_CACHE_DIR may name a folder that can be written",
                 stacklevel=2,
             )
-            made = numba.njit(list(signatures), **options)(function)
+            return numba.njit(list(signatures), **options)(function)  # type: ignore[no-any-return]
+        if made.stats.cache_misses:
+            _say_that_it_takes_time()
         return made  # type: ignore[no-any-return]
 
     return decorate
+
+
+@cache
+def _say_that_it_takes_time() -> None:
+    """Once: whoever waits for the first start wants to know for what."""
+    LOG.warning("compiling for this machine, as at each first start with the extra `fast`: up to a minute")
 
 
 @cache

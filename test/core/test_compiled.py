@@ -98,6 +98,10 @@ def test_what_was_compiled_is_kept_where_the_user_says(tmp_path: Path) -> None:
     done = run("import kernel_file", first=str(tmp_path), NUMBA_CACHE_DIR=str(tmp_path / "kept"))
     assert done.stdout.startswith("6.0"), done.stderr
     assert list((tmp_path / "kept").rglob("*.nbi"))
+    # That takes time, which is said; and not again.
+    assert done.stderr.count("compiling for this machine") == 1
+    again = run("import kernel_file", first=str(tmp_path), NUMBA_CACHE_DIR=str(tmp_path / "kept"))
+    assert (again.returncode, again.stderr) == (0, "")
 
 
 @has_numba
