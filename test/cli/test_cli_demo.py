@@ -89,9 +89,10 @@ def test_a_node_that_fails_ends_it_with_its_own_words(tmp_path: Path) -> None:
         live=tmp_path / "live.mcap",
         logs=tmp_path / "logs",
     )
+    before = children_of(os.getpid())  # of other tests, in the same process: multiprocessing keeps a helper
     with pytest.raises(LassoMotionError, match=r"the overlay ended with status 2: .*none.stl: cannot be read"):
         run_graph(given, lambda line: None)
-    assert children_of(os.getpid()) == []
+    assert set(children_of(os.getpid())) <= set(before)
 
 
 def test_the_vein_is_where_the_lasso_is() -> None:
