@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Plane
-from lasso_motion_ros.ring.strip import render, strip_along
+from lasso_motion_ros.ring.strip import render, shared_out, strip_along
 from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in_cells
 
 Array = npt.NDArray[np.float64]
@@ -44,7 +44,7 @@ class Peaks:
     """Places where the loop may be in one plane, best first.
 
     Attributes:
-        scores: (K,) correlation with the ring's template, in units of the map's root mean square.
+        scores: (K,) correlation with what is looked for, in units of the map's root mean square.
         pixels: (K, 2) where the loop's centre would be, working pixels, to a fraction of one.
         image: the working image.
     """
@@ -92,7 +92,7 @@ def find_peaks(
 
 
 def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Array, reach_mm: float) -> Peaks:
-    """The same with a plane's evidence, and where the ring's electrodes are.
+    """Correlate a plane's evidence with where the ring's electrodes are, and take the highest local maxima.
 
     Args:
         image: the plane.
@@ -107,30 +107,14 @@ def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Ar
     evidence, corner = image.evidence_about(np.array([pixels.min(axis=0) - margin, pixels.max(axis=0) + margin]))
     if min(evidence.shape) < CELL_PX:
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
-    kernel, first = _on_cells(weights, pixels - corner)
-    scores, away = _best_shifts(in_cells(evidence), kernel, first, reach)
+    index, share, first, (width, height) = shared_out((pixels - corner).T, weights, CELL_PX)
+    kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height).reshape(height, width)
+    scores, away = _best_shifts(in_cells(evidence), kernel.astype(np.float32), first, reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
 
 
 def _reach_cells(image: WorkingImage, centre: Array, reach_mm: float) -> int:
     return math.ceil(reach_mm / (CELL_PX * image.projection.millimetres_per_pixel(centre)))
-
-
-def _on_cells(weights: Image, pixels: Array) -> tuple[Image, npt.NDArray[np.int64]]:
-    """Weights (L,) at pixels (L, 2), each shared out among the four cells about it.
-
-    Returns:
-        (h, w) float32 on the search cells, and the cell (2,) x, y of its first element.
-    """
-    at = (pixels + 0.5) / CELL_PX - 0.5
-    cell = np.floor(at).astype(np.int64)
-    first = cell.min(axis=0)
-    width, height = (cell.max(axis=0) + 2 - first).tolist()
-    (right, down), (x, y) = (at - cell).T, (cell - first).T
-    share = weights * np.array([(1 - right) * (1 - down), right * (1 - down), (1 - right) * down, right * down])
-    index = y * width + x + np.array([[0], [1], [width], [width + 1]])
-    kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height)
-    return kernel.reshape(height, width).astype(np.float32), first
 
 
 def _best_shifts(cells: Image, kernel: Image, first: npt.NDArray[np.int64], reach: int | None) -> tuple[Array, Array]:

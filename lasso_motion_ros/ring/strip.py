@@ -89,21 +89,10 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
 
         kernel, left, top = rendered(values, strip.coordinates(), strip.spacing, cell_px)
         return kernel, np.array([left, top])
-    at = strip.coordinates().reshape(2, -1) / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
-    cell = np.floor(at)
-    fraction = at - cell
-    corner = cell.astype(np.int64)
-    low = corner.min(axis=1) - 1
-    width, height = (corner.max(axis=1) + 3 - low).tolist()
-    first = (corner[1] - low[1]) * width + corner[0] - low[0]
     density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
-    # Each sample is shared out among the four cells about it.
-    right, down = density * fraction[0], fraction[1]
-    left, up = density - right, 1.0 - down
-    share = np.array([left * up, right * up, left * down, right * down])
-    index = (first + np.array([[0], [1], [width], [width + 1]])).reshape(-1)
-    weight = np.bincount(index, share.reshape(-1), width * height)
-    weighted = np.bincount(index, (share * values.reshape(-1)).reshape(-1), width * height)
+    index, share, low, (width, height) = shared_out(strip.coordinates().reshape(2, -1), density, cell_px)
+    weight = np.bincount(index.reshape(-1), share.reshape(-1), width * height)
+    weighted = np.bincount(index.reshape(-1), (share * values.reshape(-1)).reshape(-1), width * height)
     # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
     largest = weight.max()
     kernel = weighted / np.maximum(weight, 0.25 * largest)
@@ -111,3 +100,30 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
     kernel = np.where(inside, kernel - kernel[inside].mean(), 0.0)
     kernel /= max(math.sqrt(float(kernel @ kernel)), 1e-12)
     return kernel.reshape(height, width).astype(np.float32), low
+
+
+def shared_out(
+    pixels: npt.NDArray[np.floating], amounts: npt.NDArray[np.floating], cell_px: float
+) -> tuple[npt.NDArray[np.int64], Array, npt.NDArray[np.int64], tuple[int, int]]:
+    """Share amounts at places out among the four cells about each.
+
+    Args:
+        pixels: (2, N) x and y, working pixels.
+        amounts: (N,) there.
+        cell_px: size of a cell, working pixels.
+
+    Returns:
+        (4, N) the cells' numbers, row by row; (4, N) what each gets; the cell (2,) x, y of the first one; and how many
+        there are, columns and rows, with an empty one all round.
+    """
+    at = pixels / np.float32(cell_px) + np.float32(0.5 / cell_px - 0.5)
+    cell = np.floor(at)
+    fraction = at - cell
+    corner = cell.astype(np.int64)
+    low = corner.min(axis=1) - 1
+    width, height = (corner.max(axis=1) + 3 - low).tolist()
+    first = (corner[1] - low[1]) * width + corner[0] - low[0]
+    right, down = amounts * fraction[0], fraction[1]
+    left, up = amounts - right, 1.0 - down
+    share = np.array([left * up, right * up, left * down, right * down])
+    return first + np.array([[0], [1], [width], [width + 1]]), share, low, (width, height)
