@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from typing import Any, TypeVar
 
 from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.core.signals import deferred
 
 LOG = logging.getLogger(__name__)
 
@@ -73,7 +74,8 @@ def compiled(*signatures: str, is_exact: bool = False) -> Callable[[Function], F
     def decorate(function: Function) -> Function:
         options = {"error_model": "numpy", "fastmath": False if is_exact else _FASTMATH, "nogil": True}
         try:
-            made = numba.njit(list(signatures), cache=True, **options)(function)
+            with deferred():  # LLVM calls back
+                made = numba.njit(list(signatures), cache=True, **options)(function)
         except RuntimeError as error:
             if "cannot cache" not in str(error):
                 raise
@@ -81,7 +83,8 @@ def compiled(*signatures: str, is_exact: bool = False) -> Callable[[Function], F
                 f"{error}: it is compiled anew at every start; NUMBA_CACHE_DIR may name a folder that can be written",
                 stacklevel=2,
             )
-            return numba.njit(list(signatures), **options)(function)  # type: ignore[no-any-return]
+            with deferred():
+                return numba.njit(list(signatures), **options)(function)  # type: ignore[no-any-return]
         if made.stats.cache_misses:
             _say_that_it_takes_time()
         return made  # type: ignore[no-any-return]

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from lasso_motion_ros.core.signals import Terminated, interruptible
+from lasso_motion_ros.core.signals import Terminated, deferred, interruptible
 
 PATIENCE_S = 20.0
 
@@ -57,3 +57,26 @@ def test_what_is_no_signal_is_reported_as_ever() -> None:
     with interruptible():
         Broken()
         time.sleep(0.1)  # nothing comes
+
+
+@pytest.mark.parametrize(("number", "raised"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_deferred_signal_comes_after_the_block(number: signal.Signals, raised: type[BaseException]) -> None:
+    done = []
+
+    def work() -> None:
+        with deferred():
+            signal.raise_signal(number)
+            done.append("whole")
+        done.append("the signal was lost")
+
+    with interruptible():
+        before = signal.getsignal(number)
+        with pytest.raises(raised):
+            work()
+        assert signal.getsignal(number) is before
+    assert done == ["whole"]
+
+
+def test_what_a_deferred_block_raises_is_raised() -> None:
+    with pytest.raises(ValueError, match="its own"), deferred():
+        raise ValueError("its own")
