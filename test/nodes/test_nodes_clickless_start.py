@@ -47,8 +47,9 @@ def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_
     clicked = stream.pairs(PAIRS)[0]
     stream.clicks(clicked)
     stream.await_state("TRACKING")
-    stream.pairs(2)
-    graph.heard.wait_for(lambda: len(stream.errors_mm()) >= PAIRS + 2, PATIENCE_S)
+    # Of those since the clicked one, which had an answer, some are left out where these come before they are done.
+    last = stream.pairs(2)[-1]
+    graph.heard.wait_for(lambda: last in stream.errors_mm(), PATIENCE_S)
     assert max(stream.errors_mm().values()) < RIGHT_MM
     assert stream.references() == [clicked]
     refused = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
@@ -70,7 +71,7 @@ def test_a_ring_is_proposed_unless_clicks_come_and_tracked_once_accepted_and_by_
     stream.await_state("TRACKING")
     stream.pairs(2)
     graph.heard.wait_for(lambda: shown[-1].action == DELETE, PATIENCE_S)
-    errors = list(stream.errors_mm().values())[PAIRS + 2 :]
+    errors = [error for at, error in stream.errors_mm().items() if at > last]
     assert errors
     assert np.mean(errors) < RIGHT_MM
 
