@@ -35,6 +35,7 @@ class _Tuning:
         bulges: heights of some arcs from click to click, in units of their distance: the loop is not far from one.
         slack: a front may take this many times as long as the cheapest of them is dear, for its sampling,
         beyond_px: and goes on for some pixels, between which the arrival times are interpolated.
+        around_px: as far about its goal it has to have come by then; else it goes on.
     """
 
     margin_px: int = 24
@@ -48,6 +49,7 @@ class _Tuning:
     bulges: tuple[float, ...] = (-0.5, -0.4, -0.3, -0.2, -0.15, -0.1, -0.05, 0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5)
     slack: float = 1.0
     beyond_px: float = 2.0
+    around_px: int = 2
 
 
 TUNING = _Tuning()
@@ -110,8 +112,7 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     margin = int(np.ceil(0.75 * distance)) + 8
     low = np.maximum(np.floor(np.minimum(start, end)).astype(int) - margin, 0)
     high = np.minimum(np.ceil(np.maximum(start, end)).astype(int) + margin + 1, cost.shape[::-1])
-    window = cost[low[1] : high[1], low[0] : high[0]]
-    path = _descend(_arrival(window, start - low, end - low), end - low, start - low)
+    path = _way_down(cost[low[1] : high[1], low[0] : high[0]], start - low, end - low)
     if path is None:
         return straight
     path = path[::-1] + low
@@ -122,16 +123,29 @@ def _minimal_path(cost: Array, start: Array, end: Array) -> Array:
     return resample(path, max(2, int(np.ceil(length / TUNING.step_px)) + 1))
 
 
-def _arrival(cost: Array, start: Array, end: Array) -> Array:
-    """(h, w) times at which the front from start gets to each pixel of the cost image, as far as end and a bit on."""
+def _way_down(cost: Array, start: Array, end: Array) -> Array | None:
+    """(M, 2) path from end back to start, where the front began; None where the walk does not get there."""
     rows, columns = np.ogrid[: cost.shape[0], : cost.shape[1]]
     # The level set's zero contour is a one-pixel disc about the click: the marching starts from there.
     signed_distance = np.hypot(columns - start[0], rows - start[1]) - 1.0
     # The minimal path is no dearer than any other; no pixel costs more than one.
     latest = TUNING.slack * _cheapest_arc(cost, start, end) + TUNING.beyond_px
+    if has_kernels():
+        from lasso_motion_ros.seeding.front_kernels import way_down
+
+        walked, is_there = way_down(
+            signed_distance, cost, end, start, TUNING.around_px, latest, TUNING.step_px, TUNING.goal_px
+        )
+        return walked if is_there else None
+    return _descend(_arrival(cost, signed_distance, end, latest), end, start)
+
+
+def _arrival(cost: Array, signed_distance: Array, end: Array, latest: float) -> Array:
+    """(h, w) times at which the front gets to each pixel of the cost image, as far as end and a bit on."""
     arrival = skfmm.travel_time(signed_distance, 1.0 / cost, order=2, narrow=latest)
     column, row = np.rint(end).astype(int)
-    near_end = np.s_[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
+    around = TUNING.around_px
+    near_end = np.s_[max(row - around, 0) : row + around + 1, max(column - around, 0) : column + around + 1]
     if np.ma.is_masked(arrival[near_end]):
         arrival = skfmm.travel_time(signed_distance, 1.0 / cost, order=2)
     return np.asarray(np.ma.filled(arrival, latest), dtype=np.float64)
@@ -151,11 +165,6 @@ def _cheapest_arc(cost: Array, start: Array, end: Array) -> float:
 
 def _descend(arrival: Array, start: Array, goal: Array) -> Array | None:
     """Walk down the arrival times in half-pixel steps; None where the walk does not get to the goal."""
-    if has_kernels():
-        from lasso_motion_ros.seeding.kernels import descended
-
-        walked, is_there = descended(arrival, start, goal, TUNING.step_px, TUNING.goal_px)
-        return walked if is_there else None
     # Plain numbers: of the thousand steps each would spend its time in making arrays of two and four. A complex number
     # is both slopes at once.
     slopes = np.empty(arrival.shape, dtype=np.complex128)

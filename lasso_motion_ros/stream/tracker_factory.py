@@ -29,4 +29,5 @@ def _load_kernels() -> None:
         import lasso_motion_ros.geometry.kernels
         import lasso_motion_ros.motion.kernels
         import lasso_motion_ros.ring.kernels
+        import lasso_motion_ros.seeding.front_kernels
         import lasso_motion_ros.seeding.kernels  # noqa: F401

@@ -3,6 +3,7 @@ import pytest
 import skfmm
 from support.method_inputs import draw_curve
 
+from lasso_motion_ros.core.compiled import plain
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.curves import arc_length, distance_to_curve
 from lasso_motion_ros.seeding.minimal_path import path_through_clicks
@@ -131,13 +132,15 @@ def test_the_front_stops_behind_the_click_and_no_sooner(monkeypatch):
     """The path is the one that a front over the whole image leads to; the image is not marched through to its end."""
     image = draw_curve(CURVE, SHAPE)
     image = np.clip(image + np.random.default_rng(1).normal(0.0, 12.0, SHAPE), 0, 255).astype(np.uint8)
-    limited, marched, limits = path(image, CLICKS), skfmm.travel_time, []
+    marched, limits = skfmm.travel_time, []
 
     def without_limit(*args, narrow=0.0, **options):
         limits.append(narrow)
         return marched(*args, **options)
 
-    monkeypatch.setattr(skfmm, "travel_time", without_limit)
-    np.testing.assert_array_equal(path(image, CLICKS), limited)
+    with plain():
+        limited = path(image, CLICKS)
+        monkeypatch.setattr(skfmm, "travel_time", without_limit)
+        np.testing.assert_array_equal(path(image, CLICKS), limited)
     assert len(limits) == len(CLICKS) - 1
     assert min(limits) > 0.0
