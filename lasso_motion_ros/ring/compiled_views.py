@@ -29,7 +29,7 @@ class CompiledLoopViews(LoopViews):
         correlation, means = np.zeros((2, count)), np.empty(TUNING.iterations)
         along, sideways = self._slopes[:, 0]
         looks, is_given_up, covariance = kernels.descend(
-            (self._images[0].values, self._images[-1].values),
+            (np.ascontiguousarray(self._images[0].values), np.ascontiguousarray(self._images[-1].values)),
             np.array([image.projection.matrix for image in self._images]),
             self.centres,
             self._across,

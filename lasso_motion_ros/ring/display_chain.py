@@ -370,12 +370,30 @@ def group_sums(new: Difference, old: Difference, tuning: DisplayChainTuning) -> 
     """
     inner = ((tuning.block_px - 2) / tuning.block_px) ** 2
     rounding = QUANTISATION * HIGH_PASS_POWER * inner
+    smallest = tuning.smallest_noise * HIGH_PASS_POWER * inner
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        sums: Array = kernels.group_sums(
+            new.fine,
+            old.fine,
+            np.stack([new.energy, old.energy]),
+            np.stack([new.moved, old.moved]),
+            tuning.block_px,
+            rounding,
+            smallest,
+            tuning.still_share,
+            tuning.fewest_blocks,
+            tuning.outlier_mads,
+            tuning.groups,
+        )
+        return sums if sums.size else None
     energies = np.stack([new.energy, old.energy]) - 2.0 * rounding
-    noisy = np.flatnonzero(energies.min(axis=0) > tuning.smallest_noise * HIGH_PASS_POWER * inner)
+    noisy = np.flatnonzero(energies.min(axis=0) > smallest)
     count = int(tuning.still_share * noisy.size)
     if count < tuning.fewest_blocks:
         return None
-    product = _products(new.fine, old.fine, tuning.block_px) + np.float32(rounding)
+    product = block_means(new.fine * old.fine, tuning.block_px) + np.float32(rounding)
     still = noisy[np.argpartition((new.moved + old.moved)[noisy], count - 1)[:count]]
     correlation = 2.0 * product[still] / energies[:, still].sum(axis=0)
     off = np.abs(correlation - upper_median(correlation[None]))
@@ -383,16 +401,6 @@ def group_sums(new: Difference, old: Difference, tuning: DisplayChainTuning) -> 
     still.sort()
     values = np.stack([product[still], *energies[:, still]]).astype(np.float64)
     return np.asarray(values @ np.eye(tuning.groups)[np.arange(still.size) % tuning.groups])
-
-
-def _products(one: Image, other: Image, size: int) -> Image:
-    """(n · m,) means of the products of two images (n · size, m · size), block by block."""
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels import display as kernels
-
-        means: Image = kernels.products(one, other, size)
-        return means
-    return block_means(one * other, size)
 
 
 def filter_of(sums: Array) -> tuple[float, float]:

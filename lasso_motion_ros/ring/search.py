@@ -14,9 +14,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
+from lasso_motion_ros.geometry.curves import SMALLEST_SPACING
 from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.strip import render, shared_out, strip_along
-from lasso_motion_ros.ring.working_image import CELL_PX, Image, WorkingImage, in_cells
+from lasso_motion_ros.ring.working_image import CELL_PX, PIXEL_MM, Image, WorkingImage, in_cells
 
 Array = npt.NDArray[np.float64]
 
@@ -85,7 +87,7 @@ def find_peaks(
         arms: (L, 3) the loop about its centre, metres.
         reach_mm: how far from there, at the loop, its centre may be along each of the image's axes; None: anywhere.
     """
-    kernel, first = render(template, strip_along(centre + arms, image.projection), CELL_PX)
+    kernel, first = _laid_out(template, image.projection, centre, arms)
     reach = None if reach_mm is None else _reach_cells(image, centre, reach_mm)
     scores, away = _best_shifts(in_cells(image.values), kernel, first, reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
@@ -111,6 +113,19 @@ def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Ar
     kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height).reshape(height, width)
     scores, away = _best_shifts(in_cells(evidence), kernel.astype(np.float32), first, reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
+
+
+def _laid_out(
+    template: Image, projection: Projection, centre: Array, arms: Array
+) -> tuple[Image, npt.NDArray[np.int64]]:
+    """The template's values (L, C) on search cells where the loop is expected, as `render` gives them."""
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.search import laid_out
+
+        column_px_m = 1e-3 * PIXEL_MM * projection.focal_length_px
+        kernel, left, top = laid_out(template, projection.matrix, centre, arms, column_px_m, SMALLEST_SPACING, CELL_PX)
+        return kernel, np.array([left, top])
+    return render(template, strip_along(centre + arms, projection), CELL_PX)
 
 
 def _reach_cells(image: WorkingImage, centre: Array, reach_mm: float) -> int:
@@ -185,24 +200,19 @@ def join_peaks(
     else:
         a, b = peaks["a"], peaks["b"]
         apart = expected["b"] - expected["a"]
-        rays_a, rays_b = a.image.projection.rays(a.pixels), b.image.projection.rays(b.pixels)
         # Once B's are moved back by the expected motion.
         source_a, source_b = a.image.projection.source, b.image.projection.source - apart
         precision = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         tolerance_m = TUNING.ray_tolerance_m + slack_m
-        best = _joined(
-            a.scores, b.scores, rays_a, rays_b, source_a, source_b, expected["a"], precision, tolerance_m, count
-        )
+        best = _joined(a, b, source_a, source_b, expected["a"], precision, tolerance_m, count)
         for score, on_a, on_b in zip(*best, strict=True):
             found.append(SearchCandidate(float(score), {"a": on_a, "b": on_b + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
 
 
 def _joined(
-    scores_a: Array,
-    scores_b: Array,
-    rays_a: Array,
-    rays_b: Array,
+    a: Peaks,
+    b: Peaks,
     source_a: Array,
     source_b: Array,
     expected: Array,
@@ -213,10 +223,8 @@ def _joined(
     """The best pairs of both planes' peaks.
 
     Args:
-        scores_a: (K,) of plane A's peaks.
-        scores_b: (M,) of plane B's.
-        rays_a: (K, 3) unit vectors.
-        rays_b: (M, 3) unit vectors.
+        a: K of plane A's.
+        b: M of plane B's.
         source_a: (3,) world metres.
         source_b: (3,) likewise, moved back by the expected motion.
         expected: (3,) where the centre is expected.
@@ -231,10 +239,12 @@ def _joined(
         from lasso_motion_ros.ring.kernels.search import joined
 
         best_pairs: tuple[Array, Array, Array] = joined(
-            scores_a,
-            scores_b,
-            rays_a,
-            rays_b,
+            a.scores,
+            b.scores,
+            a.pixels,
+            b.pixels,
+            a.image.projection.matrix,
+            b.image.projection.matrix,
             source_a,
             source_b,
             expected,
@@ -247,6 +257,7 @@ def _joined(
             TUNING.disagreement_scale_m,
         )
         return best_pairs
+    rays_a, rays_b = a.image.projection.rays(a.pixels), b.image.projection.rays(b.pixels)
     # Nearest points of every ray of A to every ray of B.
     cosine = rays_a @ rays_b.T
     across = source_b - source_a
@@ -260,7 +271,7 @@ def _joined(
     apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected[:, None, None]
     gap = np.sqrt((apart_there * apart_there).sum(axis=0))
     distance = ((precision @ middle.reshape(3, -1)).reshape(middle.shape) * middle).sum(axis=0)
-    score = np.minimum(scores_a, TUNING.score_ceiling)[:, None] + np.minimum(scores_b, TUNING.score_ceiling)[None]
+    score = np.minimum(a.scores, TUNING.score_ceiling)[:, None] + np.minimum(b.scores, TUNING.score_ceiling)[None]
     score = score - np.minimum(0.1 * distance, 2.0)
     # Planes that disagree are joined only where nothing better is: they tell of a C-arm that has moved.
     excess = np.maximum(gap - tolerance_m, 0.0)

@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import quarter_turn, unit_tangents
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
@@ -84,11 +83,6 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
         (h, w) float32 kernel of zero mean and unit norm on the search cells, and the cell (2,) x, y of its
         first element.
     """
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels.search import rendered
-
-        kernel, left, top = rendered(values, strip.coordinates(), strip.spacing, cell_px)
-        return kernel, np.array([left, top])
     density = np.repeat(np.minimum(strip.spacing, 2.0 * cell_px), values.shape[1])
     index, share, low, (width, height) = shared_out(strip.coordinates().reshape(2, -1), density, cell_px)
     weight = np.bincount(index.reshape(-1), share.reshape(-1), width * height)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from support.breathing_lasso import ASIDE, CONFIG, pair
-from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, lasso_seed, noisy
+from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, lasso_seed, noisy
 
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame
@@ -18,8 +18,9 @@ from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
+from lasso_motion_ros.ring.search import Peaks
 from lasso_motion_ros.ring.slide import SlideTuning
-from lasso_motion_ros.ring.strip import Strip, render, strip_along
+from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.working_image import WorkingImage, working_image
@@ -134,18 +135,18 @@ def test_a_working_image_is_the_same(dtype: type, bright: bool) -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_strip_is_laid_back_alike(seed: int) -> None:
+def test_a_template_is_laid_back_alike(seed: int) -> None:
     generator = np.random.default_rng(seed)
     count = int(generator.integers(5, 150))
     angle = np.linspace(0.0, generator.uniform(1.0, 7.0), count)
-    pixels = 40.0 * np.column_stack([np.cos(angle), generator.uniform(0.0, 1.0) * np.sin(angle)])
-    tangents = generator.normal(size=(count, 2))
-    tangents /= np.linalg.norm(tangents, axis=1)[:, None]
-    strip = Strip(pixels, tangents, tangents[:, ::-1] * [-1, 1], generator.uniform(0.0, 5.0, count), np.array(1.1))
+    arms = 0.01 * np.column_stack([np.cos(angle), generator.uniform(0.0, 1.0) * np.sin(angle), 0.1 * np.sin(angle)])
+    arms = arms @ rotation_from_vector(generator.normal(size=3)).T
+    arms[3] = arms[2]  # points that coincide
     values = generator.normal(size=(count, 13)).astype(np.float32)
-    (kernel, first), (plain_kernel, plain_first) = both(lambda: render(values, strip, 2))
+    view = VIEWS["ab"[seed % 2]].binned(2, 2)
+    (kernel, first), (plain_kernel, plain_first) = both(lambda: search._laid_out(values, view, LOOP.centre, arms))
     np.testing.assert_array_equal(first, plain_first)
-    np.testing.assert_allclose(kernel, plain_kernel, atol=2e-6)
+    np.testing.assert_allclose(kernel, plain_kernel, atol=2e-5)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -163,19 +164,17 @@ def test_the_same_peaks_are_found(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(20))
 def test_the_same_peaks_are_joined(seed: int) -> None:
     generator = np.random.default_rng(seed)
-    count_a, count_b = generator.integers(0, 25, 2)
-    sources = np.array([[0.0, -0.7, 0.1], [0.7, 0.0, 0.0]])
-    points = generator.normal(size=(max(count_a, count_b), 3)) * 0.02
-    rays = []
-    for source, count in zip(sources, (count_a, count_b), strict=True):
-        ray = points[:count] + generator.normal(size=(count, 3)) * generator.choice([1e-4, 5e-3]) - source
-        rays.append(ray / np.linalg.norm(ray, axis=1)[:, None])
-    scores = generator.uniform(2.0, 30.0, count_a), generator.uniform(2.0, 30.0, count_b)
+    counts = generator.integers(0, 25, 2)
+    points = LOOP.centre + generator.normal(size=(max(counts), 3)) * 0.02
+    peaks, sources = [], []
+    for view, count in zip(VIEWS.values(), counts, strict=True):
+        off = generator.normal(size=(count, 3)) * generator.choice([1e-4, 5e-3])
+        image = bare(np.zeros((view.height, view.width), np.float32), view)
+        peaks.append(Peaks(generator.uniform(2.0, 30.0, count), view.project(points[:count] + off), image))
+        sources.append(view.source)
     precision = np.linalg.inv(np.diag(generator.uniform(1e-5, 1e-3, 3)))
     wanted = int(generator.integers(1, 12))
-    compiled, plainly = both(
-        lambda: search._joined(*scores, *rays, *sources, generator.normal(size=3) * 0.0, precision, 0.002, wanted)
-    )
+    compiled, plainly = both(lambda: search._joined(*peaks, *sources, LOOP.centre, precision, 0.002, wanted))
     for one, other in zip(compiled, plainly, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 

@@ -45,7 +45,7 @@ def _upper_median(values: Image) -> np.float32:
     return middle
 
 
-@compiled("float32(Array(float32, 2, 'A', readonly=True), float32, float32)")
+@compiled("float32(Array(float32, 2, 'C', readonly=True), float32, float32)")
 def _beyond(values: Image, x: np.float32, y: np.float32) -> np.float32:
     """Value between the pixels at the border or beyond it; those outside the image are zero."""
     height, width = values.shape
@@ -63,7 +63,7 @@ def _beyond(values: Image, x: np.float32, y: np.float32) -> np.float32:
 
 
 @compiled(
-    "UniTuple(float64, 4)(Array(float32, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    "UniTuple(float64, 4)(Array(float32, 2, 'C', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float64, 1, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float32, 2, 'C', readonly=True), float64, float64, float64, float64, float64[:, ::1], float64[:, ::1],"
     " float64[::1], float64[::1], float32[:, ::1], float32[:, ::1])"
@@ -92,7 +92,7 @@ def look(
         projection: (3, 4) to its pixels.
         centre: (3,) of the loop, world metres.
         arms: (L, 3) the loop about it.
-        pattern: (L, C) the template's values.
+        pattern: (C, L) the template's values.
         column_px_m: a strip's column at a depth of one metre, working pixels.
         smallest_spacing: pixels; points nearer to each other have no direction.
         largest_spacing: pixels; samples further apart do not count for more.
@@ -101,13 +101,13 @@ def look(
         tangents: (L, 2) written: its unit tangents.
         spacing: (L,) written: of its points, pixels.
         depth: (L,) written: metres.
-        samples: (L, C) written.
-        weights: (L, C) written: what each counts.
+        samples: (C, L) written.
+        weights: (C, L) written: what each counts.
 
     Returns:
         Distance between neighbouring columns, pixels; gain; noise; correlation with the pattern.
     """
-    length, columns = pattern.shape
+    columns, length = pattern.shape
     half = columns // 2
     mean_depth = 0.0
     for i in range(length):
@@ -119,7 +119,9 @@ def look(
         mean_depth += depth[i] / length
     step = column_px_m / mean_depth
     height, width = values.shape
-    cross, energy = 0.0, 0.0
+    flat, wide = values.reshape(-1), np.int32(width)
+    last_column, last_row = np.int32(width - 2), np.int32(height - 2)
+    density = np.empty(length, np.float32)
     for i in range(length):
         # Central differences, one-sided at the ends.
         first, last = max(i - 1, 0), min(i + 1, length - 1)
@@ -135,21 +137,25 @@ def look(
             for j in range(columns):
                 x, y = at_x + across_x * np.float32(j - half), at_y + across_y * np.float32(j - half)
                 # Whole pixels, and no further than the last but one, whatever the rounding.
-                column, row = min(np.int32(x), width - 2), min(np.int32(y), height - 2)
+                column, row = min(np.int32(x), last_column), min(np.int32(y), last_row)
                 right, down = x - np.float32(column), y - np.float32(row)
-                above = values[row, column] + (values[row, column + 1] - values[row, column]) * right
-                below = values[row + 1, column] + (values[row + 1, column + 1] - values[row + 1, column]) * right
-                samples[i, j] = above + (below - above) * down
+                here = np.uint32(row * wide + column)
+                under = here + np.uint32(wide)
+                above = flat[here] + (flat[here + np.uint32(1)] - flat[here]) * right
+                below = flat[under] + (flat[under + np.uint32(1)] - flat[under]) * right
+                samples[j, i] = above + (below - above) * down
         else:
             for j in range(columns):
-                samples[i, j] = _beyond(
+                samples[j, i] = _beyond(
                     values, at_x + across_x * np.float32(j - half), at_y + across_y * np.float32(j - half)
                 )
-        density = np.float32(min(spacing[i], largest_spacing))
-        for j in range(columns):
-            weights[i, j] = density
-            cross += density * pattern[i, j] * samples[i, j]
-            energy += density * pattern[i, j] * pattern[i, j]
+        density[i] = min(spacing[i], largest_spacing)
+    cross, energy = 0.0, 0.0
+    for j in range(columns):
+        for i in range(length):
+            weights[j, i] = density[i]
+            cross += density[i] * pattern[j, i] * samples[j, i]
+            energy += density[i] * pattern[j, i] * pattern[j, i]
     gain = np.float32(cross / max(energy, 1e-9))
     off = np.empty_like(samples)
     shown, wanted, counted, apart = samples.reshape(-1), pattern.reshape(-1), weights.reshape(-1), off.reshape(-1)
@@ -195,7 +201,7 @@ def derivative(
         projections: (P, 3, 4) to the pixels.
         across: (P, 2, 3) unit vectors in which each plane's centre moves.
         arms: (L, 3) the loop about its centre.
-        moves: (P, L, 2, 6) written: along and sideways, by the plane's own two shifts, the turn and the stretch.
+        moves: (P, 2, 6, L) written: along and sideways, by the plane's own two shifts, the turn and the stretch.
     """
     planes, length = depth.shape
     for p in range(planes):
@@ -213,11 +219,11 @@ def derivative(
                 c = (u * m[0, 2] + v * m[1, 2] - offset * m[2, 2]) * scale
                 x, y, z = arms[i, 0], arms[i, 1], arms[i, 2]
                 for d in range(2):
-                    moves[p, i, k, d] = across[p, d, 0] * a + across[p, d, 1] * b + across[p, d, 2] * c
-                moves[p, i, k, 2] = y * c - z * b
-                moves[p, i, k, 3] = z * a - x * c
-                moves[p, i, k, 4] = x * b - y * a
-                moves[p, i, k, 5] = x * a + y * b + z * c
+                    moves[p, k, d, i] = across[p, d, 0] * a + across[p, d, 1] * b + across[p, d, 2] * c
+                moves[p, k, 2, i] = y * c - z * b
+                moves[p, k, 3, i] = z * a - x * c
+                moves[p, k, 4, i] = x * b - y * a
+                moves[p, k, 5, i] = x * a + y * b + z * c
 
 
 @compiled(
@@ -241,46 +247,51 @@ def equations(
     """Normal matrix and the points' shares in the right side: `LoopViews.equations`.
 
     Args:
-        pattern: (L, C) the template's values.
-        along: (L, C) their slope along the arc.
-        sideways: (L, C) and across it.
-        samples: (P, L, C) from the last look.
-        weights: (P, L, C) what each counts.
+        pattern: (C, L) the template's values.
+        along: (C, L) their slope along the arc.
+        sideways: (C, L) and across it.
+        samples: (P, C, L) from the last look.
+        weights: (P, C, L) what each counts.
         gains: (P,) of the pattern.
         noise: (P,) of a sample.
-        moves: (P, L, 2, 6) from `derivative`.
+        moves: (P, 2, 6, L) from `derivative`.
         noise_correlation: samples that count as one.
         normal: (N, N) written; N = 2 P + 4.
         scores: (N, P, L) written.
     """
-    planes, length, columns = samples.shape
+    planes, columns, length = samples.shape
     size = 2 * planes + 4
     normal[:] = 0.0
     scores[:] = 0.0
+    aa, ab, bb = np.empty(length, np.float32), np.empty(length, np.float32), np.empty(length, np.float32)
+    ra, rb = np.empty(length, np.float32), np.empty(length, np.float32)
     for p in range(planes):
         gain = max(gains[p], 0.3)
         known = 1.0 / (noise[p] * noise[p] * noise_correlation)
         factor = np.float32(gains[p])
-        for i in range(length):
-            aa, ab, bb, ra, rb = 0.0, 0.0, 0.0, 0.0, 0.0
-            for j in range(columns):
-                weight, a, b = weights[p, i, j], along[i, j], sideways[i, j]
-                residual = factor * pattern[i, j] - samples[p, i, j]
-                aa += weight * a * a
-                ab += weight * a * b
-                bb += weight * b * b
-                ra += weight * a * residual
-                rb += weight * b * residual
-            square, right = gain * gain * known, gain * known
-            aa, ab, bb, ra, rb = square * aa, square * ab, square * bb, right * ra, right * rb
-            for r in range(6):
-                row = 2 * p + r if r < 2 else size - 6 + r
-                u, v = moves[p, i, 0, r], moves[p, i, 1, r]
-                scores[row, p, i] = u * ra + v * rb
-                for q in range(r + 1):
-                    column = 2 * p + q if q < 2 else size - 6 + q
-                    s, t = moves[p, i, 0, q], moves[p, i, 1, q]
-                    normal[row, column] += (u * aa + v * ab) * s + (u * ab + v * bb) * t
+        # Sums over the columns, of all points at once. Of loops with few arrays in them the compiler makes vectors.
+        aa[:], ab[:], bb[:], ra[:], rb[:] = 0.0, 0.0, 0.0, 0.0, 0.0
+        for j in range(columns):
+            for i in range(length):
+                aa[i] += weights[p, j, i] * along[j, i] * along[j, i]
+            for i in range(length):
+                ab[i] += weights[p, j, i] * along[j, i] * sideways[j, i]
+            for i in range(length):
+                bb[i] += weights[p, j, i] * sideways[j, i] * sideways[j, i]
+            for i in range(length):
+                ra[i] += weights[p, j, i] * along[j, i] * (factor * pattern[j, i] - samples[p, j, i])
+            for i in range(length):
+                rb[i] += weights[p, j, i] * sideways[j, i] * (factor * pattern[j, i] - samples[p, j, i])
+        for r in range(6):
+            row = 2 * p + r if r < 2 else size - 6 + r
+            for i in range(length):
+                scores[row, p, i] = gain * known * (moves[p, 0, r, i] * ra[i] + moves[p, 1, r, i] * rb[i])
+            for q in range(r + 1):
+                column, total = 2 * p + q if q < 2 else size - 6 + q, 0.0
+                for i in range(length):
+                    total += moves[p, 0, q, i] * (moves[p, 0, r, i] * aa[i] + moves[p, 1, r, i] * ab[i])
+                    total += moves[p, 1, q, i] * (moves[p, 0, r, i] * ab[i] + moves[p, 1, r, i] * bb[i])
+                normal[row, column] += gain * gain * known * total
     for r in range(size):
         for q in range(r):
             normal[q, r] = normal[r, q]
@@ -429,7 +440,7 @@ def _turned(arms: Array, ring: Array, result: Array) -> None:
 
 
 @compiled(
-    "Tuple((int64, boolean, float64[:, ::1]))(UniTuple(Array(float32, 2, 'A', readonly=True), 2), float64[:, :, ::1],"
+    "Tuple((int64, boolean, float64[:, ::1]))(UniTuple(Array(float32, 2, 'C', readonly=True), 2), float64[:, :, ::1],"
     " float64[:, ::1], Array(float64, 3, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float32, 2, 'C', readonly=True), Array(float32, 2, 'C', readonly=True),"
     " Array(float32, 2, 'C', readonly=True), float64[::1], float64[::1], float64[::1], float64[::1],"
@@ -511,7 +522,7 @@ def descend(
         spacing: (P, L).
         depth: (P, L).
         steps: (P,).
-        samples: (P, L, C).
+        samples: (P, L, C), by the last look alone, like the next.
         weights: (P, L, C).
         gains: (P,).
         noise: (P,).
@@ -524,7 +535,14 @@ def descend(
     planes, length = depth.shape
     size, shared = 2 * planes + 4, 2 * planes
     normal, factor, step = np.zeros((size, size)), np.empty((size, size)), np.empty(size)
-    moves, scores, turned = np.empty((planes, length, 2, 6)), np.empty((size, planes, length)), np.empty((length, 3))
+    moves, scores, turned = np.empty((planes, 2, 6, length)), np.empty((size, planes, length)), np.empty((length, 3))
+    # Column by column: what is done with all points of one is done at once.
+    columns = pattern.shape[1]
+    wanted, slopes = np.empty((columns, length), np.float32), np.empty((2, columns, length), np.float32)
+    shown, counted = np.empty((planes, columns, length), np.float32), np.empty((planes, columns, length), np.float32)
+    for i in range(length):
+        for j in range(columns):
+            wanted[j, i], slopes[0, j, i], slopes[1, j, i] = pattern[i, j], along[i, j], sideways[i, j]
     for i in range(size):
         normal[i, i] = nothing_seen if i < shared else precision[i - shared]
     correlation[:] = 0.0
@@ -538,7 +556,7 @@ def descend(
                 projections[p],
                 centres[p],
                 turned,
-                pattern,
+                wanted,
                 columns_px_m[p],
                 smallest_spacing,
                 largest_spacing,
@@ -547,8 +565,8 @@ def descend(
                 tangents[p],
                 spacing[p],
                 depth[p],
-                samples[p],
-                weights[p],
+                shown[p],
+                counted[p],
             )
         means[looks] = correlation[1].sum() / planes
         looks += 1
@@ -558,7 +576,7 @@ def descend(
         # The derivative changes little on the way; the residual is what has to be exact.
         if looks <= renewals:
             derivative(pixels, tangents, spacing, depth, steps, projections, across, turned, moves)
-        equations(pattern, along, sideways, samples, weights, gains, noise, moves, noise_correlation, normal, scores)
+        equations(wanted, slopes[0], slopes[1], shown, counted, gains, noise, moves, noise_correlation, normal, scores)
         trace = 0.0
         for i in range(size):
             step[i] = scores[i].sum()
@@ -589,6 +607,10 @@ def descend(
             is_done = is_done and is_small and abs(step[i]) < limit
         if is_done:
             break
+    for p in range(planes):
+        for i in range(length):
+            for j in range(columns):
+                samples[p, i, j], weights[p, i, j] = shown[p, j, i], counted[p, j, i]
     if is_given_up:
         return looks, True, _inverse(normal)
     return looks, False, covariance(normal, scores, segments, nominal_segments)

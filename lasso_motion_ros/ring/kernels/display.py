@@ -131,6 +131,70 @@ def products(one: Image, other: Image, size: int) -> Image:
     return means.reshape(-1)
 
 
+@compiled("float32(float32[::1])")
+def _upper_median(values: Image) -> np.float32:
+    """The middle one of values (N,), or the upper one of two."""
+    middle: np.float32 = np.sort(values)[values.size // 2]
+    return middle
+
+
+@compiled(
+    "float64[:, ::1](float32[:, ::1], float32[:, ::1], float32[:, ::1], float32[:, ::1], int64, float32, float32,"
+    " float64, int64, float32, int64)"
+)
+def group_sums(
+    fine: Image,
+    before: Image,
+    energies: Image,
+    moved: Image,
+    size: int,
+    rounding: float,
+    smallest: float,
+    share: float,
+    fewest: int,
+    outlier: float,
+    groups: int,
+) -> Array:
+    """C, E1 and E0 over groups of the blocks in which least moves: `display_chain.group_sums`.
+
+    Args:
+        fine: (n · size, m · size) of d1.
+        before: likewise of d0.
+        energies: (2, n · m) of both.
+        moved: (2, n · m) of both.
+        size: of a block, pixels.
+        rounding: what rounding takes from each product.
+        smallest: energy of a block that is used.
+        share: of such blocks.
+        fewest: blocks.
+        outlier: median absolute deviations.
+        groups: of blocks.
+
+    Returns:
+        (3, groups); (3, 0) for too few blocks.
+    """
+    product, energy = products(fine, before, size), energies - np.float32(2.0) * rounding
+    noisy = np.flatnonzero(np.minimum(energy[0], energy[1]) > smallest)
+    count = int(share * noisy.size)
+    if count < fewest:
+        return np.empty((3, 0))
+    still = noisy[np.argsort((moved[0] + moved[1])[noisy], kind="mergesort")[:count]]
+    correlation = np.empty(count, np.float32)
+    for k in range(count):
+        block = still[k]
+        correlation[k] = np.float32(2.0) * (product[block] + rounding) / (energy[0, block] + energy[1, block])
+    off = np.abs(correlation - _upper_median(correlation))
+    limit = outlier * max(_upper_median(off), np.float32(1e-3))
+    still = np.sort(still[off <= limit])
+    sums = np.zeros((3, groups))
+    for k in range(still.size):
+        block, group = still[k], k % groups
+        sums[0, group] += product[block] + rounding
+        sums[1, group] += energy[0, block]
+        sums[2, group] += energy[1, block]
+    return sums
+
+
 @compiled("float64(float64, float64, float64)")
 def _filter_from(product: float, energy_1: float, energy_0: float) -> float:
     root = math.sqrt(max(product * product - energy_0 * (energy_1 - energy_0), 0.0))

@@ -80,6 +80,61 @@ def rendered(values: Image, coordinates: Image, spacing: Array, cell_px: float) 
     return made, first_column, first_row
 
 
+@compiled(
+    "Tuple((float32[:, ::1], int64, int64))(Array(float32, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), float64, float64, float64)"
+)
+def laid_out(
+    values: Image,
+    projection: Array,
+    centre: Array,
+    arms: Array,
+    column_px_m: float,
+    smallest_spacing: float,
+    cell_px: float,
+) -> tuple[Image, int, int]:
+    """A template laid into the image plane along a curve: `strip.strip_along` and `strip.render`.
+
+    Args:
+        values: (L, C) the template's.
+        projection: (3, 4) to working pixels.
+        centre: (3,) of the loop, world metres.
+        arms: (L, 3) the loop about it.
+        column_px_m: a strip's column at a depth of one metre, working pixels.
+        smallest_spacing: pixels; points nearer to each other have no direction.
+        cell_px: size of a search cell, working pixels.
+
+    Returns:
+        As `rendered`.
+    """
+    length, columns = values.shape
+    pixels, spacing, mean_depth = np.empty((length, 2)), np.empty(length), 0.0
+    for i in range(length):
+        x, y, z = centre[0] + arms[i, 0], centre[1] + arms[i, 1], centre[2] + arms[i, 2]
+        depth = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
+        for k in range(2):
+            along = projection[k, 0] * x + projection[k, 1] * y + projection[k, 2] * z + projection[k, 3]
+            pixels[i, k] = along / depth
+        mean_depth += depth / length
+    step = column_px_m / mean_depth
+    coordinates = np.empty((2, length, columns), np.float32)
+    for i in range(length):
+        # Central differences, one-sided at the ends.
+        first, last = max(i - 1, 0), min(i + 1, length - 1)
+        share = 1.0 / (last - first)
+        along_x, along_y = share * (pixels[last, 0] - pixels[first, 0]), share * (pixels[last, 1] - pixels[first, 1])
+        spacing[i] = math.sqrt(along_x * along_x + along_y * along_y)
+        scale = step / max(spacing[i], smallest_spacing)
+        across_x, across_y = np.float32(-scale * along_y), np.float32(scale * along_x)
+        at_x, at_y = np.float32(pixels[i, 0]), np.float32(pixels[i, 1])
+        for j in range(columns):
+            coordinates[0, i, j] = at_x + across_x * np.float32(j - columns // 2)
+            coordinates[1, i, j] = at_y + across_y * np.float32(j - columns // 2)
+    made, column, row = rendered(values, coordinates, spacing, cell_px)
+    return made, column, row
+
+
 @compiled("float64(float32, float32, float32)")
 def _vertex(before: float, at: float, after: float) -> float:
     curvature = min(before - np.float32(2.0) * at + after, np.float32(-1e-30))
@@ -141,8 +196,25 @@ def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
     return found, places
 
 
+@compiled("float64[:, ::1](Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))")
+def _rays(projection: Array, pixels: Array) -> Array:
+    """(N, 3) unit directions from the source through pixels (N, 2): `Projection.rays`."""
+    m, rays = projection, np.empty((pixels.shape[0], 3))
+    for n in range(pixels.shape[0]):
+        x, y = pixels[n, 0], pixels[n, 1]
+        # Where both planes meet that the pixel's column and its row span with the source.
+        a, b, c = m[0, 0] - x * m[2, 0], m[0, 1] - x * m[2, 1], m[0, 2] - x * m[2, 2]
+        d, e, f = m[1, 0] - y * m[2, 0], m[1, 1] - y * m[2, 1], m[1, 2] - y * m[2, 2]
+        u, v, w = b * f - c * e, c * d - a * f, a * e - b * d
+        depth = m[2, 0] * u + m[2, 1] * v + m[2, 2] * w
+        norm = math.copysign(math.sqrt(u * u + v * v + w * w), depth)  # in front of the source
+        rays[n, 0], rays[n, 1], rays[n, 2] = u / norm, v / norm, w / norm
+    return rays
+
+
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], float64[:, ::1]))(float64[::1], float64[::1],"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
     " Array(float64, 1, 'A', readonly=True), Array(float64, 2, 'A', readonly=True), int64, float64, float64, float64,"
@@ -151,8 +223,10 @@ def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
 def joined(
     scores_a: Array,
     scores_b: Array,
-    rays_a: Array,
-    rays_b: Array,
+    pixels_a: Array,
+    pixels_b: Array,
+    projection_a: Array,
+    projection_b: Array,
     source_a: Array,
     source_b: Array,
     expected: Array,
@@ -169,8 +243,10 @@ def joined(
     Args:
         scores_a: (K,) of plane A's peaks.
         scores_b: (M,) of plane B's.
-        rays_a: (K, 3) unit vectors.
-        rays_b: (M, 3) unit vectors.
+        pixels_a: (K, 2) of plane A's, working pixels.
+        pixels_b: (M, 2) of plane B's.
+        projection_a: (3, 4) to plane A's working pixels.
+        projection_b: (3, 4) to plane B's.
         source_a: (3,) world metres.
         source_b: (3,) likewise, moved back by the expected motion.
         expected: (3,) where the centre is expected.
@@ -185,6 +261,7 @@ def joined(
     Returns:
         (N,) scores, highest first; (N, 3) the nearest points on A's rays; (N, 3) on B's.
     """
+    rays_a, rays_b = _rays(projection_a, pixels_a), _rays(projection_b, pixels_b)
     best, found_a, found_b = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
     kept = 0
     on_a, on_b, off = np.empty(3), np.empty(3), np.empty(3)
