@@ -221,3 +221,41 @@ def taken_in(
         likelihood += ((1.0 - unusual) * weights[f] / total + unusual * odds[f]) * math.exp(densities[f] - highest)
         densities[f] += log_weights[f]
     return new_state, new, densities, highest + math.log(likelihood + 1e-300)
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1]))(float64[:, ::1], float64[:, :, ::1],"
+    " Array(float64, 2, 'A', readonly=True), int64)"
+)
+def cloned(state: Array, covariance: Array, h: Array, first: int) -> tuple[Array, Array]:
+    """States and covariances with a block that becomes a function of the state: `RespiratoryMotion._clone`.
+
+    Args:
+        state: (filters, N).
+        covariance: (filters, N, N).
+        h: (3, N) the function.
+        first: of the block's three components.
+    """
+    filters, size = state.shape
+    new_state, new = state.copy(), covariance.copy()
+    rows = np.empty((3, size))
+    for f in range(filters):
+        rows[:] = 0.0
+        for k in range(3):
+            value = 0.0
+            for i in range(size):
+                if h[k, i] != 0.0:
+                    value += h[k, i] * state[f, i]
+                    for j in range(size):
+                        rows[k, j] += h[k, i] * covariance[f, i, j]
+            new_state[f, first + k] = value
+        for k in range(3):
+            for j in range(size):
+                new[f, first + k, j] = new[f, j, first + k] = rows[k, j]
+        for k in range(3):
+            for m in range(3):
+                value = 0.0
+                for j in range(size):
+                    value += rows[k, j] * h[m, j]
+                new[f, first + k, first + m] = value
+    return new_state, new

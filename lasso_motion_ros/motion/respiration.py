@@ -12,7 +12,6 @@ Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Na
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import dataclass
 
@@ -113,7 +112,15 @@ class RespiratoryMotion:
 
     def copy(self) -> RespiratoryMotion:
         """An independent filter in the same state; arrays are never changed in place, so they are shared."""
-        return copy.copy(self)
+        twin = RespiratoryMotion.__new__(RespiratoryMotion)  # in a quarter of the time of `copy.copy`
+        twin.__dict__.update(self.__dict__)
+        return twin
+
+    def later(self, time_s: float) -> RespiratoryMotion:
+        """The same motion at a later time, nothing more being seen."""
+        later = self.copy()
+        later._advance(time_s)
+        return later
 
     @property
     def spread(self) -> Array:
@@ -338,6 +345,11 @@ class RespiratoryMotion:
 
     def _clone(self, block: slice) -> None:
         """Make a block of the state the displacement now."""
+        if has_kernels():
+            from lasso_motion_ros.motion import kernels
+
+            self._become(*kernels.cloned(self._state, self._covariance, DISPLACEMENT, block.start))
+            return
         state, covariance = self._state.copy(), self._covariance.copy()
         state[:, block] = self._state @ DISPLACEMENT.T
         rows = DISPLACEMENT @ self._covariance

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 import numpy.typing as npt
@@ -25,6 +25,7 @@ from lasso_motion_ros.ring.loop_views import PlaneFit
 
 Array = npt.NDArray[np.float64]
 
+_IDENTITY_3 = np.eye(3)
 
 Way = tuple[float, Callable[[], RespiratoryMotion]]
 
@@ -155,10 +156,11 @@ def associate(
         tuning: what images and motion are worth.
     """
     unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
+    # At the pair's time, each once for all detections.
     ways: list[Way] = [
-        (unmoved, lambda: motion),
-        (math.log(tuning.surge_probability), cache(motion.surged)),
-        (math.log(tuning.jump_probability), cache(partial(motion.moved_by_hand, tuning.jump_reach_m))),
+        (unmoved, cache(lambda: motion.later(time_s))),
+        (math.log(tuning.surge_probability), cache(lambda: motion.surged().later(time_s))),
+        (math.log(tuning.jump_probability), cache(lambda: motion.moved_by_hand(tuning.jump_reach_m).later(time_s))),
     ]
     usual_sigma = math.hypot(tuning.usual_sigma, tuning.flattery / (sightings + 1))
     foreseen = motion.predict(time_s)
@@ -203,19 +205,23 @@ def _hypothesis(
     clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
     outcomes: list[RespiratoryMotion] = []
-    by_a: list[RespiratoryMotion] = []
+    observations = {plane: detection.observation(plane, model.centre) for plane in detection.planes}
+    gap_mm, slack_mm = 0.0, 0.0
     for prior, motion in ways:
-        after_a, likelihood_a = _observed_by_a(detection, motion(), times, model)
-        after, likelihood = _observed_by_b(detection, after_a, time_s, times, model)
-        likelihood += likelihood_a
-        by_a.append(after_a)
+        after, likelihood = motion().copy(), 0.0
+        if "a" in observations:
+            likelihood += after.observe(times["a"], a=observations["a"])
+        after.mark_a(time_s)
+        if not odds and len(observations) == len(PLANES):
+            gap_mm, slack_mm = _disagreement(detection, after, times, model)
+        if "b" in observations:
+            likelihood += after.observe(times["b"], b=observations["b"])
         odds.append(prior + likelihood - clutter)
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
             break
     motion_odds = float(np.logaddexp.reduce(odds))
     after = outcomes[int(np.argmax(odds))]
-    gap_mm, slack_mm = _disagreement(detection, by_a[0], times, model)
     log_odds = sum(
         _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
     )
@@ -245,7 +251,7 @@ def _place_odds(away: Array, covariance: Array, tuning: AssociationTuning) -> fl
 
     Being there proves nothing: what looks like the ring is often right beside it.
     """
-    spread = covariance + tuning.foretold_m**2 * np.eye(3)
+    spread = covariance + tuning.foretold_m**2 * _IDENTITY_3
     distance = float(away @ np.linalg.solve(spread, away))
     return math.log((1.0 + distance) ** -2 + tuning.anywhere)
 
@@ -268,8 +274,6 @@ def _disagreement(
     detection: Detection, after_a: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
 ) -> tuple[float, float]:
     """How far the planes' rays pass each other, and what the motion between their exposures may do to that, mm."""
-    if len(detection.planes) < len(PLANES):
-        return 0.0, 0.0
     between = after_a.expected_between(times["b"])
     gap, across = detection.gap(model.centre + between.displacement)
     return 1e3 * gap, 1e3 * float(np.sqrt(across @ between.covariance @ across))
@@ -283,24 +287,3 @@ def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:
 
 def _normal(value: float, mean: float, sigma: float) -> float:
     return math.exp(-0.5 * ((value - mean) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
-
-
-def _observed_by_a(
-    detection: Detection, motion: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[RespiratoryMotion, float]:
-    """The motion after what plane A shows of a detection, and how likely that was."""
-    after, likelihood = motion.copy(), 0.0
-    if "a" in detection.planes:
-        likelihood += after.observe(times["a"], a=detection.observation("a", model.centre))
-    return after, likelihood
-
-
-def _observed_by_b(
-    detection: Detection, motion: RespiratoryMotion, time_s: float, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[RespiratoryMotion, float]:
-    """The motion after what plane B shows, at its own time, and how likely that was."""
-    after, likelihood = motion.copy(), 0.0
-    after.mark_a(time_s)
-    if "b" in detection.planes:
-        likelihood += after.observe(times["b"], b=detection.observation("b", model.centre))
-    return after, likelihood

@@ -16,6 +16,8 @@ from lasso_motion_ros.ring.loop_views import PlaneFit
 
 Array = npt.NDArray[np.float64]
 
+_IDENTITY_2 = np.eye(2)
+
 
 @dataclass(frozen=True)
 class DetectionTuning:
@@ -73,7 +75,7 @@ class Detection:
         """A plane's fit as a measurement of the displacement from the ring's centre (3,) m at the seed pair."""
         fit = self.planes[plane]
         pulled_m = self.tuning.pulled_m * max(self.tuning.clear_support - self.support, 0.0)
-        covariance = fit.covariance + (self.tuning.systematic_m**2 + pulled_m**2) * np.eye(2)
+        covariance = fit.covariance + (self.tuning.systematic_m**2 + pulled_m**2) * _IDENTITY_2
         return Observation(fit.across, fit.across @ (fit.centre - centre), covariance)
 
     def gap(self, expected_b: Array) -> tuple[float, Array]:

@@ -151,7 +151,7 @@ def _best_shifts(cells: Image, kernel: Image, first: npt.NDArray[np.int64], reac
         low, high = np.maximum(low, first - reach), np.minimum(high, first + reach)
     if (high < low).any():
         return np.zeros(0), np.zeros((0, 2))
-    scores, places = _highest(_correlation(_padded(cells, low, high + size), kernel))
+    scores, places = _highest(_correlation(cells, kernel, low, high))
     return scores, places + low - first
 
 
@@ -283,36 +283,33 @@ def _joined(
     return score.reshape(-1)[best], on_a.reshape(3, -1)[:, best].T, on_b.reshape(3, -1)[:, best].T
 
 
-def _padded(cells: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Image:
-    """Cells from x, y (2,) to x, y (2,), excluded; zero outside the image, which speaks neither for a loop nor against.
-
-    Args:
-        cells: (h, w) of the image.
-        low: the first one's place, which may be outside.
-        high: likewise, beyond the last one.
-    """
-    (left, top), (right, bottom) = low.tolist(), high.tolist()
-    height, width = cells.shape
-    inside = cells[max(top, 0) : min(bottom, height), max(left, 0) : min(right, width)]
-    beyond = max(-top, 0), max(bottom - height, 0), max(-left, 0), max(right - width, 0)
-    return np.asarray(cv2.copyMakeBorder(inside, *beyond, cv2.BORDER_CONSTANT))
-
-
-def _correlation(cells: Image, kernel: Image) -> Image:
-    """Correlation of cells (h, w) with a kernel (a, b) wherever it lies inside them, (h - a + 1, w - b + 1).
+def _correlation(cells: Image, kernel: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Image:
+    """Correlation of cells with a kernel wherever its first element lies in a range, (high - low + 1) rows and columns.
 
     What `cv2.matchTemplate` gives, in a third of its time: one transform of the whole instead of blocks. Telling
     `cv2.dft` which rows are zero would make it three times slower: it then leaves its vectorised transform.
+
+    Args:
+        cells: (h, w) of the image; outside it is zero, which speaks neither for a loop nor against.
+        kernel: (a, b) on such cells.
+        low: (2,) the first cell x, y on which the kernel's first may lie, which may be outside.
+        high: (2,) likewise the last.
     """
-    (height, width), (rows, columns) = cells.shape, kernel.shape
-    down, right = cv2.getOptimalDFTSize(height), cv2.getOptimalDFTSize(width)
+    (left, top), (right, bottom) = low.tolist(), (high + kernel.shape[::-1]).tolist()
+    height, width = cells.shape
+    inside = cells[max(top, 0) : min(bottom, height), max(left, 0) : min(right, width)]
+    above, below, before, behind = max(-top, 0), max(bottom - height, 0), max(-left, 0), max(right - width, 0)
+    # A transform goes on at its beginning: zeros there are zeros behind its end, too.
+    down = cv2.getOptimalDFTSize(bottom - top - min(above, below))
+    along = cv2.getOptimalDFTSize(right - left - min(before, behind))
     of_cells, of_kernel = (
-        cv2.dft(cv2.copyMakeBorder(part, 0, down - h, 0, right - w, cv2.BORDER_CONSTANT))
-        for part, (h, w) in ((cells, cells.shape), (kernel, kernel.shape))
+        cv2.dft(cv2.copyMakeBorder(part, y, down - y - h, x, along - x - w, cv2.BORDER_CONSTANT))
+        for part, y, x, (h, w) in ((inside, above, before, inside.shape), (kernel, 0, 0, kernel.shape))
     )
     product = cv2.mulSpectrums(of_cells, of_kernel, 0, conjB=True)
     scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
-    return np.ascontiguousarray(scores[: height - rows + 1, : width - columns + 1])
+    columns, rows = (high - low + 1).tolist()
+    return np.ascontiguousarray(scores[:rows, :columns])
 
 
 def vertex(before: Image, at: Image, after: Image) -> Array:

@@ -109,6 +109,16 @@ def test_a_surprise_is_what_no_breath_explains():
     assert motion.sideways_sigmas(later_s, vague) == pytest.approx(2.5, rel=1e-3)
 
 
+def test_the_same_motion_later_foretells_the_same():
+    motion, _, _ = run(20, 0.05)
+    time_s = 20 * INTERVAL_S
+    later = motion.later(time_s + 0.2)
+    for one, other in ((motion, later), (motion.later(time_s + 0.1), later)):
+        a, b = one.predict(time_s + 0.5), other.predict(time_s + 0.5)
+        np.testing.assert_allclose(a.displacement, b.displacement, atol=1e-12)
+        np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-9, atol=1e-18)
+
+
 def test_prediction_changes_nothing():
     motion, _, _ = run(5, 0.1)
     before = motion.at_a.displacement, motion.at_a.covariance
