@@ -35,15 +35,15 @@ class _Tuning:
         error_pause_s: after an error of the executor itself: one that recurs at once must not take the processor.
         spin_s: the longest wait for the next callback, after which it is looked whether to stop. Waking the executor
             does not end its wait while no timer is due.
-        switch_interval_s: how long one Python thread may keep another waiting; Python's 5 ms are a third of what a
-            pair may take.
+        switch_interval_s: how long one Python thread may keep another waiting. Whoever has taken in an image goes on
+            to wait for the next one, which takes a millisecond, while the tracker waits to begin.
     """
 
     log_period_s: float = 5.0
     kind_length: int = 40
     error_pause_s: float = 0.005
     spin_s: float = 0.2
-    switch_interval_s: float = 0.001
+    switch_interval_s: float = 0.0002
 
 
 _TUNING = _Tuning()

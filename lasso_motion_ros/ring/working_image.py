@@ -108,6 +108,19 @@ class WorkingImage:
         grey, corner = self._grey_about(pixels)
         return (_evidence(grey, self.bright) if grey.size else np.zeros((0, 0), dtype=np.float32)), corner
 
+    def evidence_cells(self, pixels: Array) -> tuple[Image, Array]:
+        """The same in search cells (h // 2, w // 2), and the pixel (2,) of its corner."""
+        grey, corner = self._grey_about(pixels)
+        if has_kernels() and min(grey.shape) > TUNING.evidence_window_px[0] // 2:
+            from lasso_motion_ros.ring.kernels.band import evidence_cells
+
+            return evidence_cells(
+                *_log_scales(grey), self.bright, TUNING.evidence_floor, *TUNING.evidence_range
+            ), corner
+        if min(grey.shape) < CELL_PX:
+            return np.zeros((0, 0), dtype=np.float32), corner
+        return in_cells(_evidence(grey, self.bright)), corner
+
     def _grey_about(self, pixels: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Array]:
         """The surroundings (h, w) of pixels (N, 2) on which their evidence rests, and the pixel (2,) of its corner."""
         height, width = self.grey.shape
@@ -265,7 +278,8 @@ def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
 
 def _log_scales(grey: npt.NDArray[np.uint8 | np.uint16]) -> tuple[Image, Image]:
     """Logarithm of grey values (h, w), blurred to an electrode's width; and in cells (h // 2, w // 2), blurred more."""
-    logarithm = cv2.log(np.maximum(grey, 1).astype(np.float32))
+    values = grey.astype(np.float32)
+    logarithm = cv2.log(cv2.max(values, 1.0, dst=values), dst=values)
     fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
     slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
     return np.asarray(fine), np.asarray(slow)

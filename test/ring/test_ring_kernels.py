@@ -132,6 +132,10 @@ def test_a_working_image_is_the_same(dtype: type, bright: bool) -> None:
         around = np.array(place) + 40.0 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
         shown, plainly_shown = both(lambda around=around: plainly.evidence_at(around))
         np.testing.assert_allclose(shown, plainly_shown, atol=1e-3)
+        if np.isfinite(around).all():
+            (cells, corner), (plain_cells, plain_corner) = both(lambda around=around: plainly.evidence_cells(around))
+            np.testing.assert_array_equal(corner, plain_corner)
+            np.testing.assert_allclose(cells, plain_cells, atol=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(20))

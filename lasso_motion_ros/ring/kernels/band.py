@@ -16,6 +16,7 @@ from lasso_motion_ros.core.compiled import compiled
 Image = npt.NDArray[np.float32]
 
 _QUARTER, _MOST = np.float32(0.25), np.float32(0.75)
+WINDOW_PX = 33  # in which `evidence_cells` tells the noise
 
 
 @compiled("void(float32[:, ::1], int64, float32[::1], float32[::1])")
@@ -176,3 +177,67 @@ def evidence_at(
                 share = (down if k else np.float32(1.0) - down) * (right if m else np.float32(1.0) - right)
                 shown[n] += share * value
     return shown
+
+
+@compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean, float32, float32, float32)")
+def evidence_cells(fine: Image, slow: Image, bright: bool, floor: float, lowest: float, highest: float) -> Image:
+    """The evidence everywhere, in cells: `WorkingImage.evidence_cells`.
+
+    Args:
+        fine: (2 h, 2 w) logarithm of the grey values, blurred a little; overwritten.
+        slow: (h, w) cells of it, blurred much.
+        bright: whether what is brighter is positive.
+        floor: of the mean square in the window about a pixel, `WINDOW_PX` a side; the image is larger than half of it.
+        lowest: of the evidence.
+        highest: likewise.
+
+    Returns:
+        (h, w).
+    """
+    height, width = fine.shape
+    cells, coarse = np.empty(slow.shape[1] + 2, np.float32), np.empty(width, np.float32)
+    sign = np.float32(1.0 if bright else -1.0)
+    for i in range(height):
+        _between_cells(slow, i, cells, coarse)
+        for j in range(width):
+            fine[i, j] = sign * (fine[i, j] - coarse[j])
+    # Squares summed up over the window's rows. Beyond the border rows and columns come again from the other side.
+    half = WINDOW_PX // 2
+    columns = np.zeros(width)
+    for k in range(-half, half + 1):
+        row = k if k >= 0 else -k - 1
+        for j in range(width):
+            columns[j] += fine[row, j] * fine[row, j]
+    beyond = width + 2 * half
+    # Over 1, 2, 4, 8 and 16 columns from each on: sums by doubling, of all columns at once.
+    one, two, four = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
+    eight, sixteen = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
+    made, share = np.empty_like(slow), np.float32(1.0 / WINDOW_PX**2)
+    for i in range(height):
+        for j in range(width):
+            one[half + j] = columns[j]
+        for j in range(half):
+            one[half - 1 - j], one[half + width + j] = columns[j], columns[width - 1 - j]
+        for j in range(beyond - 1):
+            two[j] = one[j] + one[j + 1]
+        for j in range(beyond - 3):
+            four[j] = two[j] + two[j + 2]
+        for j in range(beyond - 7):
+            eight[j] = four[j] + four[j + 4]
+        for j in range(beyond - 15):
+            sixteen[j] = eight[j] + eight[j + 8]
+        for j in range(width):
+            noise = np.sqrt(max(share * (sixteen[j] + sixteen[j + 16] + one[j + 32]), floor))
+            coarse[j] = min(max(fine[i, j] / noise, lowest), highest)
+        if i % 2 == 0:
+            for c in range(made.shape[1]):
+                made[i // 2, c] = _QUARTER * (coarse[2 * c] + coarse[2 * c + 1])
+        else:
+            for c in range(made.shape[1]):
+                made[i // 2, c] += _QUARTER * (coarse[2 * c] + coarse[2 * c + 1])
+        if i + 1 < height:
+            after, first = i + half + 1, i - half
+            after, first = after if after < height else 2 * height - 1 - after, first if first >= 0 else -first - 1
+            for j in range(width):
+                columns[j] += fine[after, j] * fine[after, j] - fine[first, j] * fine[first, j]
+    return made
