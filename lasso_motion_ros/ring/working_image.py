@@ -49,6 +49,9 @@ class _Tuning:
 
 TUNING = _Tuning()
 NOISE_WINDOW_PX = CELL_PX * TUNING.noise_window_cells[0]
+_FINE_TAPS = cv2.getGaussianKernel(TUNING.fine_kernel_px[0], TUNING.fine_sigma_px, cv2.CV_32F)[
+    TUNING.fine_kernel_px[0] // 2 :, 0
+].copy()
 SOFT_REACH_MM = 2 * (TUNING.soft_box_px[0] // 2) * PIXEL_MM
 
 
@@ -247,16 +250,19 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     size = reduced.shape[::-1]
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
     floor = 1e-6 * max(1.0, float(reduced.max()))
-    fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
     slow = cv2.GaussianBlur(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
     if has_kernels():
         from lasso_motion_ros.ring.kernels import band as kernels
 
-        power = _local_mean(kernels.subtracted(fine, slow, bright))
-        return fine, kernels.divided(fine, power, floor, TUNING.clip)
+        band: Image = kernels.blurred(grey, _FINE_TAPS)
+        power = kernels.local_mean(kernels.subtracted(band, slow, bright))
+        return band, kernels.divided(band, power, floor, TUNING.clip)
+    fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
-    power = _local_mean(in_cells(cv2.multiply(band, band, dst=coarse)))
+    power = cv2.blur(
+        in_cells(cv2.multiply(band, band, dst=coarse)), TUNING.noise_window_cells, borderType=cv2.BORDER_REFLECT
+    )
     noise = cv2.resize(cv2.sqrt(cv2.max(power, floor)), size, dst=coarse, interpolation=cv2.INTER_LINEAR)
     np.divide(band, noise, out=band)
     return _clipped(band, -TUNING.clip, TUNING.clip), np.asarray(noise)
@@ -288,11 +294,6 @@ def _log_scales(grey: npt.NDArray[np.uint8 | np.uint16]) -> tuple[Image, Image]:
 def _clipped(values: Image, lowest: float, highest: float) -> Image:
     """Values (h, w), changed in place, held in a range: numpy's takes twice as long."""
     return np.asarray(cv2.min(cv2.max(values, lowest, dst=values), highest, dst=values))
-
-
-def _local_mean(cells: Image) -> Image:
-    """Mean of the cells (h, w) about each, (h, w)."""
-    return np.asarray(cv2.blur(cells, TUNING.noise_window_cells, borderType=cv2.BORDER_REFLECT))
 
 
 def in_cells(values: Image) -> Image:

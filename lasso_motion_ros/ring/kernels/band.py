@@ -16,6 +16,7 @@ from lasso_motion_ros.core.compiled import compiled
 Image = npt.NDArray[np.float32]
 
 _QUARTER, _MOST = np.float32(0.25), np.float32(0.75)
+MEAN_CELLS = 31  # over which `local_mean` goes, along rows and columns
 WINDOW_PX = 33  # in which `evidence_cells` tells the noise
 
 
@@ -40,6 +41,75 @@ def _between_cells(cells: Image, row: int, column_of_cells: Image, result: Image
     for c in range(width):
         result[2 * c] = _QUARTER * column_of_cells[c] + _MOST * column_of_cells[c + 1]
         result[2 * c + 1] = _MOST * column_of_cells[c + 1] + _QUARTER * column_of_cells[c + 2]
+
+
+@compiled("float32[:, ::1](float32[:, ::1], Array(float32, 1, 'C', readonly=True))")
+def blurred(values: Image, taps: Image) -> Image:
+    """Blur an image (h, w), at least three pixels a side, by five taps along rows and columns, as `cv2.GaussianBlur`.
+
+    Args:
+        values: mirrored in the pixels at its border.
+        taps: (3,) from the middle one on; the others are the same.
+
+    Returns:
+        (h, w).
+    """
+    height, width = values.shape
+    middle, near, far = taps[0], taps[1], taps[2]
+    made, line = np.empty_like(values), np.empty(width + 4, np.float32)
+    for i in range(height):
+        one, two = abs(i - 1), abs(i - 2)
+        three, four = height - 1 - abs(height - 2 - i), height - 1 - abs(height - 3 - i)
+        for j in range(width):
+            line[j + 2] = (
+                middle * values[i, j]
+                + near * (values[one, j] + values[three, j])
+                + far * (values[two, j] + values[four, j])
+            )
+        line[1], line[0], line[width + 2], line[width + 3] = line[3], line[4], line[width], line[width - 1]
+        for j in range(width):
+            made[i, j] = middle * line[j + 2] + near * (line[j + 1] + line[j + 3]) + far * (line[j] + line[j + 4])
+    return made
+
+
+@compiled("float32[:, ::1](float32[:, ::1])")
+def local_mean(cells: Image) -> Image:
+    """Means (h, w) of the `MEAN_CELLS` by `MEAN_CELLS` cells (h, w) about each, as `cv2.blur`; h and w are larger.
+
+    Beyond the border rows and columns come again from the other side.
+    """
+    height, width = cells.shape
+    half = MEAN_CELLS // 2
+    columns, made, share = np.zeros(width), np.empty_like(cells), np.float32(1.0 / MEAN_CELLS**2)
+    for k in range(-half, half + 1):
+        row = k if k >= 0 else -k - 1
+        for j in range(width):
+            columns[j] += cells[row, j]
+    beyond = width + 2 * half
+    # Over 1, 2, 4, 8 and 16 columns from each on: sums by doubling, of all columns at once.
+    one, two, four = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
+    eight, sixteen = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
+    for i in range(height):
+        for j in range(width):
+            one[half + j] = columns[j]
+        for j in range(half):
+            one[half - 1 - j], one[half + width + j] = columns[j], columns[width - 1 - j]
+        for j in range(beyond - 1):
+            two[j] = one[j] + one[j + 1]
+        for j in range(beyond - 3):
+            four[j] = two[j] + two[j + 2]
+        for j in range(beyond - 7):
+            eight[j] = four[j] + four[j + 4]
+        for j in range(beyond - 15):
+            sixteen[j] = eight[j] + eight[j + 8]
+        for j in range(width):
+            made[i, j] = share * (sixteen[j] + eight[j + 16] + four[j + 24] + two[j + 28] + one[j + 30])
+        if i + 1 < height:
+            after, first = i + half + 1, i - half
+            after, first = after if after < height else 2 * height - 1 - after, first if first >= 0 else -first - 1
+            for j in range(width):
+                columns[j] += cells[after, j] - cells[first, j]
+    return made
 
 
 @compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean)")
