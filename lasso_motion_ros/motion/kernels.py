@@ -92,44 +92,45 @@ def measured(
     filters, size = state.shape
     new_state, new = np.empty((filters, size)), np.empty((filters, size, size))
     distance, peaks = np.empty(filters), np.empty(filters)
-    cross, gain, back = np.empty((size, 2)), np.empty((size, 2)), np.empty((size, 2))
+    parts = np.flatnonzero((h[0] != 0.0) | (h[1] != 0.0))  # half of the state's components
+    cross_0, cross_1, gain_0, gain_1 = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
+    back_0, back_1 = np.empty(size), np.empty(size)
     for f in range(filters):
-        old, made = covariance[f], new[f]
-        for i in range(size):
-            u, v = 0.0, 0.0
-            for k in range(size):
-                u += old[i, k] * h[0, k]
-                v += old[i, k] * h[1, k]
-            cross[i, 0], cross[i, 1] = u, v
+        # Covariances are symmetric: rows stand for columns, and whole rows are what the compiler makes vectors of.
+        cross_0[:], cross_1[:] = 0.0, 0.0
+        for k in parts:
+            for i in range(size):
+                cross_0[i] += h[0, k] * covariance[f, k, i]
+            for i in range(size):
+                cross_1[i] += h[1, k] * covariance[f, k, i]
         a, b, c, d = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
         off_0, off_1 = value[0], value[1]
-        for k in range(size):
-            a += h[0, k] * cross[k, 0]
-            b += h[0, k] * cross[k, 1]
-            c += h[1, k] * cross[k, 0]
-            d += h[1, k] * cross[k, 1]
+        for k in parts:
+            a += h[0, k] * cross_0[k]
+            b += h[0, k] * cross_1[k]
+            c += h[1, k] * cross_0[k]
+            d += h[1, k] * cross_1[k]
             off_0 -= h[0, k] * state[f, k]
             off_1 -= h[1, k] * state[f, k]
         determinant = a * d - b * c
         for i in range(size):
-            gain[i, 0] = (cross[i, 0] * d - cross[i, 1] * c) / determinant
-            gain[i, 1] = (cross[i, 1] * a - cross[i, 0] * b) / determinant
-            new_state[f, i] = state[f, i] + gain[i, 0] * off_0 + gain[i, 1] * off_1
-            for j in range(size):
-                made[i, j] = old[i, j]
+            gain_0[i] = (cross_0[i] * d - cross_1[i] * c) / determinant
+            gain_1[i] = (cross_1[i] * a - cross_0[i] * b) / determinant
+            new_state[f, i] = state[f, i] + gain_0[i] * off_0 + gain_1[i] * off_1
         for i in range(size):
             for j in range(size):
-                made[i, j] -= gain[i, 0] * cross[j, 0] + gain[i, 1] * cross[j, 1]
+                new[f, i, j] = covariance[f, i, j] - (gain_0[i] * cross_0[j] + gain_1[i] * cross_1[j])
         for i in range(size):
-            u = gain[i, 0] * noise[0, 0] + gain[i, 1] * noise[1, 0]
-            v = gain[i, 0] * noise[0, 1] + gain[i, 1] * noise[1, 1]
-            for k in range(size):
-                u -= made[i, k] * h[0, k]
-                v -= made[i, k] * h[1, k]
-            back[i, 0], back[i, 1] = u, v
+            back_0[i] = gain_0[i] * noise[0, 0] + gain_1[i] * noise[1, 0]
+            back_1[i] = gain_0[i] * noise[0, 1] + gain_1[i] * noise[1, 1]
+        for k in parts:
+            for i in range(size):
+                back_0[i] -= h[0, k] * new[f, k, i]
+            for i in range(size):
+                back_1[i] -= h[1, k] * new[f, k, i]
         for i in range(size):
             for j in range(size):
-                made[i, j] += back[i, 0] * gain[j, 0] + back[i, 1] * gain[j, 1]
+                new[f, i, j] += back_0[i] * gain_0[j] + back_1[i] * gain_1[j]
         distance[f] = (off_0 * (d * off_0 - b * off_1) + off_1 * (a * off_1 - c * off_0)) / determinant
         peaks[f] = -0.5 * math.log(determinant) - math.log(2.0 * math.pi)
     return new_state, new, distance, peaks

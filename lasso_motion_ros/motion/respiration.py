@@ -43,6 +43,7 @@ from lasso_motion_ros.motion.motion_model import (
 Array = npt.NDArray[np.float64]
 
 _IDENTITY_3 = np.eye(3)
+_BLOCKS = {block.start: np.eye(SIZE)[block] for block in (HEARTBEAT, ORIGIN_B, AT_A)}  # as functions of the state
 _ALONG_BODY = np.array([0.0, 0.0, 1.0])
 
 
@@ -231,8 +232,7 @@ class RespiratoryMotion:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""
         known = self._blocks.get(block.start)
         if known is None:
-            within = self._weighted(self._covariance[:, block, block])
-            known = self._blocks[block.start] = self._mixed(self._state[:, block], within)
+            known = self._blocks[block.start] = self._seen_along(_BLOCKS[block.start], self._state, self._covariance)
         return Estimate(known.displacement.copy(), known.covariance.copy())
 
     def learn(self, displacement: Array) -> None:
@@ -250,7 +250,7 @@ class RespiratoryMotion:
 
     def _beat(self, state: Array, covariance: Array) -> Array:
         """(3, 3) m² second moment of the heart's motion in a state."""
-        beat = self._mixed(state[:, HEARTBEAT], self._weighted(covariance[:, HEARTBEAT, HEARTBEAT]))
+        beat = self._seen_along(_BLOCKS[HEARTBEAT.start], state, covariance)
         return np.asarray(np.outer(beat.displacement, beat.displacement) + beat.covariance)
 
     @property
