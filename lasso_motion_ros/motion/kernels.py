@@ -92,20 +92,23 @@ def measured(
     filters, size = state.shape
     new_state, new = np.empty((filters, size)), np.empty((filters, size, size))
     distance, peaks = np.empty(filters), np.empty(filters)
-    parts = np.flatnonzero((h[0] != 0.0) | (h[1] != 0.0))  # half of the state's components
+    parts, used = np.empty(size, np.int64), 0  # half of the state's components
+    for k in range(size):
+        if h[0, k] != 0.0 or h[1, k] != 0.0:
+            parts[used], used = k, used + 1
     cross_0, cross_1, gain_0, gain_1 = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
     back_0, back_1 = np.empty(size), np.empty(size)
     for f in range(filters):
         # Covariances are symmetric: rows stand for columns, and whole rows are what the compiler makes vectors of.
         cross_0[:], cross_1[:] = 0.0, 0.0
-        for k in parts:
+        for k in parts[:used]:
             for i in range(size):
                 cross_0[i] += h[0, k] * covariance[f, k, i]
             for i in range(size):
                 cross_1[i] += h[1, k] * covariance[f, k, i]
         a, b, c, d = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
         off_0, off_1 = value[0], value[1]
-        for k in parts:
+        for k in parts[:used]:
             a += h[0, k] * cross_0[k]
             b += h[0, k] * cross_1[k]
             c += h[1, k] * cross_0[k]
@@ -123,7 +126,7 @@ def measured(
         for i in range(size):
             back_0[i] = gain_0[i] * noise[0, 0] + gain_1[i] * noise[1, 0]
             back_1[i] = gain_0[i] * noise[0, 1] + gain_1[i] * noise[1, 1]
-        for k in parts:
+        for k in parts[:used]:
             for i in range(size):
                 back_0[i] -= h[0, k] * new[f, k, i]
             for i in range(size):

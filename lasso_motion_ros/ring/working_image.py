@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -49,9 +50,6 @@ class _Tuning:
 
 TUNING = _Tuning()
 NOISE_WINDOW_PX = CELL_PX * TUNING.noise_window_cells[0]
-_FINE_TAPS = cv2.getGaussianKernel(TUNING.fine_kernel_px[0], TUNING.fine_sigma_px, cv2.CV_32F)[
-    TUNING.fine_kernel_px[0] // 2 :, 0
-].copy()
 SOFT_REACH_MM = 2 * (TUNING.soft_box_px[0] // 2) * PIXEL_MM
 
 
@@ -250,14 +248,13 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     size = reduced.shape[::-1]
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
     floor = 1e-6 * max(1.0, float(reduced.max()))
-    slow = cv2.GaussianBlur(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
+    fine = _blurred(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
+    slow = _blurred(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
     if has_kernels():
         from lasso_motion_ros.ring.kernels import band as kernels
 
-        band: Image = kernels.blurred(grey, _FINE_TAPS)
-        power = kernels.local_mean(kernels.subtracted(band, slow, bright))
-        return band, kernels.divided(band, power, floor, TUNING.clip)
-    fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
+        power = kernels.local_mean(kernels.subtracted(fine, slow, bright))
+        return fine, kernels.divided(fine, power, floor, TUNING.clip)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = cv2.blur(
@@ -286,9 +283,26 @@ def _log_scales(grey: npt.NDArray[np.uint8 | np.uint16]) -> tuple[Image, Image]:
     """Logarithm of grey values (h, w), blurred to an electrode's width; and in cells (h // 2, w // 2), blurred more."""
     values = grey.astype(np.float32)
     logarithm = cv2.log(cv2.max(values, 1.0, dst=values), dst=values)
-    fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
-    slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
-    return np.asarray(fine), np.asarray(slow)
+    fine = _blurred(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
+    slow = _blurred(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
+    return fine, slow
+
+
+def _blurred(values: Image, kernel_px: tuple[int, int], sigma_px: float) -> Image:
+    """Values (h, w), blurred by a Gaussian."""
+    reach = kernel_px[0] // 2
+    if has_kernels() and min(values.shape) > reach:
+        from lasso_motion_ros.ring.kernels.blur import BY_REACH
+
+        return BY_REACH[reach](values, _taps(kernel_px[0], sigma_px))
+    return np.asarray(cv2.GaussianBlur(values, kernel_px, sigma_px))
+
+
+@cache
+def _taps(count: int, sigma_px: float) -> Image:
+    """Of a Gaussian blur, from the middle one of so many on."""
+    taps: Image = cv2.getGaussianKernel(count, sigma_px, cv2.CV_32F)[count // 2 :, 0].copy()
+    return taps
 
 
 def _clipped(values: Image, lowest: float, highest: float) -> Image:

@@ -220,17 +220,36 @@ def _ask(
                 _march(front, width, pixel, latest[0])
 
 
-@compiled("float64(Array(float64, 2, 'A'), int64, int64)", is_exact=True)
-def _slope_along_rows(values: Array, row: int, column: int) -> float:
-    """Central difference along a row, one-sided at its ends."""
-    first, last = max(column - 1, 0), min(column + 1, values.shape[1] - 1)
-    return float((values[row, last] - values[row, first]) / (last - first))
+@compiled("float64(float64[::1], int64, int64, int64, int64)", is_exact=True)
+def _slope_along_rows(times: Array, row: int, column: int, rows: int, columns: int) -> float:
+    """Central difference along a row of the image, one-sided at its ends."""
+    first, last = max(column - 1, 0), min(column + 1, columns - 1)
+    start = (row + _BORDER_PX) * (columns + 2 * _BORDER_PX) + _BORDER_PX
+    return float((times[start + last] - times[start + first]) / (last - first))
 
 
-@compiled("float64(Array(float64, 2, 'A'), int64, int64)", is_exact=True)
-def _slope_along_columns(values: Array, row: int, column: int) -> float:
-    first, last = max(row - 1, 0), min(row + 1, values.shape[0] - 1)
-    return float((values[last, column] - values[first, column]) / (last - first))
+@compiled("float64(float64[::1], int64, int64, int64, int64)", is_exact=True)
+def _slope_along_columns(times: Array, row: int, column: int, rows: int, columns: int) -> float:
+    first, last = max(row - 1, 0), min(row + 1, rows - 1)
+    width = columns + 2 * _BORDER_PX
+    start = _BORDER_PX * width + column + _BORDER_PX
+    return float((times[start + last * width] - times[start + first * width]) / (last - first))
+
+
+@compiled(f"{_FRONT_TYPE}(Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))", is_exact=True)
+def _prepared(signed: Array, cost: Array) -> Front:
+    """A front that has not begun yet: see `way_down`."""
+    height, width = cost.shape
+    size = (height + 2 * _BORDER_PX) * (width + 2 * _BORDER_PX)
+    times, flags, distance, speeds = np.zeros(size), np.empty(size, np.uint8), np.zeros(size), np.empty(size)
+    for pixel in range(size):
+        flags[pixel], speeds[pixel] = _BORDER, 1.0
+    for i in range(height):
+        for j in range(width):
+            pixel = (i + _BORDER_PX) * (width + 2 * _BORDER_PX) + j + _BORDER_PX
+            flags[pixel], distance[pixel], speeds[pixel] = _FAR, signed[i, j], 1.0 / cost[i, j]
+    heap, places, count = np.empty(size, np.int64), np.empty(size, np.int64), np.zeros(1, np.int64)
+    return times, flags, distance, speeds, heap, places, count
 
 
 @compiled(
@@ -257,24 +276,11 @@ def way_down(
         (M, 2) the places; whether the walk got to its goal.
     """
     height, width = cost.shape
-    padded = height + 2 * _BORDER_PX, width + 2 * _BORDER_PX
-    times, distance, speeds = np.zeros(padded), np.zeros(padded), np.ones(padded)
-    flags, places = np.full(padded, _BORDER, np.uint8), np.empty(padded, np.int64)
-    inner = slice(_BORDER_PX, -_BORDER_PX), slice(_BORDER_PX, -_BORDER_PX)
-    flags[inner], distance[inner], speeds[inner] = _FAR, signed, 1.0 / cost
-    front = (
-        times.reshape(-1),
-        flags.reshape(-1),
-        distance.reshape(-1),
-        speeds.reshape(-1),
-        np.empty(flags.size, np.int64),
-        places.reshape(-1),
-        np.zeros(1, np.int64),
-    )
-    arrival = times[inner]
-    _begin(front, padded[1])
-    limit = np.array([latest])
-    end_row, end_column = int(np.rint(start[1])), int(np.rint(start[0]))
+    front = _prepared(signed, cost)
+    _begin(front, width + 2 * _BORDER_PX)
+    times, limit = front[0], np.empty(1)
+    limit[0] = latest
+    end_row, end_column = round(start[1]), round(start[0])
     last_x, last_y = width - 1.001, height - 1.001  # the last place with four pixels around it
     x, y = min(start[0], last_x), min(start[1], last_y)
     path = np.empty((20 * (height + width) + 2, 2))
@@ -282,27 +288,27 @@ def way_down(
     for n in range(1, path.shape[0] - 1):
         if math.hypot(x - goal[0], y - goal[1]) < goal_px:
             path[n, 0], path[n, 1] = goal[0], goal[1]
-            return path[: n + 1].copy(), True
+            return path[: n + 1], True
         column, row = int(x), int(y)
         _ask(front, row, column, height, width, limit, end_row, end_column, around)
         right, below = x - column, y - row
         down_x = (1.0 - below) * (
-            (1.0 - right) * _slope_along_rows(arrival, row, column)
-            + right * _slope_along_rows(arrival, row, column + 1)
+            (1.0 - right) * _slope_along_rows(times, row, column, height, width)
+            + right * _slope_along_rows(times, row, column + 1, height, width)
         ) + below * (
-            (1.0 - right) * _slope_along_rows(arrival, row + 1, column)
-            + right * _slope_along_rows(arrival, row + 1, column + 1)
+            (1.0 - right) * _slope_along_rows(times, row + 1, column, height, width)
+            + right * _slope_along_rows(times, row + 1, column + 1, height, width)
         )
         down_y = (1.0 - below) * (
-            (1.0 - right) * _slope_along_columns(arrival, row, column)
-            + right * _slope_along_columns(arrival, row, column + 1)
+            (1.0 - right) * _slope_along_columns(times, row, column, height, width)
+            + right * _slope_along_columns(times, row, column + 1, height, width)
         ) + below * (
-            (1.0 - right) * _slope_along_columns(arrival, row + 1, column)
-            + right * _slope_along_columns(arrival, row + 1, column + 1)
+            (1.0 - right) * _slope_along_columns(times, row + 1, column, height, width)
+            + right * _slope_along_columns(times, row + 1, column + 1, height, width)
         )
         size = math.hypot(down_x, down_y)
         if not size > 0.0:
-            return path[:n].copy(), False
+            return path[:n], False
         x = min(max(x - step_px * down_x / size, 0.0), last_x)
         y = min(max(y - step_px * down_y / size, 0.0), last_y)
         path[n, 0], path[n, 1] = x, y

@@ -27,7 +27,8 @@ def _upper_median(values: Image) -> np.float32:
     counts = np.empty(2048, np.int32)
     rank = bits.size // 2
     for shift, kept in ((21, 2047), (10, 2047), (0, 1023)):
-        counts[:] = 0
+        for i in range(counts.size):
+            counts[i] = 0
         for i in range(bits.size):
             counts[(bits[i] >> shift) & kept] += 1
         place = 0
@@ -261,8 +262,12 @@ def equations(
     """
     planes, columns, length = samples.shape
     size = 2 * planes + 4
-    normal[:] = 0.0
-    scores[:] = 0.0
+    for r in range(size):
+        for q in range(size):
+            normal[r, q] = 0.0
+        for p in range(planes):
+            for i in range(length):
+                scores[r, p, i] = 0.0
     aa, ab, bb = np.empty(length, np.float32), np.empty(length, np.float32), np.empty(length, np.float32)
     ra, rb = np.empty(length, np.float32), np.empty(length, np.float32)
     for p in range(planes):
@@ -270,7 +275,8 @@ def equations(
         known = 1.0 / (noise[p] * noise[p] * noise_correlation)
         factor = np.float32(gains[p])
         # Sums over the columns, of all points at once. Of loops with few arrays in them the compiler makes vectors.
-        aa[:], ab[:], bb[:], ra[:], rb[:] = 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(length):
+            aa[i], ab[i], bb[i], ra[i], rb[i] = 0.0, 0.0, 0.0, 0.0, 0.0
         for j in range(columns):
             for i in range(length):
                 aa[i] += weights[p, j, i] * along[j, i] * along[j, i]
@@ -374,9 +380,11 @@ def _solve(factor: Array, values: Array) -> None:
 @compiled("float64[:, ::1](float64[:, ::1])")
 def _inverse(matrix: Array) -> Array:
     """(N, N) of a matrix that is positive."""
-    factor, inverse = np.empty_like(matrix), np.eye(matrix.shape[0])
+    size = matrix.shape[0]
+    factor, inverse = np.empty((size, size)), np.zeros((size, size))
     _factorise(matrix, factor)
-    for i in range(inverse.shape[0]):
+    for i in range(size):
+        inverse[i, i] = 1.0
         _solve(factor, inverse[i])
     return inverse
 
@@ -399,12 +407,17 @@ def covariance(normal: Array, scores: Array, segments: int, known: float) -> Arr
             for segment in range(segments):
                 for at in range(segment * length // segments, (segment + 1) * length // segments):
                     sums[i, p * segments + segment] += scores[i, p, at]
-        sums[i] -= sums[i].mean()
+        mean = 0.0
+        for c in range(clusters):
+            mean += sums[i, c] / clusters
+        for c in range(clusters):
+            sums[i, c] -= mean
     nominal = _inverse(normal)
     wider, pulled = np.empty(size), np.zeros(clusters)
     for i in range(size):
         # The sandwich's diagonal: squares of what each segment pulls the parameter by.
-        pulled[:] = 0.0
+        for c in range(clusters):
+            pulled[c] = 0.0
         for k in range(size):
             for c in range(clusters):
                 pulled[c] += nominal[i, k] * sums[k, c]
@@ -545,12 +558,16 @@ def descend(
             wanted[j, i], slopes[0, j, i], slopes[1, j, i] = pattern[i, j], along[i, j], sideways[i, j]
     for i in range(size):
         normal[i, i] = nothing_seen if i < shared else precision[i - shared]
-    correlation[:] = 0.0
+    usually = 0.0
+    for p in range(planes):
+        correlation[0, p], correlation[1, p] = 0.0, 0.0
+        usually += usual[p] / planes
     looks, is_given_up = 0, False
     while looks < means.size:
         _turned(arms, ring, turned)
-        correlation[0] = correlation[1]
+        means[looks] = 0.0
         for p in range(planes):
+            correlation[0, p] = correlation[1, p]
             steps[p], gains[p], noise[p], correlation[1, p] = look(
                 images[p],
                 projections[p],
@@ -568,9 +585,9 @@ def descend(
                 shown[p],
                 counted[p],
             )
-        means[looks] = correlation[1].sum() / planes
+            means[looks] += correlation[1, p] / planes
         looks += 1
-        if looks <= len(hopeless) and means[looks - 1] < hopeless[looks - 1] * usual.sum() / planes:
+        if looks <= len(hopeless) and means[looks - 1] < hopeless[looks - 1] * usually:
             is_given_up = True
             break
         # The derivative changes little on the way; the residual is what has to be exact.
@@ -579,7 +596,10 @@ def descend(
         equations(wanted, slopes[0], slopes[1], shown, counted, gains, noise, moves, noise_correlation, normal, scores)
         trace = 0.0
         for i in range(size):
-            step[i] = scores[i].sum()
+            step[i] = 0.0
+            for p in range(planes):
+                for k in range(length):
+                    step[i] += scores[i, p, k]
             if i >= shared:
                 normal[i, i] += precision[i - shared]
                 step[i] -= precision[i - shared] * ring[i - shared]

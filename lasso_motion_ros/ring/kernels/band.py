@@ -43,35 +43,6 @@ def _between_cells(cells: Image, row: int, column_of_cells: Image, result: Image
         result[2 * c + 1] = _MOST * column_of_cells[c + 1] + _QUARTER * column_of_cells[c + 2]
 
 
-@compiled("float32[:, ::1](float32[:, ::1], Array(float32, 1, 'C', readonly=True))")
-def blurred(values: Image, taps: Image) -> Image:
-    """Blur an image (h, w), at least three pixels a side, by five taps along rows and columns, as `cv2.GaussianBlur`.
-
-    Args:
-        values: mirrored in the pixels at its border.
-        taps: (3,) from the middle one on; the others are the same.
-
-    Returns:
-        (h, w).
-    """
-    height, width = values.shape
-    middle, near, far = taps[0], taps[1], taps[2]
-    made, line = np.empty_like(values), np.empty(width + 4, np.float32)
-    for i in range(height):
-        one, two = abs(i - 1), abs(i - 2)
-        three, four = height - 1 - abs(height - 2 - i), height - 1 - abs(height - 3 - i)
-        for j in range(width):
-            line[j + 2] = (
-                middle * values[i, j]
-                + near * (values[one, j] + values[three, j])
-                + far * (values[two, j] + values[four, j])
-            )
-        line[1], line[0], line[width + 2], line[width + 3] = line[3], line[4], line[width], line[width - 1]
-        for j in range(width):
-            made[i, j] = middle * line[j + 2] + near * (line[j + 1] + line[j + 3]) + far * (line[j] + line[j + 4])
-    return made
-
-
 @compiled("float32[:, ::1](float32[:, ::1])")
 def local_mean(cells: Image) -> Image:
     """Means (h, w) of the `MEAN_CELLS` by `MEAN_CELLS` cells (h, w) about each, as `cv2.blur`; h and w are larger.

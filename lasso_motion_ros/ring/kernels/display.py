@@ -131,11 +131,17 @@ def products(one: Image, other: Image, size: int) -> Image:
     return means.reshape(-1)
 
 
-@compiled("float32(float32[::1])")
-def _upper_median(values: Image) -> np.float32:
-    """The middle one of values (N,), or the upper one of two."""
-    middle: np.float32 = np.sort(values)[values.size // 2]
-    return middle
+@compiled("int64[::1](float32[::1])")
+def _order(values: Image) -> npt.NDArray[np.int64]:
+    """(N,) which of few values is the least, the second, and so on; compiled in a tenth of numpy's sorting's time."""
+    order = np.empty(values.size, np.int64)
+    for n in range(values.size):
+        place = n
+        while place > 0 and values[order[place - 1]] > values[n]:
+            order[place] = order[place - 1]
+            place -= 1
+        order[place] = n
+    return order
 
 
 @compiled(
@@ -173,25 +179,35 @@ def group_sums(
     Returns:
         (3, groups); (3, 0) for too few blocks.
     """
-    product, energy = products(fine, before, size), energies - np.float32(2.0) * rounding
-    noisy = np.flatnonzero(np.minimum(energy[0], energy[1]) > smallest)
-    count = int(share * noisy.size)
+    product, blocks = products(fine, before, size), energies.shape[1]
+    noisy, still = np.empty(blocks, np.int64), np.full(blocks, np.float32(np.inf))
+    one, two = energies[0] - np.float32(2.0) * rounding, energies[1] - np.float32(2.0) * rounding
+    used = 0
+    for k in range(blocks):
+        if min(one[k], two[k]) > smallest:
+            noisy[used], still[used] = k, moved[0, k] + moved[1, k]
+            used += 1
+    count = int(share * used)
     if count < fewest:
         return np.empty((3, 0))
-    still = noisy[np.argsort((moved[0] + moved[1])[noisy], kind="mergesort")[:count]]
-    correlation = np.empty(count, np.float32)
-    for k in range(count):
-        block = still[k]
-        correlation[k] = np.float32(2.0) * (product[block] + rounding) / (energy[0, block] + energy[1, block])
-    off = np.abs(correlation - _upper_median(correlation))
-    limit = outlier * max(_upper_median(off), np.float32(1e-3))
-    still = np.sort(still[off <= limit])
-    sums = np.zeros((3, groups))
-    for k in range(still.size):
-        block, group = still[k], k % groups
-        sums[0, group] += product[block] + rounding
-        sums[1, group] += energy[0, block]
-        sums[2, group] += energy[1, block]
+    order, correlation, off = _order(still[:used]), np.empty(count, np.float32), np.empty(count, np.float32)
+    is_used = np.zeros(blocks, np.bool_)
+    for n in range(count):
+        k = noisy[order[n]]
+        correlation[n] = np.float32(2.0) * (product[k] + rounding) / (one[k] + two[k])
+    middle = correlation[_order(correlation)[count // 2]]
+    for n in range(count):
+        off[n] = abs(correlation[n] - middle)
+    limit = outlier * max(off[_order(off)[count // 2]], np.float32(1e-3))
+    for n in range(count):
+        is_used[noisy[order[n]]] = off[n] <= limit
+    sums, group = np.zeros((3, groups)), 0
+    for k in range(blocks):
+        if is_used[k]:
+            sums[0, group] += product[k] + rounding
+            sums[1, group] += one[k]
+            sums[2, group] += two[k]
+            group = (group + 1) % groups
     return sums
 
 
