@@ -15,21 +15,29 @@ Array = npt.NDArray[np.float64]
 @compiled(
     "Tuple((float64[:, ::1], float64[:, :, ::1]))(float64[:, ::1], float64[:, :, ::1],"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
-    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True))"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 3, 'A', readonly=True))"
 )
 def moved_on(
-    state: Array, covariance: Array, transition: Array, breathing: Array, spread: Array, heart: Array
+    state: Array,
+    covariance: Array,
+    transition: Array,
+    breathing: Array,
+    spread: Array,
+    beating: Array,
+    heart: Array,
 ) -> tuple[Array, Array]:
     """States and covariances after an interval: `motion_model.moved_on`.
 
     Args:
         state: (filters, N).
         covariance: (filters, N, N).
-        transition: (N, N); the first nine components depend on those of their own axis (every third one), the others
-            on themselves.
+        transition: (N, N); the first nine components depend on those of their own axis (every third one), the next
+            six likewise among themselves, the others each on itself.
         breathing: (3, 3) noise of value, slope and curvature, in units of the spread.
         spread: (3, 3) m².
-        heart: (filters, 3, 3) m² that the heartbeat adds.
+        beating: (2, 2) noise of the heartbeat's value and speed, in units of its variance.
+        heart: (filters, 3, 3) m² of the heartbeat.
     """
     filters, size = state.shape
     new_state, new = np.zeros((filters, size)), np.empty((filters, size, size))
@@ -38,10 +46,16 @@ def moved_on(
         old = covariance[f]
         for i in range(size):
             own = transition[i, i]
-            if i >= 9:
+            if i >= 15:
                 new_state[f, i] = own * state[f, i]
                 for j in range(size):
                     rows[i, j] = own * old[i, j]
+            elif i >= 9:
+                k = 9 + i % 3
+                u, v = transition[i, k], transition[i, k + 3]
+                new_state[f, i] = u * state[f, k] + v * state[f, k + 3]
+                for j in range(size):
+                    rows[i, j] = u * old[k, j] + v * old[k + 3, j]
             else:
                 k = i % 3
                 u, v, w = transition[i, k], transition[i, k + 3], transition[i, k + 6]
@@ -55,14 +69,17 @@ def moved_on(
                 new[f, i, j] = (
                     transition[j, k] * row[k] + transition[j, k + 3] * row[k + 3] + transition[j, k + 6] * row[k + 6]
                 )
-            for j in range(9, size):
+            for j in range(9, 15):
+                k = 9 + j % 3
+                new[f, i, j] = transition[j, k] * row[k] + transition[j, k + 3] * row[k + 3]
+            for j in range(15, size):
                 new[f, i, j] = transition[j, j] * row[j]
         for i in range(9):
             for j in range(9):
                 new[f, i, j] += breathing[i // 3, j // 3] * spread[i % 3, j % 3]
-        for i in range(3):
-            for j in range(3):
-                new[f, 9 + i, 9 + j] += heart[f, i, j]
+        for i in range(6):
+            for j in range(6):
+                new[f, 9 + i, 9 + j] += beating[i // 3, j // 3] * heart[f, i % 3, j % 3]
         for i in range(size):
             for j in range(i):
                 new[f, i, j] = new[f, j, i] = 0.5 * (new[f, i, j] + new[f, j, i])

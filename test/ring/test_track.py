@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.ring_fits import detection_of, plane_fit
 
+from lasso_motion_ros.motion.motion_model import ORIGIN_B
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
@@ -135,7 +136,7 @@ def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_o
     one = track(late_s=0.1)
     np.testing.assert_allclose(one.depth_correction, 0.0, atol=1e-9)
     state = one.motion._state.copy()
-    state[:, 15:18] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
+    state[:, ORIGIN_B] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
     one.motion._become(state, one.motion._covariance)
     # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
     np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
