@@ -90,7 +90,8 @@ def test_detections_are_the_same_where_all_planes_see_them_alike():
 
 
 def test_an_observation_is_the_displacement_across_the_ray_and_its_covariance():
-    clear = detection_at(HERE, evidence=1.8, sigma_m=4e-5)  # support 1.8 · 1.3 = 2.34: nothing pulls
+    # Support 1.7 · 1.3 = 2.21: as much as there is where the noise tells all.
+    clear = detection_at(HERE, evidence=WORTH.clear_support / 1.3, sigma_m=4e-5)
     moved = np.array([0.002, 0.001, -0.004])
     for plane in "ab":
         observed = clear.observation(plane, HERE - moved)
@@ -101,8 +102,9 @@ def test_an_observation_is_the_displacement_across_the_ray_and_its_covariance():
 
 
 def test_where_the_support_is_weak_something_pulls_and_less_is_known():
-    # Support 1.3 · 1.2 = 1.56: 0.39 short of clear, 0.45 mm for each unit of that.
+    # Support 1.3 · 1.2 = 1.56: 0.64 short of clear, the variance is e to the power of 1.09 · 0.64.
     weak = detection_at(HERE, evidence=1.2, sigma_m=4e-5).observation("a", HERE)
-    pulled_m = WORTH.pulled_m * (WORTH.clear_support - 1.56)
-    assert 1e3 * pulled_m == pytest.approx(0.1755)
-    np.testing.assert_allclose(weak.covariance, (4e-5**2 + 2e-5**2 + pulled_m**2) * np.eye(2), rtol=1e-6)
+    np.testing.assert_allclose(weak.covariance, (2.009 * 4e-5**2 + 2e-5**2) * np.eye(2), rtol=1e-3)
+    # More than that, and it is known better than by the noise of a usual place.
+    strong = detection_at(HERE, evidence=1.9, sigma_m=4e-5).observation("a", HERE)
+    np.testing.assert_allclose(strong.covariance, (0.745 * 4e-5**2 + 2e-5**2) * np.eye(2), rtol=1e-3)
