@@ -59,8 +59,8 @@ class MotionTuning:
     smallest_share: float = 0.15  # and at least this across, whatever was learned.
     # Before any measurement, of the one kind and the other.
     heartbeat_odds: tuple[float, ...] = (0.1, 0.1, 0.05, 0.05, 0.2, 0.2, 0.2, 0.1)
-    # A beat is smooth, and swings back: after 40, 80, 140 and 300 ms its correlation with itself is 0.89, 0.67, 0.31 and
-    # -0.08 with these (docs/constants.md).
+    # A beat is smooth, and swings back: its correlation with itself is 0.89, 0.67, 0.31 and -0.08 after 40, 80, 140 and
+    # 300 ms with these (docs/constants.md).
     heartbeat_damping_hz: float = 8.0
     heartbeat_turning_hz: float = 10.0
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from weights and shape: rhythms change

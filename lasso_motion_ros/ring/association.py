@@ -16,6 +16,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -34,12 +35,18 @@ Way = tuple[float, Callable[[], RespiratoryMotion]]
 class AssociationTuning:
     """What images and motion are worth as evidence."""
 
-    # Log odds that what a plane shows in a place is the ring: what is shown there, how well the template fits, and the
-    # share of the loop that looks as expected. By logistic regression (docs/constants.md).
-    nothing: float = -9.65
-    by_evidence: float = 4.43
-    by_likeness: float = 3.71
-    by_visible: float = 3.2
+    # Log odds that what a plane shows in a place is the ring: what is shown at its electrodes and of the wire between
+    # them, how well the template fits, the share of the loop that looks as expected, and how sharply it says where, as
+    # a natural logarithm of a standard deviation. By logistic regression (docs/constants.md).
+    nothing: float = -5.91
+    by_evidence: float = 3.16
+    by_wire: float = 5.54
+    by_likeness: float = 2.54
+    by_visible: float = 1.93
+    by_blur: float = -1.45
+    blur_m: float = 1e-4
+    sharpest_m: float = 3e-5  # a picture without noise says nothing by being sharp
+    plainest: float = 1e-3  # odds against what looks as plain as can be: so no plane makes up for anything in another
     # Of the ring, the planes' rays pass each other by this, and by what moves in between; where there is more to it (a
     # calibration that is off, a heart) by anything up to a limit. Of all else by anything up to another.
     gap_sigma_m: float = 2.5e-4
@@ -49,6 +56,7 @@ class AssociationTuning:
     clutter_slacks: float = 1.2
     # Where it was foretold, with the tails of a Cauchy distribution: so wide, besides what the filter says.
     foretold_m: float = 4e-3
+    by_spread: float = -1.70  # the wider, the more else lies there: likewise a natural logarithm
     anywhere: float = 1e-3  # relative to there: a C-arm that was moved unsaid
     # Its like, a twin or itself slipped along its curve: this share of all else looks as the ring does,
     alike: float = 0.03
@@ -235,8 +243,10 @@ def _hypothesis(
 
 def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:
     """Log odds that a plane shows the ring there, by how it looks."""
-    shown = tuning.by_evidence * fit.evidence + tuning.by_visible * fit.visible
-    return tuning.nothing + shown + tuning.by_likeness * likeness
+    shown = tuning.by_evidence * fit.evidence + tuning.by_wire * fit.wire + tuning.by_visible * fit.visible
+    blur = math.log(max(math.sqrt(float(fit.covariance.trace())), tuning.sharpest_m) / tuning.blur_m)
+    odds = tuning.nothing + shown + tuning.by_likeness * likeness + tuning.by_blur * blur
+    return -math.log(math.exp(-odds) + tuning.plainest)
 
 
 def _gap_odds(gap_m: float, slack_m: float, tuning: AssociationTuning) -> float:
@@ -253,7 +263,8 @@ def _place_odds(away: Array, covariance: Array, tuning: AssociationTuning) -> fl
     """
     spread = covariance + tuning.foretold_m**2 * _IDENTITY_3
     distance = float(away @ np.linalg.solve(spread, away))
-    return math.log((1.0 + distance) ** -2 + tuning.anywhere)
+    widening = math.log(largest_sigma(spread) / tuning.foretold_m)
+    return math.log((1.0 + distance) ** -2 + tuning.anywhere) + tuning.by_spread * widening
 
 
 def _usualness(support: float, usual: float, usual_sigma: float, tuning: AssociationTuning) -> float:

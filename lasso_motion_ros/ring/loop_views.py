@@ -53,6 +53,7 @@ class PlaneFit:
         contrast: of the ring, as a share of the grey behind it, whatever the noise.
         correlation: normalised correlation of strip and template, outliers left out.
         evidence: mean of the evidence image along the curve, weighted by the template's electrodes; -1 to 2.
+        wire: mean of the evidence between the electrodes, but no more than the ring's own wire shows.
         coverage: share of those weights that lie inside the image.
         visible: share of the loop's segments that look as expected.
         residual_mm: mean distance, at the loop, by which those segments lie beside the curve.
@@ -67,6 +68,7 @@ class PlaneFit:
     contrast: float
     correlation: float
     evidence: float
+    wire: float
     coverage: float
     visible: float
     residual_mm: float
@@ -97,7 +99,8 @@ class LoopViews:
         # (L, columns) each, columns being 2·HALF_WIDTH + 1: the same in all planes.
         self._pattern = template.values
         self._slopes = np.array(template.slopes)[:, None]  # (2, 1, L, columns), along and sideways
-        self._arc_weights = template.weights
+        self._arc_weights, self._between = template.weights, template.between
+        self._wire = [template.wire[plane] for plane in planes]
         self.usual = np.array([template.usual[plane] for plane in planes])
         self.centres = centres
         rays = centres - np.array([p.source for p in projections])
@@ -205,7 +208,7 @@ class LoopViews:
             covariance: (N, N) of the parameters.
         """
         visible, beside = self._seen()
-        shown, evidence, coverage = self._evidence()
+        shown, evidence, wire, coverage = self._evidence()
         return [
             PlaneFit(
                 self.centres[i],
@@ -215,6 +218,7 @@ class LoopViews:
                 float(self._gains[i]) * self._images[i].contrast_unit(self.centres[i]),
                 float(self.correlation[i]),
                 evidence[i],
+                wire[i],
                 coverage[i],
                 float(visible[i]),
                 PIXEL_MM * float(beside[i]),
@@ -247,17 +251,19 @@ class LoopViews:
         distance = np.where(there, np.abs(np.clip(step, -HALF_WIDTH, HALF_WIDTH)), 0.0)
         return visible, distance.sum(axis=1) / np.maximum(there.sum(axis=1), 1)
 
-    def _evidence(self) -> tuple[list[Image], list[float], list[float]]:
-        """Each plane's evidence along the curve where it was last sampled, its weighted mean, and its coverage."""
-        shown, evidence, coverage = [], [], []
-        for pixels, image in zip(self._pixels, self._images, strict=True):
+    def _evidence(self) -> tuple[list[Image], list[float], list[float], list[float]]:
+        """Each plane's evidence along the curve where it was last sampled, at the electrodes, between; and coverage."""
+        shown, evidence, wire, coverage = [], [], [], []
+        for pixels, image, own in zip(self._pixels, self._images, self._wire, strict=True):
             values = image.evidence_at(pixels)
             inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
             share = float(self._arc_weights @ inside)
             shown.append(values)
             evidence.append(float(self._arc_weights @ values) / max(share, 1e-6) if share > 0.0 else 0.0)
+            # What is darker than its wire is a line of something else: it is not the more the ring for that.
+            wire.append(min(float(values[self._between].sum()) / max(int(inside[self._between].sum()), 1), own))
             coverage.append(share)
-        return shown, evidence, coverage
+        return shown, evidence, wire, coverage
 
     def _derivative(self) -> Array:
         """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.

@@ -49,6 +49,8 @@ class RingTemplate:
     Attributes:
         profile: (L,) float32, not negative: by how much each point of the arc stands out in both planes.
         weights: (L,) of sum 1: where the electrodes are, by the evidence of both planes; what it is weighted by.
+        between: (L,) bool: where there is no electrode, or the lesser half of the arc.
+        wire: per plane, the mean evidence there.
         values: (L, 2·HALF_WIDTH + 1) float32, the profile times the cross-section.
         slopes: of `values`, along the arc and across it.
         usual: per plane, correlation with it where the ring is seen.
@@ -114,6 +116,8 @@ class RingTemplate:
         if not electrodes.any():
             electrodes = self.profile
         self.weights: Image = electrodes / np.float32(electrodes.sum())
+        self.between = self.weights <= np.median(self.weights)
+        self.wire = {plane: float(self._shown[plane][self.between].mean()) for plane in PLANES}
         cross: Image = self.profile @ self._means["a"] + self.profile @ self._means["b"]
         cross = 0.5 * (cross + cross[::-1])
         self._show(self.profile[:, None] * (cross / max(float(cross[HALF_WIDTH]), 1e-6)).astype(np.float32))

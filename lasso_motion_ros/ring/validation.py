@@ -26,6 +26,7 @@ class ValidationTuning:
     faint_share: float = (
         0.7  # of the support that is usual: less is shown where a plane's geometry is not as it says, too
     )
+    left_share: float = 0.5  # of it: with less it is not believed to be all there (docs/constants.md)
     # Where the filter is undone no ghost is left, but before it is recognised, and after an image that did not come.
     ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
 
@@ -84,7 +85,11 @@ def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[floa
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
-    """Why a detection is only what a filter over time has left of the ring; empty if it is the ring."""
+    """Why a detection is only what is left of the ring, in a filter over time or outside its sheath; or empty."""
+    shown = best.detection.support / track.usual_support
+    if best.is_whole and shown < tuning.left_share:
+        weak = min(PLANES, key=lambda plane: best.detection.planes[plane].evidence).upper()
+        return f"plane {weak} hardly shows the lasso: {100 * shown:.0f} % of what is usual is left"
     shares = [fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()]
     left = sum(shares) / len(shares)
     if left < tuning.ghost_contrast:
@@ -139,13 +144,13 @@ def _unseen(association: Association, pair: FramePair) -> str:
     best = association.best
     if best is None or len(pair.frames) < len(PLANES):
         return "the lasso is not seen"
-    if len(association.hypotheses) > 1 and association.hypotheses[1].probability > association.absent:
-        return "other places look nearly as much like the lasso"
     evidence = {plane: fit.evidence for plane, fit in best.detection.planes.items()}
     weak = min(PLANES, key=lambda plane: evidence.get(plane, -1.0))
-    strong = max(evidence.values())
-    if strong < SHOWN:
+    if max(evidence.values()) < SHOWN:
         return "the lasso is not seen"
+    has_rival = len(association.hypotheses) > 1 and association.hypotheses[1].probability > association.absent
+    if has_rival and evidence.get(weak, -1.0) >= SHOWN:
+        return "other places look nearly as much like the lasso"
     return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
 
 

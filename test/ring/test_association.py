@@ -17,8 +17,8 @@ TUNING = AssociationTuning()
 PERIOD_S = 1.0 / 3.0
 PLAIN = 1.8  # evidence of each plane: support 2.34
 # As all else looks: what little is shown is not where the template has it.
-NOTHING = {"evidence": 0.6, "likeness": 0.4, "visible": 0.5}
-HARDLY = {"evidence": 0.9, "likeness": 0.5, "visible": 0.6}
+NOTHING = {"evidence": 0.6, "likeness": 0.4, "visible": 0.5, "wire": 0.1, "sigma_m": 2e-4}
+HARDLY = {"evidence": 0.9, "likeness": 0.5, "visible": 0.6, "wire": 0.15, "sigma_m": 1.5e-4}
 ASIDE = np.array([0.020, 0.012, 0.009])  # 25 mm
 
 
@@ -73,8 +73,11 @@ def normal(value, mean, sigma):
     return math.exp(-0.5 * ((value - mean) / sigma) ** 2) / (math.sqrt(2.0 * math.pi) * sigma)
 
 
-def look_odds(evidence, likeness=1.0, visible=1.0):
-    return -9.65 + 4.43 * evidence + 3.71 * likeness + 3.2 * visible
+def look_odds(evidence, likeness=1.0, visible=1.0, wire=0.4, sigma_m=5e-5):
+    # A place known to sigma in either direction, in units of 0.1 mm. One in a thousand looks just as plain.
+    blur = math.log(math.sqrt(2.0) * sigma_m / 1e-4)
+    odds = -5.91 + 3.16 * evidence + 5.54 * wire + 2.54 * likeness + 1.93 * visible - 1.45 * blur
+    return -math.log(math.exp(-odds) + 1e-3)
 
 
 def test_the_odds_of_a_foretold_detection_are_those_of_two_planes_by_hand():
@@ -87,19 +90,44 @@ def test_the_odds_of_a_foretold_detection_are_those_of_two_planes_by_hand():
         meets = 0.97 * normal(best.gap_mm, 0.0, math.hypot(best.slack_mm, 0.25)) + 0.03 / 12.0
         meets = math.log(meets * 2.0 * (2.0 + 1.2 * best.slack_mm))
         distance = away @ np.linalg.solve(MOTION.predict(TIME_S).covariance + 16e-6 * np.eye(3), away)
-        expected = look_odds(a) + look_odds(b) + meets + math.log((1.0 + distance) ** -2 + 1e-3)
+        # All of it is known to 4 mm and what the motion adds, of which only the widest direction counts.
+        spread = math.sqrt(np.linalg.eigvalsh(MOTION.predict(TIME_S).covariance + 16e-6 * np.eye(3))[-1])
+        place = math.log((1.0 + distance) ** -2 + 1e-3) - 1.7 * math.log(spread / 4e-3)
+        expected = look_odds(a) + look_odds(b) + meets + place
         assert best.log_odds == pytest.approx(expected, abs=0.01)
         assert best.probability == pytest.approx(1.0 / (1.0 + math.exp(-expected)), abs=1e-3)
 
 
-def test_a_template_that_fits_ill_and_a_loop_half_of_which_is_seen_speak_against_it():
-    def odds(likeness, visible):
-        fits = {plane: plane_fit(plane, FORETOLD, evidence=1.2, visible=visible) for plane in "ab"}
-        detection = detection_of(fits, likeness=likeness)
-        return weighed(detection).best.log_odds
+def test_each_thing_that_is_not_as_the_ring_looks_speaks_against_it():
+    def odds(likeness=1.0, **shown):
+        fits = {plane: plane_fit(plane, FORETOLD, **({"evidence": 1.2} | shown)) for plane in "ab"}
+        return weighed(detection_of(fits, likeness=likeness)).best.log_odds
 
-    assert odds(1.0, 1.0) - odds(0.6, 1.0) == pytest.approx(2.0 * 3.71 * 0.4, abs=1e-6)
-    assert odds(1.0, 1.0) - odds(1.0, 0.5) == pytest.approx(2.0 * 3.2 * 0.5, abs=1e-6)
+    by_hand = 2.0 * look_odds(1.2)
+    assert odds() - odds(likeness=0.6) == pytest.approx(by_hand - 2.0 * look_odds(1.2, likeness=0.6), abs=1e-6)
+    assert odds() - odds(visible=0.5) == pytest.approx(by_hand - 2.0 * look_odds(1.2, visible=0.5), abs=1e-6)
+    # Dots like its electrodes, and no wire between them; a blur that may lie anywhere about.
+    assert odds() - odds(wire=0.0) == pytest.approx(by_hand - 2.0 * look_odds(1.2, wire=0.0), abs=1e-6)
+    # (How well the rays meet counts by the filter's covariance, and hardly changes.)
+    blurred = by_hand - 2.0 * look_odds(1.2, sigma_m=1e-4)
+    assert odds() - odds(sigma_m=1e-4) == pytest.approx(blurred, abs=0.1)
+    # Without noise nothing is sharper than a sharp one.
+    assert odds(sigma_m=1e-9) - odds(sigma_m=2e-5) == pytest.approx(0.0, abs=0.1)
+
+
+def test_what_is_plain_already_gains_nothing_by_being_plainer():
+    def odds(**shown):
+        fits = {"a": plane_fit("a", FORETOLD, **shown), "b": plane_fit("b", FORETOLD, evidence=0.9, visible=0.6)}
+        return weighed(detection_of(fits)).best.log_odds
+
+    # So it cannot make up for what the other plane lacks.
+    assert odds(evidence=2.0, wire=0.6) - odds(evidence=1.2, wire=0.4) > 0.2
+    assert odds(evidence=4.0, wire=1.8) - odds(evidence=2.0, wire=0.6) < 0.2
+
+
+def test_the_wider_the_ring_is_foretold_the_more_else_lies_there():
+    narrow, wide = (weighed(detection_at(FORETOLD), time_s=TIME_S + later_s).best for later_s in (0.0, 20.0))
+    assert narrow.log_odds > wide.log_odds + 0.5
 
 
 def test_far_off_is_unlikely_and_never_impossible():
@@ -198,9 +226,10 @@ def test_what_was_foretold_does_not_make_a_ring_of_what_hardly_shows_one():
 
 def test_of_two_in_unlikely_places_none_is_believed_that_looks_other_than_it_did():
     # The ring has always shown twice this much, where it was foretold.
+    half = {"likeness": 0.5, "wire": 0.15, "sigma_m": 1e-4}
     association = weighed(
-        detection_at(FORETOLD + ASIDE, evidence=1.3, likeness=0.7),
-        detection_at(FORETOLD + 0.15 * ASIDE, evidence=1.0, likeness=0.7),
+        detection_at(FORETOLD + ASIDE, evidence=1.3, **half),
+        detection_at(FORETOLD + 0.15 * ASIDE, evidence=1.0, **half),
     )
     assert association.best.probability < 0.9
 

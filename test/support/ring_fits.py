@@ -31,6 +31,7 @@ def plane_fit(
     centre: np.ndarray,
     *,
     evidence: float = 1.8,
+    wire: float = 0.4,
     coverage: float = 1.0,
     visible: float = 1.0,
     contrast: float = 0.2,
@@ -47,6 +48,7 @@ def plane_fit(
         contrast=contrast,
         correlation=0.9,
         evidence=evidence,
+        wire=wire,
         coverage=coverage,
         visible=visible,
         residual_mm=0.1,
@@ -83,8 +85,9 @@ def detection_at(
     evidence: float = 1.8,
     likeness: float = 1.0,
     visible: float = 1.0,
+    wire: float = 0.4,
     sigma_m: float = 5e-5,
 ) -> Detection:
     """Both planes, or one, see the ring's centre at a world point (3,) m."""
-    seen = {"evidence": evidence, "visible": visible, "sigma_m": sigma_m}
+    seen = {"evidence": evidence, "visible": visible, "wire": wire, "sigma_m": sigma_m}
     return detection_of({plane: plane_fit(plane, place, **seen) for plane in planes}, likeness=likeness)

@@ -95,8 +95,16 @@ class TurningWithTheRing(WrappedTracker):
 
 
 OFF = 1e6  # a limit that nothing reaches
-# What is shown alone, by a regression of its own on the same pairs.
-WITHOUT_FIT = AssociationTuning(nothing=-6.4, by_evidence=6.6, by_likeness=0.0, by_visible=0.0)
+# By regressions of their own on the same pairs.
+WITHOUT_FIT = AssociationTuning(
+    nothing=-2.62, by_evidence=4.13, by_wire=5.53, by_likeness=0.0, by_visible=0.0, by_blur=-2.65, by_spread=-2.14
+)
+WITHOUT_WIRE = AssociationTuning(
+    nothing=-2.95, by_evidence=2.92, by_wire=0.0, by_likeness=0.56, by_visible=2.65, by_blur=-3.07, by_spread=-1.49
+)
+WITHOUT_IMAGES = AssociationTuning(
+    nothing=2.0, by_evidence=0.0, by_wire=0.0, by_likeness=0.0, by_visible=0.0, by_blur=0.0
+)
 
 IDEAS: Mapping[str, Idea] = {
     idea.name: idea
@@ -117,11 +125,8 @@ IDEAS: Mapping[str, Idea] = {
         Idea("pulled", "doubt where the template fits badly", options=_with(detection=DetectionTuning(pull=0.0))),
         # Which of the detections it is.
         Idea("weaker", "the weaker plane's say", options=_with(detection=DetectionTuning(stronger_share=1.0))),
-        Idea(
-            "images",
-            "the images' evidence",
-            options=_with(association=AssociationTuning(nothing=2.0, by_evidence=0.0, by_likeness=0.0, by_visible=0.0)),
-        ),
+        Idea("images", "the images' evidence", options=_with(association=WITHOUT_IMAGES)),
+        Idea("wire", "the wire between the electrodes", options=_with(association=WITHOUT_WIRE)),
         Idea("fit", "how well the template fits", options=_with(association=WITHOUT_FIT)),
         Idea(
             "motion", "the motion's evidence", options=_with(association=AssociationTuning(foretold_m=OFF, view_m=OFF))
@@ -144,6 +149,11 @@ IDEAS: Mapping[str, Idea] = {
             "ghost",
             "asking that contrast does not fade",
             options=_with(validation=ValidationTuning(ghost_contrast=0.0)),
+        ),
+        Idea(
+            "sheath",
+            "asking for half of what is usual",
+            options=_with(validation=ValidationTuning(left_share=0.0)),
         ),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
         Idea(
