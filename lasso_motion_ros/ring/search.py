@@ -106,12 +106,12 @@ def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Ar
     pixels = image.projection.project(centre + ring)
     reach = _reach_cells(image, centre, reach_mm)
     margin = CELL_PX * (reach + 1)
-    cells, corner = image.evidence_cells(np.array([pixels.min(axis=0) - margin, pixels.max(axis=0) + margin]))
-    if cells.size == 0:
+    evidence, corner = image.evidence_about(np.array([pixels.min(axis=0) - margin, pixels.max(axis=0) + margin]))
+    if min(evidence.shape) < CELL_PX:
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
     index, share, first, (width, height) = shared_out((pixels - corner).T, weights, CELL_PX)
     kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height).reshape(height, width)
-    scores, away = _best_shifts(cells, kernel.astype(np.float32), first, reach)
+    scores, away = _best_shifts(in_cells(evidence), kernel.astype(np.float32), first, reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
 
 

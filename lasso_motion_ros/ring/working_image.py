@@ -80,26 +80,11 @@ class WorkingImage:
         """
         if not np.isfinite(pixels).all():
             return np.zeros(len(pixels), dtype=np.float32)
-        if has_kernels():
-            return self._compiled_evidence_at(pixels)
         evidence, corner = self.evidence_about(pixels)
         if evidence.size == 0:
             return np.zeros(len(pixels), dtype=np.float32)
         x, y = (pixels - corner).astype(np.float32).T
         return np.asarray(cv2.remap(evidence, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)).reshape(-1)
-
-    def _compiled_evidence_at(self, pixels: Array) -> Image:
-        """The same, divided by its root mean square at the pixels only."""
-        from lasso_motion_ros.ring.kernels.band import evidence_at
-
-        grey, corner = self._grey_about(pixels)
-        if grey.size == 0:
-            return np.zeros(len(pixels), dtype=np.float32)
-        fine, slow = _log_scales(grey)
-        half, (lowest, highest) = TUNING.evidence_window_px[0] // 2, TUNING.evidence_range
-        at = (pixels - corner).astype(np.float32)
-        shown: Image = evidence_at(fine, slow, self.bright, half, TUNING.evidence_floor, lowest, highest, at)
-        return shown
 
     def evidence_about(self, pixels: Array) -> tuple[Image, Array]:
         """The same as an image (h, w) of the surroundings of pixels (N, 2), finite, and the pixel (2,) of its corner.
@@ -108,19 +93,6 @@ class WorkingImage:
         """
         grey, corner = self._grey_about(pixels)
         return (_evidence(grey, self.bright) if grey.size else np.zeros((0, 0), dtype=np.float32)), corner
-
-    def evidence_cells(self, pixels: Array) -> tuple[Image, Array]:
-        """The same in search cells (h // 2, w // 2), and the pixel (2,) of its corner."""
-        grey, corner = self._grey_about(pixels)
-        if has_kernels() and min(grey.shape) > TUNING.evidence_window_px[0] // 2:
-            from lasso_motion_ros.ring.kernels.band import evidence_cells
-
-            return evidence_cells(
-                *_log_scales(grey), self.bright, TUNING.evidence_floor, *TUNING.evidence_range
-            ), corner
-        if min(grey.shape) < CELL_PX:
-            return np.zeros((0, 0), dtype=np.float32), corner
-        return in_cells(_evidence(grey, self.bright)), corner
 
     def _grey_about(self, pixels: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Array]:
         """The surroundings (h, w) of pixels (N, 2) on which their evidence rests, and the pixel (2,) of its corner."""
@@ -272,6 +244,11 @@ def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
     what an electrode may count: a bigger or denser one is no better an electrode.
     """
     fine, slow = _log_scales(grey)
+    if has_kernels() and min(grey.shape) > TUNING.evidence_window_px[0] // 2:
+        from lasso_motion_ros.ring.kernels import band as kernels
+
+        shown: Image = kernels.evidence(fine, slow, bright, TUNING.evidence_floor, *TUNING.evidence_range)
+        return shown
     coarse = cv2.resize(slow, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = cv2.blur(cv2.multiply(band, band, dst=coarse), TUNING.evidence_window_px, borderType=cv2.BORDER_REFLECT)

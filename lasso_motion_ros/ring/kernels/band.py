@@ -6,8 +6,6 @@ pixels, and is interpolated between their centres.
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import numpy.typing as npt
 
@@ -17,7 +15,7 @@ Image = npt.NDArray[np.float32]
 
 _QUARTER, _MOST = np.float32(0.25), np.float32(0.75)
 MEAN_CELLS = 31  # over which `local_mean` goes, along rows and columns
-WINDOW_PX = 33  # in which `evidence_cells` tells the noise
+WINDOW_PX = 33  # in which `evidence` tells the noise
 
 
 @compiled("void(float32[:, ::1], int64, float32[::1], float32[::1])")
@@ -143,86 +141,9 @@ def divided(band: Image, power: Image, floor: float, clip: float) -> Image:
     return noise
 
 
-@compiled(
-    "float32[::1](float32[:, ::1], float32[:, ::1], boolean, int64, float32, float32, float32,"
-    " Array(float32, 2, 'A', readonly=True))"
-)
-def evidence_at(
-    fine: Image, slow: Image, bright: bool, half: int, floor: float, lowest: float, highest: float, pixels: Image
-) -> Image:
-    """The evidence at some pixels: `WorkingImage.evidence_at`.
-
-    Args:
-        fine: (2 h, 2 w) logarithm of the grey values, blurred a little; overwritten.
-        slow: (h, w) cells of it, blurred much.
-        bright: whether what is brighter is positive.
-        half: of the window's side, less the pixel in its middle.
-        floor: of the mean square in it.
-        lowest: of the evidence.
-        highest: likewise.
-        pixels: (N, 2) x and y.
-
-    Returns:
-        (N,) bilinear; zero outside the image.
-    """
-    height, width = fine.shape
-    cells, coarse = np.empty(slow.shape[1] + 2, np.float32), np.empty(width, np.float32)
-    sign = np.float32(1.0 if bright else -1.0)
-    above = np.zeros((height + 1, width))  # sums of squares over the rows above each
-    for i in range(height):
-        _between_cells(slow, i, cells, coarse)
-        row, last, new = fine[i], above[i], above[i + 1]
-        for j in range(width):
-            row[j] = sign * (row[j] - coarse[j])
-            new[j] = last[j] + row[j] * row[j]
-    shown = np.zeros(pixels.shape[0], np.float32)
-    sums = np.empty(width)
-    for n in range(pixels.shape[0]):
-        x, y = pixels[n, 0], pixels[n, 1]
-        if not (x > -1.0 and y > -1.0 and x < width and y < height):
-            continue
-        column, row_number = math.floor(x), math.floor(y)
-        right, down = x - np.float32(column), y - np.float32(row_number)
-        for k in range(2):
-            at = row_number + k
-            if at < 0 or at >= height:
-                continue
-            # The window's rows; beyond the border they come again from the other side.
-            top, bottom = at - half, at + half + 1
-            low, high = max(column - half, 0), min(column + 1 + half + 1, width)
-            first, last = above[max(top, 0)], above[min(bottom, height)]
-            for j in range(low, high):
-                sums[j] = last[j] - first[j]
-            if top < 0:
-                mirrored = above[-top]
-                for j in range(low, high):
-                    sums[j] += mirrored[j]
-            if bottom > height:
-                mirrored, whole = above[2 * height - bottom], above[height]
-                for j in range(low, high):
-                    sums[j] += whole[j] - mirrored[j]
-            for m in range(2):
-                place = column + m
-                if place < 0 or place >= width:
-                    continue
-                power = 0.0
-                for j in range(max(place - half, 0), min(place + half + 1, width)):
-                    power += sums[j]
-                for j in range(half - place):
-                    power += sums[j]
-                for j in range(2 * width - place - half - 1, width):
-                    power += sums[j]
-                power /= (2 * half + 1) * (2 * half + 1)
-                value = fine[at, place] / np.float32(math.sqrt(max(power, floor)))
-                value = min(max(value, lowest), highest)
-                share = (down if k else np.float32(1.0) - down) * (right if m else np.float32(1.0) - right)
-                shown[n] += share * value
-    return shown
-
-
 @compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean, float32, float32, float32)")
-def evidence_cells(fine: Image, slow: Image, bright: bool, floor: float, lowest: float, highest: float) -> Image:
-    """The evidence everywhere, in cells: `WorkingImage.evidence_cells`.
+def evidence(fine: Image, slow: Image, bright: bool, floor: float, lowest: float, highest: float) -> Image:
+    """What is as wide as an electrode, relative to its local noise: `working_image._evidence`.
 
     Args:
         fine: (2 h, 2 w) logarithm of the grey values, blurred a little; overwritten.
@@ -233,7 +154,7 @@ def evidence_cells(fine: Image, slow: Image, bright: bool, floor: float, lowest:
         highest: likewise.
 
     Returns:
-        (h, w).
+        (2 h, 2 w).
     """
     height, width = fine.shape
     cells, coarse = np.empty(slow.shape[1] + 2, np.float32), np.empty(width, np.float32)
@@ -253,7 +174,7 @@ def evidence_cells(fine: Image, slow: Image, bright: bool, floor: float, lowest:
     # Over 1, 2, 4, 8 and 16 columns from each on: sums by doubling, of all columns at once.
     one, two, four = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
     eight, sixteen = np.zeros(beyond, np.float32), np.zeros(beyond, np.float32)
-    made, share = np.empty_like(slow), np.float32(1.0 / WINDOW_PX**2)
+    made, share = np.empty_like(fine), np.float32(1.0 / WINDOW_PX**2)
     for i in range(height):
         for j in range(width):
             one[half + j] = columns[j]
@@ -269,13 +190,7 @@ def evidence_cells(fine: Image, slow: Image, bright: bool, floor: float, lowest:
             sixteen[j] = eight[j] + eight[j + 8]
         for j in range(width):
             noise = np.sqrt(max(share * (sixteen[j] + sixteen[j + 16] + one[j + 32]), floor))
-            coarse[j] = min(max(fine[i, j] / noise, lowest), highest)
-        if i % 2 == 0:
-            for c in range(made.shape[1]):
-                made[i // 2, c] = _QUARTER * (coarse[2 * c] + coarse[2 * c + 1])
-        else:
-            for c in range(made.shape[1]):
-                made[i // 2, c] += _QUARTER * (coarse[2 * c] + coarse[2 * c + 1])
+            made[i, j] = min(max(fine[i, j] / noise, lowest), highest)
         if i + 1 < height:
             after, first = i + half + 1, i - half
             after, first = after if after < height else 2 * height - 1 - after, first if first >= 0 else -first - 1
