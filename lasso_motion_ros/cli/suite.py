@@ -10,7 +10,7 @@ from pathlib import Path
 from lasso_motion_ros.bench.model_experiment import DEFAULT_TRIALS, format_experiment, run_model_experiment
 from lasso_motion_ros.bench.suite.ablation import ablation_record, format_ablation
 from lasso_motion_ros.bench.suite.clinic_runs import run_clinic
-from lasso_motion_ros.bench.suite.clinic_scenarios import CLINIC_SEQUENCES, clinic_scenarios
+from lasso_motion_ros.bench.suite.clinic_scenarios import CLINIC_SEQUENCES, ClinicScenario, clinic_scenarios
 from lasso_motion_ros.bench.suite.clinic_tables import CLINIC_NOTE, class_measures, clinic_record, format_clinic
 from lasso_motion_ros.bench.suite.ideas import IDEAS
 from lasso_motion_ros.bench.suite.random_scenarios import DEFAULT_SEED, DEFAULT_SEQUENCES, suite_scenarios
@@ -84,7 +84,8 @@ def add_arguments(parser: CommandParser) -> None:
         nargs="*",
         action="extend",
         metavar="IDEA",
-        help="track suite and traps with every idea of the tracker switched off in turn, or these: what does it cost?",
+        help="track suite (or --clinic) and traps with every idea of the tracker switched off in turn, or these: what"
+        " does it cost?",
     )
     parser.add_argument(
         "--traps",
@@ -124,12 +125,12 @@ def run(args: argparse.Namespace) -> int:
     configs = {file.stem: load_configuration(file, StreamConfig) for file in files}
     if args.model_experiment is not None:
         _model_experiment(args)
+    elif args.ablation is not None:
+        _ablation(args, *configs.values())
     elif args.clinic:
         _clinic(args, configs)
     elif args.sweep:
         _sweeps(args, configs)
-    elif args.ablation is not None:
-        _ablation(args, *configs.values())
     elif args.traps is not None:
         _traps(args, configs)
     else:
@@ -152,8 +153,7 @@ def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files
 
 
 def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
-    drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
-    drawn = tuple(drawn[number] for number in args.only) if args.only else drawn
+    drawn = _drawn(args)
     pool = worker_pool(args) if is_archive(args) else processors()
     results = run_clinic(drawn, configs, args.cache, pool, args.quiet)
     found = {name: class_measures([one.judged for one in of_config]) for name, of_config in results.items()}
@@ -165,6 +165,11 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
         write_json(args.json, {name: clinic_record(of_config) for name, of_config in results.items()})
     if args.report is not None:
         _write_page(args.report, "clinic.txt", f"{text}\n{CLINIC_NOTE}\n")
+
+
+def _drawn(args: argparse.Namespace) -> tuple[ClinicScenario, ...]:
+    drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
+    return tuple(drawn[number] for number in args.only) if args.only else tuple(drawn)
 
 
 def _sweeps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
@@ -194,7 +199,10 @@ def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> Non
 
 
 def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
-    scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
+    if args.clinic:
+        scenarios = tuple(one.scenario for one in _drawn(args))
+    else:
+        scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
     trapped = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed)]
     ideas = [IDEAS[name] for name in args.ablation or IDEAS]
     outcomes = run_ablations(ideas, scenarios, trapped, config, args.cache, worker_pool(args), args.quiet)
@@ -203,7 +211,8 @@ def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
     if args.json is not None:
         write_json(args.json, ablation_record(outcomes))
     if args.report is not None:
-        title = f"{len(scenarios)} random sequences of seed {args.seed}, {outcomes[0].measures.pairs} pairs"
+        kind = "clinic" if args.clinic else "random"
+        title = f"{len(scenarios)} {kind} sequences of seed {args.seed}, {outcomes[0].measures.pairs} pairs"
         title += f", and {len(trapped)} traps, {sum(one.measures.pairs for one in outcomes[0].traps.values())} pairs"
         page = f"# Each idea switched off in turn\n\n{title}. {ABLATION_NOTE}\n\n{text}\n"
         _write_page(args.report, "ablation.md", page)
@@ -220,9 +229,11 @@ def _refuse_contradictions(args: argparse.Namespace) -> None:
     """Options that cannot both be meant, and values that are not allowed."""
     if (args.sequences is not None and args.sequences < 1) or args.seed < 0:
         raise LassoMotionError("--sequences must be positive and --seed not negative")
-    elsewhere = (args.sweep, args.ablation, args.traps, args.model_experiment)
+    elsewhere = (args.sweep, None if args.ablation is not None else args.traps, args.model_experiment)
     if args.clinic and any(option is not None for option in elsewhere):
-        raise LassoMotionError("--clinic: not together with --sweep, --ablation, --traps or --model-experiment")
+        raise LassoMotionError(
+            "--clinic: not together with --sweep, --model-experiment or, but for --ablation, --traps"
+        )
     if args.sweep and (args.ablation is not None or args.traps is not None):
         raise LassoMotionError("--sweep: not together with --ablation or --traps")
     if args.only and (args.sweep or (args.traps is not None and args.ablation is None)):

@@ -71,6 +71,18 @@ def test_runs_keep_the_order_of_the_sequences(monkeypatch: pytest.MonkeyPatch) -
     assert class_measures([one.judged for one in found["here"]])["core"].pairs == 4
 
 
+def test_the_ideas_are_weighed_on_clinic_sequences_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: short())
+    chosen = ["--sequences", "1", "--ablation", "images", "--traps", "tilt"]
+    assert main(["suite", "--quiet", "--clinic", *chosen, "--report", str(tmp_path)]) == 0
+    whole, without = capsys.readouterr().out.splitlines()[2:4]
+    assert whole.startswith("| nothing |")
+    assert without.startswith("| the images' evidence |")
+    assert "1 clinic sequences of seed" in (tmp_path / "ablation.md").read_text()
+
+
 def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("lasso_motion_ros.bench.suite.cache.render_sequence", lambda scenario: short())
     monkeypatch.setattr("os.cpu_count", lambda: 1)
