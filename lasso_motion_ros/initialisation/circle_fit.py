@@ -8,12 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
-from lasso_motion_ros.initialisation.circles import TURN, Circles, is_narrow, laid, outward
+from lasso_motion_ros.initialisation.circles import TURN, Circles, Indices, is_narrow, laid, outward
 from lasso_motion_ros.initialisation.direction_maps import DIRECTIONS, DirectionMaps, nearest_direction, tangents
 from lasso_motion_ros.initialisation.epipolar_grid import LATER_S, EpipolarGrid
+from lasso_motion_ros.initialisation.laid_image import CELL_M
 
 Array = npt.NDArray[np.float64]
 
@@ -144,23 +146,33 @@ def _with_tilted(circles: Circles, grid: EpipolarGrid) -> Circles:
 
 def scored(circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid) -> Circles:
     """The circles with the mean response to lines along them, less that beside them: the weaker plane's above all."""
-    larger = 1.0 + (TUNING.beside_m / circles.radii)[:, None]
+    wider = TUNING.beside_m / circles.radii
+    scales = np.stack([np.ones(len(circles)), 1.0 + wider, 1.0 - wider], axis=1)
     means = []
     for plane in PLANES:
         columns, rows = laid(circles, plane, grid)
         direction = nearest_direction(columns, rows)
-        column, row = (one.mean(axis=1, keepdims=True) for one in (columns, rows))
-
-        def mean(scale: Array | float) -> Array:
-            at = column + scale * (columns - column), row + scale * (rows - row)  # noqa: B023 - called at once
-            return np.asarray(maps[plane].at(*at, direction, widened=True).mean(axis=1), np.float64)  # noqa: B023 - likewise
-
-        beside = 0.5 * (mean(larger) + mean(2.0 - larger))
+        on, outside, inside = _means_along(columns, rows, direction, maps[plane], scales).T
+        beside = 0.5 * (outside + inside)
         narrow = is_narrow(circles, plane, grid)
         if narrow.any():
             beside[narrow] = np.minimum(beside[narrow], _beside_narrow(columns[narrow], rows[narrow], maps[plane]))
-        means.append(mean(1.0) - TUNING.beside_share * beside)
+        means.append(on - TUNING.beside_share * beside)
     return replace(circles, scores=np.minimum(*means) + STRONGER_SHARE * np.maximum(*means))
+
+
+def _means_along(columns: Array, rows: Array, direction: Indices, maps: DirectionMaps, scales: Array) -> Array:
+    """(N, K) means of the responses, the strongest within a cell, along closed curves (N, P) at some scales (N, K)."""
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        return kernels.means_along(maps.widened, maps.left, maps.top, CELL_M, columns, rows, direction, scales)
+    column, row = (one.mean(axis=1, keepdims=True) for one in (columns, rows))
+    means = []
+    for scale in scales.T[..., None]:
+        at = column + scale * (columns - column), row + scale * (rows - row)
+        means.append(maps.at(*at, direction, widened=True).mean(axis=1))
+    return np.asarray(np.stack(means, axis=1), np.float64)
 
 
 def _beside_narrow(columns: Array, rows: Array, maps: DirectionMaps) -> Array:
@@ -204,6 +216,34 @@ def _beyond_ends(columns: Array, rows: Array, maps: DirectionMaps) -> tuple[Arra
     return one, other
 
 
+def _line_beside(
+    columns: Array, rows: Array, across: tuple[Array, Array], maps: DirectionMaps, offsets: Array, nearness: Array
+) -> tuple[Array, Array]:
+    """How far beside points (N, P) of closed curves a line lies, metres, and the most that is shown of one there.
+
+    Args:
+        columns: of the points, metres.
+        rows: likewise.
+        across: unit vectors (N, P) across the curves, along columns and rows.
+        maps: a plane's.
+        offsets: (K,) metres along those, at which it is looked for.
+        nearness: (K,) how much each counts.
+    """
+    x, y = across
+    direction = nearest_direction(columns, rows)
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        way = np.ascontiguousarray(x), np.ascontiguousarray(y)
+        map_ = maps.responses, maps.left, maps.top, CELL_M
+        return kernels.beside(*map_, columns, rows, *way, direction, offsets, nearness)
+    at = columns[..., None] + offsets * x[..., None], rows[..., None] + offsets * y[..., None]
+    shown = maps.at(*at, direction[..., None])
+    weights = shown**2 * nearness
+    found = (weights * offsets).sum(axis=2) / np.maximum(weights.sum(axis=2), 1e-6)
+    return found, np.asarray(shown.max(axis=2), np.float64)
+
+
 def _moved(
     circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid, one: _Round, lift_inertia: float
 ) -> Circles:
@@ -221,12 +261,9 @@ def _moved(
         columns, rows = laid(circles, plane, grid)
         along, down, length = tangents(columns, rows)
         x, y = -down[..., None], along[..., None]  # across the circle
-        direction = nearest_direction(columns, rows)[..., None]
-        shown = maps[plane].at(columns[..., None] + offsets * x, rows[..., None] + offsets * y, direction)
-        weights = shown**2 * nearness
-        found = (weights * offsets).sum(axis=2) / np.maximum(weights.sum(axis=2), 1e-6)
+        found, most = _line_beside(columns, rows, (x[..., 0], y[..., 0]), maps[plane], offsets, nearness)
         # Where a plane sees the circle's side, its points lie close together.
-        weight = shown.max(axis=2) * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
+        weight = most * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
         jacobian[..., :3] = x * grid.sideways[plane] + y * grid.upward
 
         def seen(axes: Array) -> Array:

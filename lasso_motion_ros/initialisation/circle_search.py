@@ -18,6 +18,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.directions import half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, laid
@@ -27,7 +28,6 @@ from lasso_motion_ros.initialisation.laid_image import CELL_MM
 
 Array = npt.NDArray[np.float64]
 Coarse = npt.NDArray[np.uint8]
-Contrast = npt.NDArray[np.int16]
 
 
 @dataclass(frozen=True)
@@ -64,16 +64,15 @@ def search_circles(
     """
     shapes = _shapes(grid)
     shown = {plane: _contrasts(maps[plane], shapes, plane, grid, check) for plane in PLANES}
-    best = {plane: one.max(axis=2) for plane, one in shown.items()}
-    check()
+    best = {plane: most for plane, (_, most) in shown.items()}
     steps = round(largest_lift_m(between_s) / _CELL_M)
     rows = [_best_rows(best, step) for step in range(-steps, steps + 1)]
     of_shape, row, step, scores = (np.concatenate(part) for part in zip(*rows, strict=True))
     check()
-    order = np.argsort(-scores, kind="stable")[: TUNING.rows]
+    order = _highest(scores, TUNING.rows)
     of_shape, row, step = of_shape[order], row[order], step[order]
     # In each plane two places of the row: the best may be another thing.
-    a, b = _two_peaks(shown["a"][of_shape, row]), _two_peaks(shown["b"][of_shape, row + step])
+    a, b = _two_peaks(shown["a"][0][of_shape, row]), _two_peaks(shown["b"][0][of_shape, row + step])
     column: dict[Plane, Indices] = {"a": a[0][:, [0, 0, 1, 1]].reshape(-1), "b": b[0][:, [0, 1, 0, 1]].reshape(-1)}
     scores = _together(a[1][:, [0, 0, 1, 1]], b[1][:, [0, 1, 0, 1]]).reshape(-1)
     of_shape, row, step = (np.repeat(one, 4) for one in (of_shape, row, step))
@@ -113,13 +112,37 @@ def _of_inner(count: int) -> Indices:
 
 def _contrasts(
     maps: DirectionMaps, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]
-) -> Contrast:
-    """(inner shapes, H, W) what a plane shows along each in all places, less half of what it shows beside it."""
-    sums = _sums(_pooled(maps), shapes, plane, grid, check)
+) -> tuple[Coarse, Coarse]:
+    """What a plane shows along each inner shape in all places, less half of what it shows beside it.
+
+    Returns:
+        (inner shapes, H, W) that, by the place of a shape's middle, and (inner shapes, H) the most of each row.
+    """
+    pooled = _pooled(maps)
+    columns, rows = laid(shapes, plane, grid)
+    directions = nearest_direction(columns, rows)
+    reach = int(np.ceil(TUNING.reach_m / _CELL_M))
+    count, height, width = pooled.shape
+    padded = np.pad(pooled, ((0, 0), (reach, reach), (reach, reach)))
+    stride = width + 2 * reach
+    # An image in one piece: a shift is an offset in it, and what wraps around comes from the margin.
+    flat = padded.reshape(count, -1)
+    starts = (np.rint(rows / _CELL_M).astype(np.int64) + reach) * stride
+    starts += np.rint(columns / _CELL_M).astype(np.int64) + reach
+    radii = len(TUNING.radii_mm)
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        shown = np.empty((len(shapes) // radii * (radii - 2), height, width), np.uint8)
+        best = np.empty(shown.shape[:2], np.uint8)
+        kernels.contrasts(flat, starts, directions, radii, stride, shown, best)
+        return shown, best
+    sums = _sums(flat, starts, directions, (height - 1) * stride + width, check)
     check()
-    on = sums.reshape(-1, len(TUNING.radii_mm), *sums.shape[1:]).astype(np.int16)
+    on = np.pad(sums, ((0, 0), (0, 2 * reach))).reshape(-1, radii, height, stride)[..., :width].astype(np.int16)
     contrast = on[:, 1:-1] - ((on[:, :-2] + on[:, 2:]) >> 2)
-    return np.maximum(contrast, 0, out=contrast).reshape(-1, *sums.shape[1:])
+    shown = np.maximum(contrast, 0, out=contrast).astype(np.uint8).reshape(-1, height, width)
+    return shown, shown.max(axis=2)
 
 
 def _pooled(maps: DirectionMaps) -> Coarse:
@@ -130,40 +153,44 @@ def _pooled(maps: DirectionMaps) -> Coarse:
     return np.asarray(np.rint(wide * TUNING.levels), np.uint8)
 
 
-def _sums(pooled: Coarse, shapes: Circles, plane: Plane, grid: EpipolarGrid, check: Callable[[], None]) -> Coarse:
-    """(shapes, H, W) sums of the responses along each shape, by the place of its middle."""
-    columns, rows = laid(shapes, plane, grid)
-    direction = nearest_direction(columns, rows)
-    reach = int(np.ceil(TUNING.reach_m / _CELL_M))
-    count, height, width = pooled.shape
-    padded = np.pad(pooled, ((0, 0), (reach, reach), (reach, reach)))
-    stride = width + 2 * reach
-    # An image in one piece: a shift is an offset in it, and what wraps around comes from the margin.
-    flat = padded.reshape(count, -1)
-    offsets = (np.rint(rows / _CELL_M).astype(np.intp) + reach) * stride
-    offsets += np.rint(columns / _CELL_M).astype(np.intp) + reach
-    length = (height - 1) * stride + width
-    sums = np.zeros((len(shapes), height * stride), np.uint8)
-    for number, (total, starts, directions) in enumerate(zip(sums, offsets.tolist(), direction.tolist(), strict=True)):
+def _sums(flat: Coarse, starts: Indices, directions: Indices, length: int, check: Callable[[], None]) -> Coarse:
+    """(shapes, length) sums of the responses along each shape, by the place of its middle.
+
+    Args:
+        flat: (DIRECTIONS, L) the responses.
+        starts: (shapes, POINTS) where each point begins,
+        directions: and in which of them.
+        length: of a sum.
+        check: called again and again.
+    """
+    sums = np.zeros((len(starts), length), np.uint8)
+    for number, (total, of_shape, which) in enumerate(zip(sums, starts.tolist(), directions.tolist(), strict=True)):
         if number % TUNING.normals == 0:
             check()
-        part = total[:length]
-        for start, k in zip(starts, directions, strict=True):
-            np.add(part, flat[k, start : start + length], out=part)
-    return sums.reshape(len(shapes), height, stride)[:, :, :width]
+        for start, k in zip(of_shape, which, strict=True):
+            np.add(total, flat[k, start : start + length], out=total)
+    return sums
 
 
-def _best_rows(best: Mapping[Plane, Contrast], step: int) -> tuple[Indices, Indices, Indices, Array]:
+def _highest(scores: Array, count: int) -> Indices:
+    """(K,) which of some scores (N,) are the highest, highest first."""
+    if len(scores) > count:
+        some = np.flatnonzero(scores >= np.partition(scores, -count)[-count])
+        return np.asarray(some[np.argsort(-scores[some], kind="stable")][:count])
+    return np.argsort(-scores, kind="stable")
+
+
+def _best_rows(best: Mapping[Plane, Coarse], step: int) -> tuple[Indices, Indices, Indices, Array]:
     """Shapes, rows of plane A, steps to those of plane B, and scores of the rows that show most in both planes."""
     height = min(best[plane].shape[1] for plane in PLANES)
     rows = np.arange(max(0, -step), min(height, height - step))
     scores = _together(best["a"][:, rows], best["b"][:, rows + step])
-    order = np.argsort(-scores, axis=None, kind="stable")[: TUNING.rows]
+    order = _highest(scores.reshape(-1), TUNING.rows)
     shape, row = np.unravel_index(order, scores.shape)
     return shape, rows[row], np.full(len(order), step), scores.reshape(-1)[order]
 
 
-def _two_peaks(rows: Contrast) -> tuple[Indices, Contrast]:
+def _two_peaks(rows: Coarse) -> tuple[Indices, Coarse]:
     """(M, 2) columns and values of the highest in each of some rows (M, W), and of the next that is not beside it."""
     index = np.arange(len(rows))
     first = rows.argmax(axis=1)
@@ -174,5 +201,5 @@ def _two_peaks(rows: Contrast) -> tuple[Indices, Contrast]:
     return np.stack([first, second], axis=1), np.stack([rows[index, first], others[index, second]], axis=1)
 
 
-def _together(a: Contrast, b: Contrast) -> Array:
+def _together(a: Coarse, b: Coarse) -> Array:
     return np.asarray(np.minimum(a, b) + STRONGER_SHARE * np.maximum(a, b), dtype=np.float64)

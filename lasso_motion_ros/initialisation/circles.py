@@ -20,7 +20,7 @@ POINTS = 36  # along a circle: 2 mm apart, as long as a line filter
 _BLOCK = 128
 NARROW_M = 3e-3  # from the middle to either side, of a circle as a plane shows it
 TURN = 2.0 * np.pi * np.arange(POINTS) / POINTS
-_SHARES = np.stack([np.ones(POINTS), np.cos(TURN), np.sin(TURN)])  # of the centre and two axes in a circle's points
+SHARES = np.stack([np.ones(POINTS), np.cos(TURN), np.sin(TURN)])  # of the centre and two axes in a circle's points
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,13 @@ class Circles:
     def points(self, turns: Array = TURN) -> Array:
         """(N, P, 3) points at angles (P,)."""
         return np.asarray(self.centres[:, None] + self.radii[:, None, None] * self.spokes(turns))
+
+    @property
+    def axes(self) -> Array:
+        """(N, 3, 3) each one's centre, and two radii across each other: `SHARES` of them are its points."""
+        first, second = axes_across(self.normals)
+        radii = self.radii[:, None]
+        return np.stack([self.centres, radii * first, radii * second], axis=1)
 
     def spokes(self, turns: Array = TURN) -> Array:
         """(N, P, 3) unit vectors from the centre to the points at angles (P,)."""
@@ -116,8 +123,5 @@ def outward(columns: Array, rows: Array) -> tuple[Array, Array]:
 
 def laid(circles: Circles, plane: Plane, grid: EpipolarGrid) -> tuple[Array, Array]:
     """(N, POINTS) columns and rows, metres, of points along circles in a plane's grid."""
-    first, second = axes_across(circles.normals)
-    radii = circles.radii[:, None]
-    axes = np.stack([circles.centres, radii * first, radii * second], axis=1)
-    columns, rows = grid.lay_along(plane, axes, _SHARES)
+    columns, rows = grid.lay_along(plane, circles.axes, SHARES)
     return columns, rows + circles.lifts[:, None] if plane == "b" else rows

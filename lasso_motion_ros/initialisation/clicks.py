@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.ring.loop_model import LoopModel
@@ -45,12 +47,11 @@ def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopM
     )
 
 
-def clicks_along(model: LoopModel, images: SeedImages) -> Seed:
-    """Clicks along a ring in both planes."""
+def clicks_along(model: LoopModel, projections: Mapping[Plane, Projection]) -> Seed:
+    """Clicks along a ring in both planes, by their projections."""
     places = np.linspace(0, len(model.points) - 1, CLICKS + 1).astype(int)[:-1]
     a, b = (
-        images.projections[plane].project(model.points[places]) + model.shift(plane, images.projections[plane])
-        for plane in PLANES
+        projections[plane].project(model.points[places]) + model.shift(plane, projections[plane]) for plane in PLANES
     )
     return Seed(a, b)
 

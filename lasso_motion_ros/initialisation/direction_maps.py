@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.initialisation.laid_image import CELL_MM, LaidImage
 
 Array = npt.NDArray[np.float64]
@@ -54,7 +55,8 @@ class DirectionMaps:
     top: float
 
     @cached_property
-    def _widened(self) -> Image:
+    def widened(self) -> Image:
+        """(DIRECTIONS, H, W) the strongest within a cell."""
         return np.stack([cv2.dilate(one, np.ones((3, 3), np.uint8)) for one in self.responses])
 
     def at(self, columns: Array, rows: Array, direction: npt.NDArray[np.intp], *, widened: bool = False) -> Image:
@@ -66,7 +68,7 @@ class DirectionMaps:
             direction: from `nearest_direction`, of a shape that broadcasts.
             widened: the strongest within a cell.
         """
-        values = self._widened if widened else self.responses
+        values = self.widened if widened else self.responses
         _, height, width = values.shape
         x = np.rint((columns - self.left) / (1e-3 * CELL_MM)).astype(np.intp)
         y = np.rint((rows - self.top) / (1e-3 * CELL_MM)).astype(np.intp)
@@ -84,6 +86,10 @@ def tangents(columns: Array, rows: Array) -> tuple[Array, Array, Array]:
 
 def nearest_direction(columns: Array, rows: Array) -> npt.NDArray[np.intp]:
     """(N, P) the direction of the maps that is nearest to closed curves' tangents at points (N, P)."""
+    if has_kernels():
+        from lasso_motion_ros.initialisation.kernels import directions
+
+        return directions(columns, rows, DIRECTIONS)
     along, down, _ = tangents(columns, rows)
     return np.asarray(np.rint(np.arctan2(down, along) * (DIRECTIONS / np.pi)).astype(np.intp) % DIRECTIONS)
 

@@ -52,14 +52,13 @@ class Spots:
     strengths: Array
 
 
-def electrode_spots(laid: LaidImage, *, bright: bool) -> Spots:
+def electrode_spots(laid: LaidImage, shown: Image) -> Spots:
     """The spots of one plane, to a fraction of a cell.
 
     Args:
         laid: the plane's image.
-        bright: whether electrodes are brighter than what is behind them.
+        shown: (H, W) from `electrode_band`.
     """
-    shown = _shown(laid, bright=bright)
     edge = TUNING.edge_cells
     is_peak = (cv2.dilate(shown, np.ones((3, 3), np.uint8)) == shown) & (shown > TUNING.faintest)
     is_peak[:edge], is_peak[-edge:], is_peak[:, :edge], is_peak[:, -edge:] = False, False, False, False
@@ -70,15 +69,25 @@ def electrode_spots(laid: LaidImage, *, bright: bool) -> Spots:
     return Spots(laid.left + cell_m * (x + aside), laid.top + cell_m * (y + below), on.astype(np.float64))
 
 
-def _shown(laid: LaidImage, *, bright: bool) -> Image:
-    """(H, W) differences of Gaussians as wide as an electrode, relative to their local root mean square."""
-    sigmas = (np.sqrt(sigma**2 - SMOOTHED_MM**2) / CELL_MM for sigma in (TUNING.fine_mm, TUNING.coarse_mm))
-    fine, coarse = (cv2.GaussianBlur(laid.values, (0, 0), sigma) for sigma in sigmas)
-    band = (fine - coarse if bright else coarse - fine) * laid.inside
+def electrode_band(laid: LaidImage, *, bright: bool) -> Image:
+    """(H, W) differences of Gaussians as wide as an electrode, relative to their local root mean square.
+
+    Args:
+        laid: a plane's image.
+        bright: whether electrodes are brighter than what is behind them.
+    """
+    band = electrode_contrast(laid.values) * (laid.inside if bright else -laid.inside)
     window = (TUNING.window_cells, TUNING.window_cells)
     power = cv2.blur(band * band, window) / np.maximum(cv2.blur(laid.inside, window), np.float32(0.05))
     # A constant area has no noise to divide by and shows nothing.
     return np.asarray(band / np.sqrt(np.maximum(power, np.float32(1e-9))), np.float32)
+
+
+def electrode_contrast(values: Image) -> Image:
+    """(H, W) differences of Gaussians as wide as an electrode of a laid image's values, positive where it is bright."""
+    sigmas = (np.sqrt(sigma**2 - SMOOTHED_MM**2) / CELL_MM for sigma in (TUNING.fine_mm, TUNING.coarse_mm))
+    fine, coarse = (cv2.GaussianBlur(values, (0, 0), sigma) for sigma in sigmas)
+    return np.asarray(fine - coarse)
 
 
 @dataclass(frozen=True, eq=False)

@@ -93,11 +93,16 @@ class EpipolarGrid:
         out = (aside - self.sources[plane]) @ self.outward / self.lever  # nearer to the baseline planes are closer
         return np.asarray(aside[None] + (rows[:, None] * out[None])[..., None] * self.upward)
 
+    def point(self, plane: Plane, columns: Array, rows: Array) -> Array:
+        """(N, 3) the same of a column and a row (N,) each."""
+        aside = self.centre + columns[:, None] * self.sideways[plane]
+        out = (aside - self.sources[plane]) @ self.outward / self.lever
+        return np.asarray(aside + (rows * out)[:, None] * self.upward)
+
     def lay(self, plane: Plane, points: Array) -> tuple[Array, Array]:
         """Columns and rows (...) of world points (..., 3), metres in a plane's grid."""
         rays = points - self.sources[plane]
-        distance = float((self.centre - self.sources[plane]) @ self.view[plane])
-        columns = distance * (rays @ self.sideways[plane]) / (rays @ self.view[plane])
+        columns = self.distance(plane) * (rays @ self.sideways[plane]) / (rays @ self.view[plane])
         rows = self.lever * (rays @ self.upward) / (rays @ self.outward)
         return np.asarray(columns), np.asarray(rows)
 
@@ -111,12 +116,19 @@ class EpipolarGrid:
             axes: (N, K, 3) vectors, the first of them a place, world metres.
             shares: (K, P) how much of each is in the points; the first's is 1.
         """
+        aside, ahead, up, out = np.moveaxis(self.parts(plane, axes), 2, 0) @ shares
+        return np.asarray(self.distance(plane) * aside / ahead), np.asarray(self.lever * up / out)
+
+    def parts(self, plane: Plane, axes: Array) -> Array:
+        """(N, K, 4) of vectors as in `lay_along`, what lies aside of a plane's view, along it, upward and outward."""
         seen = np.stack([self.sideways[plane], self.view[plane], self.upward, self.outward])
         parts = axes @ seen.T
         parts[:, 0] -= seen @ self.sources[plane]
-        aside, ahead, up, out = np.moveaxis(parts, 2, 0) @ shares
-        distance = float((self.centre - self.sources[plane]) @ self.view[plane])
-        return np.asarray(distance * aside / ahead), np.asarray(self.lever * up / out)
+        return np.asarray(parts)
+
+    def distance(self, plane: Plane) -> float:
+        """Of the centre from a plane's source, metres."""
+        return float((self.centre - self.sources[plane]) @ self.view[plane])
 
     def places(self, columns: dict[Plane, Array], rows: Array) -> Array:
         """(N, 3) the world points that both planes show in columns (N,) of theirs and common rows (N,), metres."""

@@ -51,8 +51,7 @@ class _Tuning:
     enough_worth: float = 1.1
     enough_rareness: float = 30.0
     nothing: float = 49.0
-    # What holds a part of a ring, or a long line, has up to 1.4, unless a better ring is there (docs/automatic.md).
-    believed: float = 2.0
+    believed: float = 3.0  # nothing without a ring has more than 2.1 (docs/automatic.md)
     rival: float = -0.5
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Frame, Plane
+from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.ring.working_image import reduction_factor
 
@@ -17,6 +18,7 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 
 CELL_MM = 0.5
+CELL_M = 1e-3 * CELL_MM
 SMOOTHED_MM = 0.3  # standard deviation that a laid image has been smoothed by
 
 
@@ -63,11 +65,7 @@ class LaidImage:
         columns = _column_range(frame, plane, grid)
         xs = np.arange(columns[0], columns[1], CELL_MM * 1e-3)
         hs = np.arange(rows[0], rows[1], CELL_MM * 1e-3)
-        factor = reduction_factor(frame.projection, grid.centre)
-        projection = frame.projection.binned(factor, factor)
-        grey = frame.pixels[: projection.height * factor, : projection.width * factor]
-        if factor > 1:
-            grey = cv2.resize(grey, (projection.width, projection.height), interpolation=cv2.INTER_AREA)
+        grey, projection = reduced(frame, grid.centre)
         values = grey.astype(np.float32)
         if logarithm:
             values = cv2.log(np.maximum(values, np.float32(1.0)))
@@ -77,6 +75,21 @@ class LaidImage:
         size, margin = np.array([projection.width, projection.height]), TUNING.margin_px
         inside = ((at > margin) & (at < size - margin - 1)).all(axis=2).astype(np.float32)
         return cls(np.asarray(laid, np.float32), np.asarray(inside), float(xs[0]), float(hs[0]))
+
+
+def reduced(frame: Frame, centre: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Projection]:
+    """A frame's pixels at about the working image's size, and the projection to those.
+
+    Args:
+        frame: the image.
+        centre: (3,) the world point at which it is as fine as that.
+    """
+    factor = reduction_factor(frame.projection, centre)
+    projection = frame.projection.binned(factor, factor)
+    grey = frame.pixels[: projection.height * factor, : projection.width * factor]
+    if factor > 1:
+        grey = np.asarray(cv2.resize(grey, (projection.width, projection.height), interpolation=cv2.INTER_AREA))
+    return grey, projection
 
 
 def row_range(frames: Mapping[Plane, Frame], grid: EpipolarGrid) -> tuple[float, float]:

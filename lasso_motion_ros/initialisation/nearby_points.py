@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import cKDTree
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints, Indices
 
 Array = npt.NDArray[np.float64]
@@ -98,6 +99,11 @@ class PointCloud:
         strong = [self.points.places[self.points.strengths >= level] for level in LEVELS]
         return [_tree_of(one) if len(one) else None for one in strong]
 
+    @cached_property
+    def _ends(self) -> Indices:
+        """(LEVELS,) how many points are as strong as each level."""
+        return np.searchsorted(-self.points.strengths, -LEVELS, side="right")
+
     def within(self, centres: Array, radii: Array) -> list[list[int]]:
         """The points in each of some spheres (N, 3), (N,)."""
         if not len(self.points):
@@ -134,17 +140,7 @@ class PointCloud:
             most: how many of each at most: the strongest.
         """
         points, there, lifted = self.points, centres + moved[:, :3], lifts + moved[:, 3]
-        numbers = self.within(there, radii + TUNING.reach_m)
-        some = np.concatenate([np.asarray(one, np.intp) for one in (*numbers, [])])
-        ring = np.repeat(np.arange(len(centres)), [len(one) for one in numbers])
-        away = points.places[some] - there[ring]
-        squared = np.einsum("ni,ni->n", away, away)
-        is_near = (squared > np.square(radii[ring] - TUNING.reach_m)) & (
-            np.abs(points.lifts[some] - lifted[ring]) < TUNING.lift_m
-        )
-        some, ring = some[is_near], ring[is_near]
-        order = np.lexsort((-points.strengths[some], ring))
-        some, ring = some[order], ring[order]
+        some, ring = self._about(there, radii, lifted)
         column = np.arange(len(ring)) - np.searchsorted(ring, ring)
         some, ring, column = (one[column < most] for one in (some, ring, column))
 
@@ -160,17 +156,39 @@ class PointCloud:
             table(points.spots),
         )
 
+    def _about(self, there: Array, radii: Array, lifted: Array) -> tuple[Indices, Indices]:
+        """Which points are about rings (N, 3), (N,), (N,), ring by ring, the strongest first; and which ring's."""
+        points = self.points
+        numbers = self.within(there, radii + TUNING.reach_m)
+        some = np.concatenate([np.asarray(one, np.intp) for one in (*numbers, [])])
+        ring = np.repeat(np.arange(len(there)), [len(one) for one in numbers])
+        away = points.places[some] - there[ring]
+        squared = np.einsum("ni,ni->n", away, away)
+        is_near = (squared > np.square(radii[ring] - TUNING.reach_m)) & (
+            np.abs(points.lifts[some] - lifted[ring]) < TUNING.lift_m
+        )
+        some, ring = some[is_near], ring[is_near]
+        order = np.lexsort((some, ring))
+        return some[order], ring[order]
+
     def density(self, centres: Array, radii: Array) -> Array:
         """(N, LEVELS) points per m³ of space and m of lift as strong as each level about rings (N, 3), (N,).
 
         Of one point at least, since there may be one.
         """
         spheres = radii + TUNING.surroundings_m
+        volume = 4.0 / 3.0 * np.pi * spheres**3 * self._lifts_m
+        if has_kernels():
+            from lasso_motion_ros.initialisation import kernels
+
+            number, ends = np.zeros((len(centres), len(LEVELS)), np.int64), self._ends
+            for centre, radius, of_ring in zip(centres, spheres.tolist(), number, strict=True):
+                kernels.counted(self.points.places, ends, centre, radius, of_ring)
+            return np.asarray(np.maximum(number, 1.0) / volume[:, None])
         counts = [
             np.ones(len(centres)) if tree is None else tree.query_ball_point(centres, spheres, return_length=True)
             for tree in self._trees
         ]
-        volume = 4.0 / 3.0 * np.pi * spheres**3 * self._lifts_m
         return np.asarray(np.maximum(np.stack(counts, axis=1), 1.0) / volume[:, None])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -12,14 +12,13 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Seed
 from lasso_motion_ros.initialisation.circle_fit import line_beyond, scored
 from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
+from lasso_motion_ros.initialisation.compensated_mean import compensated_mean, motions_of
 from lasso_motion_ros.initialisation.direction_maps import (
-    DirectionMaps,
     are_catheters_bright,
     curvature,
-    direction_maps,
 )
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import (
@@ -30,7 +29,9 @@ from lasso_motion_ros.initialisation.judgement import (
     has_ring_size,
     judge,
 )
-from lasso_motion_ros.initialisation.ring_search import FoundRings, Layout, search_rings
+from lasso_motion_ros.initialisation.laid_pair import LaidPair
+from lasso_motion_ros.initialisation.ring_closeup import RingCloseups
+from lasso_motion_ros.initialisation.ring_search import FoundRings, Shown, search_rings
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_curves import build_loop_model
@@ -47,9 +48,11 @@ class _Tuning:
 
     pairs: int = 3  # that have to show a ring
     agreement_share: float = 0.5  # of the planes' agreement in a ring's worth
-    lined: int = 2  # circles along lines that are followed beside the rings that electrodes tell of
+    lined: int = 3  # circles along lines that are followed beside the rings that electrodes tell of
     same_curve_m: float = 0.5e-3  # mean distance of two curves along the same lines
     same_m: float = 8e-3  # rings whose centres are closer share much of what they rest on: only the better is one
+    touching_m: float = 2e-3  # two curves where they are no farther apart,
+    largest_touching_share: float = 0.25  # and how much of one does so at most
     same_ring_m: float = 1.5e-3  # curves of one ring have their centres within
     same_outline_mm: float = 1.0  # mean distance of two rings' clicks in a plane, below which it shows one outline
     astray_m: float = 0.7e-3  # mean distance of the curve that clicks lead to from the one they were set along
@@ -96,14 +99,23 @@ class Proposal:
     def can_be_beside(self, other: Proposal) -> bool:
         """Whether it may be a ring as well as another: elsewhere, and no plane shows both in the same place.
 
-        One ring's outline in one plane and another ring's in the other make a third, where there is none.
+        One ring's outline in one plane and another ring's in the other make a third, where there is none; and so do an
+        arc of a ring and what lies beside it.
         """
-        return not self.is_at(other.centre) and not any(
+        if self.is_at(other.centre) or self._shares_an_arc_with(other):
+            return False
+        return not any(
             frame.projection.millimetres_per_pixel(self.centre)
             * _outlines_apart(self.seed.points(plane), other.seed.points(plane))
             < TUNING.same_outline_mm
             for plane, frame in self.pair.frames.items()
         )
+
+    def _shares_an_arc_with(self, other: Proposal) -> bool:
+        """Whether more of their curves lies together than where two rings touch."""
+        ways = ((self.points, other.points), (other.points, self.points))
+        shares = (float((distance_to_curve(*way) < TUNING.touching_m).mean()) for way in ways)
+        return max(shares) > TUNING.largest_touching_share
 
 
 class OvertakenError(Exception):
@@ -134,19 +146,22 @@ def find_rings(
     if len(pairs[0].frames) < len(PLANES):
         return []
     try:
-        bright, first = _laid_out(pairs[0], config.polarity, other_polarity)
-        _check(go_on)
-        maps = {plane: direction_maps(curvature(one), bright=bright) for plane, one in first.laid.items()}
-        found = search_rings(pairs, first, maps, bright=bright, check=partial(_check, go_on))
+        laid = _laid_out(pairs, config.polarity, other_polarity, partial(_check, go_on))
     except GeometryError:
         return []
-    decided = replace(config, polarity="bright" if bright else "dark")
-    whole = WholeImages(pairs[0].frames)
-    images = SeedImages(pairs[0], bright=bright, line_sigma_mm=config.path.line_sigma_mm, whole=whole)
+    motions = motions_of(laid)
+    _check(go_on)
+    mean = compensated_mean(laid, motions)
+    _check(go_on)
+    decided = replace(config, polarity="bright" if mean.bright else "dark")
+    closeups = RingCloseups(laid, motions)
+    shown = [Shown.by(mean), Shown.by(laid[0])]
+    found = search_rings(laid, shown, check=partial(_check, go_on))
+    chosen = _worth_following(*found, closeups, shown, decided, go_on)
     tried: list[Proposal] = []
-    for one in _worth_following(*found, images, maps, first.grid, go_on):
+    for one in chosen:
         _check(go_on)
-        ring = _followed(one, images, whole, pairs, decided, go_on)
+        ring = _followed(one, pairs, decided, go_on)
         if ring is not None:
             tried.append(ring)
     tried.sort(key=lambda one: -one.judgement.evidence)
@@ -179,12 +194,18 @@ class _Candidate:
 
     Attributes:
         model: the ring.
+        images: of the close-up along whose lines it lies.
+        whole: likewise.
+        pair: the close-up.
         worth: lines all along the ring, and the same electrodes in both planes.
         rareness: see `Judgement`.
         line_beyond: likewise.
     """
 
     model: LoopModel
+    images: SeedImages
+    whole: WholeImages
+    pair: FramePair
     worth: float
     rareness: float
     line_beyond: float
@@ -209,25 +230,33 @@ class _Candidate:
 def _worth_following(
     told: FoundRings,
     lined: FoundRings,
-    images: SeedImages,
-    maps: Mapping[Plane, DirectionMaps],
-    grid: EpipolarGrid,
+    closeups: RingCloseups,
+    shown: Sequence[Shown],
+    config: TrackerConfig,
     go_on: Callable[[], bool],
 ) -> list[_Candidate]:
     """The rings beside which both planes show something of one: by their electrodes, and the best by their lines."""
     chosen: list[_Candidate] = []
+    grid = shown[0].pair.grid
     for found, most in ((told, len(told)), (lined, TUNING.lined)):
-        circles = scored(found.rings.circles(np.zeros(len(found))), maps, grid)
-        beyond = line_beyond(circles, maps, grid)
+        circles = found.rings.circles(np.zeros(len(found)))
+        scores = np.max([scored(circles, one.maps, grid).scores for one in shown], axis=0)
+        beyond = np.max([line_beyond(circles, one.maps, grid) for one in shown], axis=0)
         candidates = []
         for k in range(len(found)):
             _check(go_on)
-            seen = _seen_along(found.rings[k : k + 1], images, grid)
+            ring = found.rings[k : k + 1]
+            pair = closeups.of(ring)
+            whole = WholeImages(pair.frames)
+            images = SeedImages(
+                pair, bright=config.polarity == "bright", line_sigma_mm=config.path.line_sigma_mm, whole=whole
+            )
+            seen = _seen_along(ring, images, grid)
             if seen is None:
                 continue
             model, agreement = seen
-            worth = float(circles.scores[k]) + TUNING.agreement_share * agreement
-            candidate = _Candidate(model, worth, float(found.rareness[k]), float(beyond[k]))
+            worth = float(scores[k]) + TUNING.agreement_share * agreement
+            candidate = _Candidate(model, images, whole, pair, worth, float(found.rareness[k]), float(beyond[k]))
             if candidate.at_best.is_rival and not any(candidate.is_as(other) for other in chosen):
                 candidates.append(candidate)
         candidates.sort(key=lambda one: -one.at_best.evidence)
@@ -249,8 +278,6 @@ def _seen_along(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> tu
 
 def _followed(
     one: _Candidate,
-    images: SeedImages,
-    whole: WholeImages,
     pairs: Sequence[FramePair],
     config: TrackerConfig,
     go_on: Callable[[], bool],
@@ -260,7 +287,7 @@ def _followed(
     tracker = RingTracker(config)
     supports = []
     try:
-        track = tracker.begin(first, one.model, whole, least_support=FIRST_SUPPORT)
+        track = tracker.begin(one.pair, one.model, one.whole, least_support=FIRST_SUPPORT)
         for pair in pairs[1:]:
             _check(go_on)
             tracker.track(pair)
@@ -273,7 +300,7 @@ def _followed(
     evidence = replace(track.electrodes, shown=track.template.shown)
     judgement = judge(
         evidence,
-        places_along(track.model, images),
+        places_along(track.model, one.images),
         np.asarray(track.template.weights, dtype=np.float64),
         roundness=track.model.roundness,
         support=float(np.mean(supports)),
@@ -282,7 +309,8 @@ def _followed(
         line_beyond=one.line_beyond,
     )
     text = evidence.text if judgement.is_ring else ""
-    return Proposal(first, clicks_along(track.model, images), track.model.points, judgement, 0, text)
+    projections = {plane: frame.projection for plane, frame in first.frames.items()}
+    return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, text)
 
 
 def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
@@ -295,14 +323,16 @@ def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
     return replace(ring, points=points) if away < TUNING.astray_m else None
 
 
-def _laid_out(pair: FramePair, polarity: str, other: bool) -> tuple[bool, Layout]:
-    """Whether the catheters are bright, and the pair laid out: where dense things are dark, its logarithm."""
-    if polarity != "auto":
-        bright = polarity == "bright"
-        return bright, Layout.of(pair, logarithm=not bright)
-    grey = Layout.of(pair, logarithm=False)
-    bright = are_catheters_bright(map(curvature, grey.laid.values()), other=other)
-    return bright, grey if bright else Layout.of(pair, logarithm=True)
+def _laid_out(pairs: Sequence[FramePair], polarity: str, other: bool, check: Callable[[], None]) -> list[LaidPair]:
+    """The pairs laid out, as the first shows catheters: where they are dark, the grey values' logarithm."""
+    first = LaidPair.of(pairs[0], bright=polarity != "dark")
+    if polarity == "auto" and not are_catheters_bright(map(curvature, first.laid.values()), other=other):
+        first = LaidPair.of(pairs[0], bright=False)
+    laid = [first]
+    for pair in pairs[1:]:
+        check()
+        laid.append(LaidPair.of(pair, bright=first.bright))
+    return laid
 
 
 def _outlines_apart(one: Array, other: Array) -> float:

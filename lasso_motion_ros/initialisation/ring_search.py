@@ -8,15 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.core.errors import GeometryError
-from lasso_motion_ros.geometry.frames import FramePair, Plane
+from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.initialisation.carried_rings import begun, carried
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circles import Circles
-from lasso_motion_ros.initialisation.direction_maps import DirectionMaps
-from lasso_motion_ros.initialisation.electrode_spots import Spots, electrode_spots, points_of
-from lasso_motion_ros.initialisation.epipolar_grid import LATER_S, EpipolarGrid, largest_lift_m
-from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
+from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps
+from lasso_motion_ros.initialisation.epipolar_grid import LATER_S
+from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.nearby_points import PointCloud
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.initialisation.spot_circles import circles_of_spots
@@ -29,13 +27,14 @@ class _Tuning:
     """How many rings are carried through the pairs, and how many are left."""
 
     carried: int = 16  # by the first pair's electrodes
-    lined: int = 14  # of the circles that lie on lines, beside those
+    lined: int = 8  # of the circles that lie on lines, beside those, by whatever shows them
     questioned: int = 10
     kept: int = 4  # by either evidence
     same_m: float = 3e-3
     same_cosine: float = 0.9
+    same_line_m: float = 1.2e-3
+    same_line_cosine: float = 0.97
     smallest_evidence: float = 6.0
-    smallest_field_m: float = 0.02  # that both planes have in common
 
 
 TUNING = _Tuning()
@@ -59,81 +58,54 @@ class FoundRings:
 
 
 @dataclass(frozen=True, eq=False)
-class Layout:
-    """Both planes of one pair on their grid.
+class Shown:
+    """What a pair, or the mean of some, shows of catheters.
 
     Attributes:
-        grid: theirs.
-        laid: per plane, its image.
-        between_s: from plane A's exposure to plane B's.
+        pair: with its spots.
+        maps: per plane, its lines.
     """
 
-    grid: EpipolarGrid
-    laid: dict[Plane, LaidImage]
-    between_s: float
+    pair: LaidPair
+    maps: Mapping[Plane, DirectionMaps]
 
     @classmethod
-    def of(cls, pair: FramePair, *, logarithm: bool) -> Layout:
-        """A pair with both planes.
-
-        Raises:
-            GeometryError: the planes look from nearly the same direction, or have too little in common.
-        """
-        frames = pair.frames
-        grid = EpipolarGrid.of({plane: frame.projection for plane, frame in frames.items()})
-        rows = row_range(frames, grid)
-        common_m = rows[1] - rows[0]
-        if common_m < TUNING.smallest_field_m:
-            raise GeometryError(
-                f"the planes have {1e3 * max(common_m, 0.0):.0f} mm of height in common; a ring is only found where it"
-                f" is {1e3 * TUNING.smallest_field_m:.0f} mm or more"
-            )
-        laid = {p: LaidImage.of(frame, p, grid, rows, logarithm=logarithm) for p, frame in frames.items()}
-        return cls(grid, laid, 1e-9 * (frames["b"].stamp_ns - frames["a"].stamp_ns))
-
-    @property
-    def largest_lift_m(self) -> float:
-        """By which the planes' heights may differ."""
-        return largest_lift_m(self.between_s)
-
-    def spots(self, *, bright: bool) -> dict[Plane, Spots]:
-        """Per plane, its spots."""
-        return {plane: electrode_spots(one, bright=bright) for plane, one in self.laid.items()}
+    def by(cls, pair: LaidPair) -> Shown:
+        """What a pair shows."""
+        return cls(pair, {p: direction_maps(curvature(one), bright=pair.bright) for p, one in pair.laid.items()})
 
 
 def search_rings(
-    pairs: Sequence[FramePair],
-    first: Layout,
-    maps: Mapping[Plane, DirectionMaps],
-    *,
-    bright: bool,
-    check: Callable[[], None] = lambda: None,
+    pairs: Sequence[LaidPair], shown: Sequence[Shown], *, check: Callable[[], None] = lambda: None
 ) -> tuple[FoundRings, FoundRings]:
     """The rings that pairs show, as the first does: those that electrodes tell of, and circles along lines.
 
     Args:
-        pairs: successive pairs, both planes each.
-        first: the first of them, laid out.
-        maps: both planes' lines there.
-        bright: whether catheters are brighter than what is behind them.
+        pairs: successive pairs.
+        shown: by the first of them, and by what else shows its rings.
         check: called again and again; what it raises ends the search.
-
-    Raises:
-        GeometryError: see `Layout.of`, of a later pair.
     """
-    spots = first.spots(bright=bright)
-    points = points_of(spots, first.grid, first.largest_lift_m)
-    clouds = [PointCloud(points, first.largest_lift_m)]
-    for pair in pairs[1:]:
+    first = pairs[0]
+    clouds = []
+    for pair in pairs:
         check()
-        layout = Layout.of(pair, logarithm=not bright)
-        shown = points_of(layout.spots(bright=bright), layout.grid, layout.largest_lift_m)
-        clouds.append(PointCloud(shown, layout.largest_lift_m))
-    check()
-    circles = circles_of_spots(points, spots, first.grid)
-    lines = find_circles(maps, first.grid, first.between_s, check)[: TUNING.lined]
-    check()
-    rings, evidence = begun(ShapedRings.of(Circles.joined([circles, lines])), clouds[0])
+        clouds.append(PointCloud(pair.points, pair.largest_lift_m))
+    spotted, lined, begins = [], [], []
+    for one in shown:
+        check()
+        spotted.append(circles_of_spots(one.pair.points, one.pair.spots, first.grid))
+        check()
+        lined.append(find_circles(one.maps, first.grid, first.between_s, check)[: TUNING.lined])
+    circles, lines = Circles.joined(spotted), Circles.joined(lined)
+    lines = lines.distinct(len(lines), TUNING.same_line_m, TUNING.same_line_cosine)
+    rings = ShapedRings.of(Circles.joined([circles, lines]))
+    for one in shown:
+        check()
+        cloud = clouds[0] if one.pair is first else PointCloud(one.pair.points, first.largest_lift_m)
+        begins.append(begun(rings, cloud))
+    evidence = np.stack([one for _, one in begins])
+    best_of = evidence.argmax(axis=0) * len(rings) + np.arange(len(rings))
+    rings, evidence = ShapedRings.joined([one for one, _ in begins])[best_of], evidence.max(axis=0)
     check()
     best = rings.circles(evidence).distinct_numbers(TUNING.carried, TUNING.same_m, TUNING.same_cosine)
     along_lines = np.arange(len(circles), len(rings))

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.initialisation.circles import POINTS, Circles, laid
-from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints, Spots
+from lasso_motion_ros.initialisation.circles import POINTS, SHARES, Circles, laid
+from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints, Indices, Spots
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
-from lasso_motion_ros.initialisation.laid_image import CELL_MM
+from lasso_motion_ros.initialisation.laid_image import CELL_M
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
@@ -57,21 +58,37 @@ def circles_of_spots(points: ElectrodePoints, spots: Mapping[Plane, Spots], grid
 
 def spotted(circles: Circles, spots: Mapping[Plane, Spots], grid: EpipolarGrid) -> Circles:
     """The circles with what both planes show of spots along them: of each sector the most, mean of all; 3 at most."""
-    shown = []
-    for plane in PLANES:
-        image, left, top = _spot_map(spots[plane])
-        columns, rows = laid(circles, plane, grid)
-        x, y = (
-            np.rint((at - start) / (1e-3 * CELL_MM)).astype(np.intp) for at, start in ((columns, left), (rows, top))
-        )
-        height, width = image.shape
-        is_inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
-        shown.append(np.where(is_inside, image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], 0.0))
-    both = np.minimum(*shown)
+    if has_kernels():
+        both = _shown_along(circles, spots, grid)
+    else:
+        both = np.minimum(*(_shown(circles, spots[plane], plane, grid) for plane in PLANES))
     in_sector = POINTS // TUNING.sectors
     most = np.maximum.reduce([both[:, place::in_sector] for place in range(in_sector)])
     scores = np.asarray(most.mean(axis=1), np.float64)
     return Circles(circles.centres, circles.normals, circles.radii, circles.lifts, scores)
+
+
+def _shown(circles: Circles, spots: Spots, plane: Plane, grid: EpipolarGrid) -> Image:
+    """(N, POINTS) the spots that a plane shows along circles."""
+    image, left, top = _spot_map(spots)
+    columns, rows = laid(circles, plane, grid)
+    x, y = (np.rint((at - start) / (CELL_M)).astype(np.intp) for at, start in ((columns, left), (rows, top)))
+    height, width = image.shape
+    is_inside = (x >= 0) & (y >= 0) & (x < width) & (y < height)
+    return np.where(is_inside, image[np.clip(y, 0, height - 1), np.clip(x, 0, width - 1)], np.float32(0.0))
+
+
+def _shown_along(circles: Circles, spots: Mapping[Plane, Spots], grid: EpipolarGrid) -> Image:
+    """(N, POINTS) the spots that both planes show along circles, compiled."""
+    from lasso_motion_ros.initialisation import kernels
+
+    axes = circles.axes
+    both = np.full((len(circles), POINTS), np.float32(np.inf))
+    for plane in PLANES:
+        lifts = circles.lifts if plane == "b" else np.zeros(len(circles))
+        seen = grid.parts(plane, axes), np.ascontiguousarray(lifts), SHARES, grid.distance(plane), grid.lever
+        kernels.spots_along(*seen, *_spot_map(spots[plane]), CELL_M, both)
+    return both
 
 
 def _through_triples(points: ElectrodePoints) -> Circles:
@@ -79,22 +96,8 @@ def _through_triples(points: ElectrodePoints) -> Circles:
     strong = np.flatnonzero(points.strengths >= TUNING.faintest)
     strong = strong[np.argsort(-points.strengths[strong], kind="stable")][: TUNING.strong]
     places, lifts = points.places[strong], points.lifts[strong]
-    begun = min(TUNING.begun_with, len(strong))
-    triples = []
-    for k in range(begun):
-        near = _neighbours(places, lifts, k)
-        one, other = np.triu_indices(len(near), 1)
-        triples.append(np.stack([np.full(len(one), k), near[one], near[other]]))
-    if not triples:
-        return Circles(np.zeros((0, 3)), np.zeros((0, 3)), *(np.zeros(0) for _ in range(3)))
-    first, second, third = np.concatenate(triples, axis=1)
-    # Two neighbours have to be as far apart, and as like in their lift, as either and the point that was begun with.
+    first, second, third = _triples(places, lifts)
     u, v = places[second] - places[first], places[third] - places[first]
-    apart = v - u
-    is_triple = np.einsum("ni,ni->n", apart, apart) > TUNING.nearest_m**2
-    is_triple &= np.abs(lifts[second] - lifts[third]) < TUNING.lift_m
-    first, second, third = first[is_triple], second[is_triple], third[is_triple]
-    u, v = u[is_triple], v[is_triple]
     middle, normals, is_open = _circumcircles(u, v)
     radii = np.sqrt(np.einsum("ni,ni->n", middle, middle))
     smallest, largest = TUNING.radii_m
@@ -106,12 +109,32 @@ def _through_triples(points: ElectrodePoints) -> Circles:
     )
 
 
-def _neighbours(places: Array, lifts: Array, k: int) -> npt.NDArray[np.intp]:
-    """The strongest of some points (N, 3), strongest first, with which one of them can be on a ring."""
-    away = places - places[k]
-    squared = np.einsum("ni,ni->n", away, away)
-    is_near = (squared > TUNING.nearest_m**2) & (squared < (2.0 * TUNING.radii_m[1]) ** 2)
-    return np.flatnonzero(is_near & (np.abs(lifts - lifts[k]) < TUNING.lift_m))[: TUNING.neighbours]
+def _triples(places: Array, lifts: Array) -> Indices:
+    """(3, T) which of some points (N, 3), strongest first, can be on a ring together, however large.
+
+    Each of the strongest, and two of the strongest that can be on a ring with it.
+    """
+    begun = min(TUNING.begun_with, len(places))
+    nearest_m2, farthest_m2 = TUNING.nearest_m**2, (2.0 * TUNING.radii_m[1]) ** 2
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        bounds = nearest_m2, farthest_m2, TUNING.lift_m
+        return kernels.triples(places, np.ascontiguousarray(lifts), begun, TUNING.neighbours, *bounds)
+    found = [np.zeros((3, 0), np.intp)]
+    for k in range(begun):
+        away = places - places[k]
+        squared = np.einsum("ni,ni->n", away, away)
+        is_near = (squared > nearest_m2) & (squared < farthest_m2) & (np.abs(lifts - lifts[k]) < TUNING.lift_m)
+        near = np.flatnonzero(is_near)[: TUNING.neighbours]
+        one, other = np.triu_indices(len(near), 1)
+        found.append(np.stack([np.full(len(one), k), near[one], near[other]]))
+    triples = np.concatenate(found, axis=1)
+    # Two neighbours have to be as far apart, and as like in their lift, as either and the point that was begun with.
+    _, second, third = triples
+    apart = places[third] - places[second]
+    is_triple = np.einsum("ni,ni->n", apart, apart) > nearest_m2
+    return triples[:, is_triple & (np.abs(lifts[second] - lifts[third]) < TUNING.lift_m)]
 
 
 def _circumcircles(u: Array, v: Array) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
@@ -130,11 +153,10 @@ def _circumcircles(u: Array, v: Array) -> tuple[Array, Array, npt.NDArray[np.boo
 
 def _spot_map(spots: Spots) -> tuple[Image, float, float]:
     """(H, W) the strongest spot about each cell, 0 where there is none, and the first column and row, metres."""
-    cell_m = 1e-3 * CELL_MM
     if not len(spots.rows):
         return np.zeros((1, 1), np.float32), 0.0, 0.0
     left, top = float(spots.columns.min()), float(spots.rows.min())
-    x, y = (np.rint((at - start) / cell_m).astype(np.intp) for at, start in ((spots.columns, left), (spots.rows, top)))
+    x, y = (np.rint((at - start) / CELL_M).astype(np.intp) for at, start in ((spots.columns, left), (spots.rows, top)))
     image = np.zeros((int(y.max()) + 1, int(x.max()) + 1), np.float32)
     np.maximum.at(image, (y, x), np.minimum(spots.strengths, TUNING.strongest).astype(np.float32))
     around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (TUNING.widened_cells, TUNING.widened_cells))

@@ -27,6 +27,7 @@ def _load_kernels() -> None:
     """Have all compiled kernels ready, where they are there, so that no pair waits for one."""
     if has_kernels():
         import lasso_motion_ros.geometry.kernels
+        import lasso_motion_ros.initialisation.kernels
         import lasso_motion_ros.motion.kernels
         import lasso_motion_ros.ring.kernels
         import lasso_motion_ros.seeding.front_kernels

@@ -8,7 +8,7 @@ from support.lasso_inputs import CURVE, lasso_image, noisy
 from support.tracking_inputs import VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.initialisation.electrode_spots import Spots, electrode_spots, points_of
+from lasso_motion_ros.initialisation.electrode_spots import Spots, electrode_band, electrode_spots, points_of
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
 
@@ -23,7 +23,7 @@ def _spots(*, bright: bool = False) -> dict[str, Spots]:
     frames = {p: Frame(0, 255 - image if bright else image, VIEWS[p]) for p, image in images.items()}
     rows = row_range(frames, GRID)
     laid = {p: LaidImage.of(frame, p, GRID, rows, logarithm=not bright) for p, frame in frames.items()}
-    return {plane: electrode_spots(one, bright=bright) for plane, one in laid.items()}
+    return {plane: electrode_spots(one, electrode_band(one, bright=bright)) for plane, one in laid.items()}
 
 
 @pytest.mark.parametrize("bright", [False, True])
@@ -51,6 +51,6 @@ def test_spots_at_one_height_are_points_and_tell_by_how_much_plane_b_sees_them_h
 
 def test_a_blank_image_has_no_spots() -> None:
     blank = LaidImage(np.full((60, 60), 4.0, np.float32), np.ones((60, 60), np.float32), 0.0, 0.0)
-    spots = electrode_spots(blank, bright=False)
+    spots = electrode_spots(blank, electrode_band(blank, bright=False))
     assert len(spots.rows) == 0
     assert len(points_of({"a": spots, "b": spots}, GRID, 1e-3)) == 0

@@ -80,6 +80,23 @@ def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
     assert not third.can_be_beside(two)
 
 
+def test_an_arc_of_a_ring_and_what_lies_beside_it_make_no_other() -> None:
+    middle = CURVE.mean(axis=0)
+    judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0)
+    away = np.arange(20) * 40.0
+
+    def proposal(curve: np.ndarray, shift_px: float) -> Proposal:
+        clicks = np.stack([away + shift_px, away * 0.5], axis=1)
+        return Proposal(pair(0), Seed(clicks, clicks), curve, judgement, 0, "")
+
+    arc = CURVE[: len(CURVE) // 3]
+    beside = np.concatenate([arc, arc[-1] + np.linspace(0.0, 1.0, 300)[:, None] * 3.0 * (arc[-1] - middle)])
+    one, part = proposal(CURVE, 0.0), proposal(beside, 300.0)
+    assert np.linalg.norm(part.centre - one.centre) > 8e-3
+    assert not part.can_be_beside(one)
+    assert proposal(CURVE + np.array([0.0, 0.0, 0.03]), 300.0).can_be_beside(one)
+
+
 def test_one_plane_alone_proposes_nothing() -> None:
     assert find_rings([pair(index, planes="a") for index in range(3)], CONFIG) == []
 

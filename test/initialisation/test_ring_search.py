@@ -5,20 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, lasso_pair
-from support.tracking_inputs import VIEWS
 
-from lasso_motion_ros.core.errors import GeometryError
-from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps
-from lasso_motion_ros.initialisation.ring_search import FoundRings, Layout, search_rings
+from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.initialisation.laid_pair import LaidPair
+from lasso_motion_ros.initialisation.ring_search import FoundRings, Shown, search_rings
 
 MOVES = ((0.0, 0.0, 0.0), (1e-3, -2e-3, 7e-3), (2e-3, -3e-3, 15e-3))
 
 
 def _searched(pairs: list[FramePair]) -> tuple[FoundRings, FoundRings]:
-    first = Layout.of(pairs[0], logarithm=True)
-    maps = {plane: direction_maps(curvature(one), bright=False) for plane, one in first.laid.items()}
-    return search_rings(pairs, first, maps, bright=False)
+    laid = [LaidPair.of(one, bright=False) for one in pairs]
+    return search_rings(laid, [Shown.by(laid[0])])
 
 
 @pytest.mark.slow
@@ -31,11 +28,12 @@ def test_the_first_ring_is_the_one_that_moves_through_all_pairs() -> None:
     assert told.rareness[0] > 1.5 * max(alone.rareness, default=0.0)
 
 
-def test_planes_with_little_in_common_are_said_to_have() -> None:
-    strips = {
-        "a": VIEWS["a"].read_out(0, 0, 512, 40, 1, 1),
-        "b": VIEWS["b"].read_out(0, 460, 512, 40, 1, 1),
-    }
-    frames = {plane: Frame(0, np.zeros((40, 512), np.uint8), view) for plane, view in strips.items()}
-    with pytest.raises(GeometryError, match="mm of height in common"):
-        Layout.of(FramePair(0, frames["a"], frames["b"]), logarithm=True)
+@pytest.mark.slow
+def test_what_something_else_shows_of_the_first_pair_s_rings_is_searched_too() -> None:
+    pairs = [lasso_pair(index, move, sigma=9.0) for index, move in enumerate(MOVES)]
+    laid = [LaidPair.of(one, bright=False) for one in pairs]
+    nothing = LaidPair.of(lasso_pair(9, None), bright=False)
+    told, lined = search_rings(laid, [Shown.by(nothing), Shown.by(laid[0])])
+    for rings in (told.rings[:1], lined.rings):
+        away = np.linalg.norm(rings.points()[:, :, None] - CURVE, axis=3).min(axis=2).mean(axis=1)
+        assert away.min() < 1.2e-3
