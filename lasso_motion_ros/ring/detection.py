@@ -30,10 +30,13 @@ class DetectionTuning:
     alone_penalty: float = 0.15  # what one plane alone shows is a coincidence more often
     smallest_coverage: float = 0.5  # of the profile inside the image: with less, a plane cannot show the ring
     systematic_m: float = 2e-5  # interpolation, a background that moves
-    # Where less of the ring is shown something pulls at it, and the noise tells less of where it is: its variance is
-    # e to the power of so much for each unit of support below (docs/constants.md).
+    # Where less of the ring is shown the noise tells less of where it is: its variance is e to the power of so much for
+    # each unit of support below (docs/constants.md).
     clear_support: float = 2.2
     pull: float = 1.09
+    # And where the template fits still less well, something pulls at it, whatever the noise:
+    pulled_support: float = 1.95
+    pulled_m: float = 4.5e-4  # standard deviation for each unit of support that is missing
     same_m: float = 3e-4  # alignments that end so close are one
 
 
@@ -77,8 +80,9 @@ class Detection:
     def observation(self, plane: Plane, centre: Array) -> Observation:
         """A plane's fit as a measurement of the displacement from the ring's centre (3,) m at the seed pair."""
         fit = self.planes[plane]
-        pulled = math.exp(self.tuning.pull * (self.tuning.clear_support - self.support))
-        covariance = pulled * fit.covariance + self.tuning.systematic_m**2 * _IDENTITY_2
+        vaguer = math.exp(self.tuning.pull * (self.tuning.clear_support - self.support))
+        pulled_m = self.tuning.pulled_m * max(self.tuning.pulled_support - self.support, 0.0)
+        covariance = vaguer * fit.covariance + (self.tuning.systematic_m**2 + pulled_m**2) * _IDENTITY_2
         return Observation(fit.across, fit.across @ (fit.centre - centre), covariance)
 
     def gap(self, expected_b: Array) -> tuple[float, Array]:

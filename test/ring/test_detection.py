@@ -102,9 +102,12 @@ def test_an_observation_is_the_displacement_across_the_ray_and_its_covariance():
 
 
 def test_where_the_support_is_weak_something_pulls_and_less_is_known():
-    # Support 1.3 · 1.2 = 1.56: 0.64 short of clear, the variance is e to the power of 1.09 · 0.64.
+    # Support 1.3 · 1.2 = 1.56: 0.64 short of clear, the variance is e to the power of 1.09 · 0.64; and 0.39 short of
+    # what nothing pulls at, 0.45 mm for each unit of that.
     weak = detection_at(HERE, evidence=1.2, sigma_m=4e-5).observation("a", HERE)
-    np.testing.assert_allclose(weak.covariance, (2.009 * 4e-5**2 + 2e-5**2) * np.eye(2), rtol=1e-3)
+    np.testing.assert_allclose(
+        weak.covariance, (2.009 * 4e-5**2 + 2e-5**2 + (0.39 * 4.5e-4) ** 2) * np.eye(2), rtol=1e-3
+    )
     # More than that, and it is known better than by the noise of a usual place.
     strong = detection_at(HERE, evidence=1.9, sigma_m=4e-5).observation("a", HERE)
     np.testing.assert_allclose(strong.covariance, (0.745 * 4e-5**2 + 2e-5**2) * np.eye(2), rtol=1e-3)

@@ -122,7 +122,11 @@ IDEAS: Mapping[str, Idea] = {
         # How it is aligned.
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
-        Idea("pulled", "doubt where the template fits badly", options=_with(detection=DetectionTuning(pull=0.0))),
+        Idea(
+            "pulled",
+            "doubt where the template fits badly",
+            options=_with(detection=DetectionTuning(pull=0.0, pulled_m=0.0)),
+        ),
         # Which of the detections it is.
         Idea("weaker", "the weaker plane's say", options=_with(detection=DetectionTuning(stronger_share=1.0))),
         Idea("images", "the images' evidence", options=_with(association=WITHOUT_IMAGES)),
