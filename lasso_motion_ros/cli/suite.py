@@ -153,7 +153,7 @@ def _random(args: argparse.Namespace, configs: Mapping[str, StreamConfig], files
 
 
 def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> None:
-    drawn = _drawn(args)
+    drawn = _clinic_scenarios(args)
     pool = worker_pool(args) if is_archive(args) else processors()
     results = run_clinic(drawn, configs, args.cache, pool, args.quiet)
     found = {name: class_measures([one.judged for one in of_config]) for name, of_config in results.items()}
@@ -167,7 +167,8 @@ def _clinic(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> No
         _write_page(args.report, "clinic.txt", f"{text}\n{CLINIC_NOTE}\n")
 
 
-def _drawn(args: argparse.Namespace) -> tuple[ClinicScenario, ...]:
+def _clinic_scenarios(args: argparse.Namespace) -> tuple[ClinicScenario, ...]:
+    """The clinic suite's, or those of it that were asked for."""
     drawn = clinic_scenarios(args.seed, args.sequences or CLINIC_SEQUENCES)
     return tuple(drawn[number] for number in args.only) if args.only else tuple(drawn)
 
@@ -200,7 +201,7 @@ def _traps(args: argparse.Namespace, configs: Mapping[str, StreamConfig]) -> Non
 
 def _ablation(args: argparse.Namespace, config: StreamConfig) -> None:
     if args.clinic:
-        scenarios = tuple(one.scenario for one in _drawn(args))
+        scenarios = tuple(one.scenario for one in _clinic_scenarios(args))
     else:
         scenarios = suite_scenarios(args.seed, args.sequences or DEFAULT_SEQUENCES, args.only)
     trapped = [(trap, one) for trap in _chosen_traps(args) for one in trap_scenarios(trap, args.seed)]

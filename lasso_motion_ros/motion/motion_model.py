@@ -61,8 +61,8 @@ class MotionTuning:
     heartbeat_odds: tuple[float, ...] = (0.1, 0.1, 0.05, 0.05, 0.2, 0.2, 0.2, 0.1)
     # A beat is smooth, and swings back: its correlation with itself is 0.89, 0.67, 0.31 and -0.08 after 40, 80, 140 and
     # 300 ms with these (docs/constants.md).
-    heartbeat_damping_hz: float = 8.0
-    heartbeat_turning_hz: float = 10.0
+    heartbeat_damping_per_s: float = 8.0
+    heartbeat_turning_rad_s: float = 10.0
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from weights and shape: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
@@ -217,7 +217,7 @@ def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array
     """
     covariance = np.zeros((len(heart), SIZE, SIZE))
     covariance[:, BREATHING, BREATHING] = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
-    beat = oscillator.stationary(tuning.heartbeat_damping_hz, tuning.heartbeat_turning_hz)
+    beat = oscillator.stationary(tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s)
     covariance[:, BEATING, BEATING] = _in_each_direction(beat, heart)
     covariance[:, MEAN, MEAN] = spread
     return covariance
@@ -227,7 +227,7 @@ def moved_on(
     state: Array, covariance: Array, interval_s: float, spread: Array, heart: Array, tuning: MotionTuning
 ) -> tuple[Array, Array]:
     """States (filters, SIZE) and their covariances (filters, SIZE, SIZE) after an interval without measurements."""
-    scales = tuning.time_scale_s, tuning.heartbeat_damping_hz, tuning.heartbeat_turning_hz
+    scales = tuning.time_scale_s, tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s
     transition, breathing, beating = _passage(round(interval_s * 1e9), scales)
     if has_kernels():
         from lasso_motion_ros.motion import kernels
@@ -271,13 +271,13 @@ def _passage(interval_ns: int, scales: tuple[float, float, float]) -> tuple[Arra
     value and speed, in units of its variance.
     Exposures come at few intervals, and the past is gone through again at the same ones.
     """
-    interval_s, (scale_s, *rates_hz) = interval_ns * 1e-9, scales
-    breathing, beat = matern.transition(interval_s, scale_s), oscillator.transition(interval_s, *rates_hz)
+    interval_s, (scale_s, *rates) = interval_ns * 1e-9, scales
+    breathing, beat = matern.transition(interval_s, scale_s), oscillator.transition(interval_s, *rates)
     transition = np.eye(SIZE)
     transition[BREATHING, BREATHING] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
     transition[BEATING, BEATING] = _in_each_direction(beat, _IDENTITY_3)
     breathing_noise = _noise(breathing, matern.stationary(scale_s))
-    beating_noise = _noise(beat, oscillator.stationary(*rates_hz))
+    beating_noise = _noise(beat, oscillator.stationary(*rates))
     for array in (transition, breathing_noise, beating_noise):
         array.setflags(write=False)
     return transition, breathing_noise, beating_noise

@@ -15,22 +15,22 @@ import numpy.typing as npt
 Array = npt.NDArray[np.float64]
 
 
-def transition(interval_s: float, damping_hz: float, turning_hz: float) -> Array:
+def transition(interval_s: float, damping_per_s: float, turning_rad_s: float) -> Array:
     """(2, 2) transition of value and speed over an interval.
 
     Args:
         interval_s: seconds.
-        damping_hz: rate at which it dies away, 1/s.
-        turning_hz: its angular frequency, rad/s, greater than zero.
+        damping_per_s: rate at which it dies away, 1/s.
+        turning_rad_s: its angular frequency, rad/s, greater than zero.
     """
-    angle = turning_hz * interval_s
-    cosine, sine = math.cos(angle), math.sin(angle) / turning_hz
-    stiffness = damping_hz**2 + turning_hz**2
-    return math.exp(-damping_hz * interval_s) * np.array(
-        [[cosine + damping_hz * sine, sine], [-stiffness * sine, cosine - damping_hz * sine]]
+    angle = turning_rad_s * interval_s
+    cosine, sine = math.cos(angle), math.sin(angle) / turning_rad_s
+    stiffness = damping_per_s**2 + turning_rad_s**2
+    return math.exp(-damping_per_s * interval_s) * np.array(
+        [[cosine + damping_per_s * sine, sine], [-stiffness * sine, cosine - damping_per_s * sine]]
     )
 
 
-def stationary(damping_hz: float, turning_hz: float) -> Array:
+def stationary(damping_per_s: float, turning_rad_s: float) -> Array:
     """(2, 2) stationary covariance of value and speed, for a value of variance 1; arguments as of `transition`."""
-    return np.diag([1.0, damping_hz**2 + turning_hz**2])
+    return np.diag([1.0, damping_per_s**2 + turning_rad_s**2])

@@ -45,6 +45,9 @@ def refusal(
         return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
     if best is None or best.believed < states.pose:
         return _unseen(association, pair)
+    shown = best.detection.support / track.usual_support
+    if best.is_whole and shown < tuning.left_share:
+        return f"plane {_weaker(best)} hardly shows the lasso: {100 * shown:.0f} % of what is usual is left"
     turned_deg = _turned_deg(track, best)
     is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
     if turned_deg > limits.lost_turn_deg and best.is_whole and not is_elsewhere:
@@ -85,11 +88,7 @@ def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[floa
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
-    """Why a detection is only what is left of the ring, in a filter over time or outside its sheath; or empty."""
-    shown = best.detection.support / track.usual_support
-    if best.is_whole and shown < tuning.left_share:
-        weak = min(PLANES, key=lambda plane: best.detection.planes[plane].evidence).upper()
-        return f"plane {weak} hardly shows the lasso: {100 * shown:.0f} % of what is usual is left"
+    """Why a detection is only what a filter over time has left of the ring; empty if it is the ring."""
     shares = [fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()]
     left = sum(shares) / len(shares)
     if left < tuning.ghost_contrast:
@@ -122,7 +121,7 @@ def quality(
         return TrackerState.DEGRADED, track.agreement.doubt
     if track.belief.in_place < states.tracking:
         return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
-    weak = min(planes, key=lambda plane: planes[plane].evidence).upper()
+    weak = _weaker(best)
     if best.believed < states.tracking:
         return TrackerState.DEGRADED, f"plane {weak} shows the lasso only faintly"
     if best.detection.support < tuning.faint_share * track.usual_support:
@@ -138,6 +137,11 @@ def _stand_apart(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTu
 def _both_show(best: Hypothesis) -> bool:
     """Whether each plane shows something like the ring, believed to be it or not."""
     return best.is_whole and min(fit.evidence for fit in best.detection.planes.values()) >= SHOWN
+
+
+def _weaker(best: Hypothesis) -> str:
+    """Name of the plane that shows less of it."""
+    return min(best.detection.planes, key=lambda plane: best.detection.planes[plane].evidence).upper()
 
 
 def _unseen(association: Association, pair: FramePair) -> str:

@@ -1,5 +1,6 @@
 """Which detection is the ring: the images' support and the motion so far, weighed against its being out of view."""
 
+import dataclasses
 import math
 from dataclasses import replace
 from types import SimpleNamespace
@@ -126,8 +127,16 @@ def test_what_is_plain_already_gains_nothing_by_being_plainer():
 
 
 def test_the_wider_the_ring_is_foretold_the_more_else_lies_there():
-    narrow, wide = (weighed(detection_at(FORETOLD), time_s=TIME_S + later_s).best for later_s in (0.0, 20.0))
-    assert narrow.log_odds > wide.log_odds + 0.5
+    for later_s in (0.0, 20.0):
+        foretold = MOTION.predict(TIME_S + later_s)
+        there = detection_at(CENTRE + foretold.displacement)
+        plain = dataclasses.replace(TUNING, by_spread=0.0)
+        with_it, without = (
+            weighed(there, time_s=TIME_S + later_s, tuning=one).best.log_odds for one in (TUNING, plain)
+        )
+        sigma = math.sqrt(np.linalg.eigvalsh(foretold.covariance + 16e-6 * np.eye(3))[-1])
+        assert without - with_it == pytest.approx(1.7 * math.log(sigma / 4e-3), abs=1e-6)
+    assert without - with_it > 0.5
 
 
 def test_far_off_is_unlikely_and_never_impossible():

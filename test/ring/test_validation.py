@@ -183,15 +183,12 @@ def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(share, said):
 
 
 def test_what_shows_less_than_half_of_what_is_usual_is_not_believed_to_be_all_there():
-    def found(a, b):
-        return fading(track(usual=2.2), best(a, b), ValidationTuning())
-
     # The weaker plane's evidence and 0.3 of the stronger one's.
-    assert found(0.55 * 2.2 / 1.3, 0.55 * 2.2 / 1.3) == ""
-    assert found(0.6, 1.3) == "plane A hardly shows the lasso: 45 % of what is usual is left"
-    assert found(1.3, 0.6) == "plane B hardly shows the lasso: 45 % of what is usual is left"
+    assert refused(best(0.55 * 2.2 / 1.3, 0.55 * 2.2 / 1.3)) == ""
+    assert refused(best(0.6, 1.3)) == "plane A hardly shows the lasso: 45 % of what is usual is left"
+    assert refused(best(1.3, 0.6)) == "plane B hardly shows the lasso: 45 % of what is usual is left"
     # Of one plane less is expected, and how much less, nobody knows.
-    assert found(0.6, None) == ""
+    assert refused(best(0.6, None), pair=ONLY_A) == ""
 
 
 def test_one_plane_alone_is_a_doubt_that_says_which_is_missing_and_why():
