@@ -38,12 +38,13 @@ class AssociationTuning:
     # Log odds that what a plane shows in a place is the ring: what is shown at its electrodes and of the wire between
     # them, how well the template fits, the share of the loop that looks as expected, and how sharply it says where, as
     # a natural logarithm of a standard deviation. By logistic regression (docs/constants.md).
-    nothing: float = -5.91
-    by_evidence: float = 3.16
-    by_wire: float = 5.54
-    by_likeness: float = 2.54
-    by_visible: float = 1.93
-    by_blur: float = -1.45
+    nothing: float = -5.2
+    by_evidence: float = 3.17
+    by_wire: float = 6.41
+    most_wire: float = 0.35  # what is darker than most rings' wire proves no more: a bare wire is no ring
+    by_likeness: float = 2.22
+    by_visible: float = 1.45
+    by_blur: float = -1.64
     blur_m: float = 1e-4
     sharpest_m: float = 3e-5  # a picture without noise says nothing by being sharp
     plainest: float = 1e-3  # odds against what looks as plain as can be: so no plane makes up for anything in another
@@ -243,7 +244,8 @@ def _hypothesis(
 
 def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:
     """Log odds that a plane shows the ring there, by how it looks."""
-    shown = tuning.by_evidence * fit.evidence + tuning.by_wire * fit.wire + tuning.by_visible * fit.visible
+    wire = min(fit.wire, tuning.most_wire)
+    shown = tuning.by_evidence * fit.evidence + tuning.by_wire * wire + tuning.by_visible * fit.visible
     blur = math.log(max(math.sqrt(float(fit.covariance.trace())), tuning.sharpest_m) / tuning.blur_m)
     odds = tuning.nothing + shown + tuning.by_likeness * likeness + tuning.by_blur * blur
     return -math.log(math.exp(-odds) + tuning.plainest)
