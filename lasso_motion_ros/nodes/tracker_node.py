@@ -22,6 +22,7 @@ from lasso_motion_ros.nodes.clickless_start import ClicklessStart
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.describer import Describer
 from lasso_motion_ros.nodes.diagnostics import heartbeat_status, plane_status, tracker_status
+from lasso_motion_ros.nodes.kernels_aside import KernelsAside
 from lasso_motion_ros.nodes.latency import Latencies
 from lasso_motion_ros.nodes.parameters import LiveParameters
 from lasso_motion_ros.nodes.running import guarded, kind_of
@@ -37,7 +38,7 @@ from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.outputs import Output, PipelineStatistics
 from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from lasso_motion_ros.stream.warm_up import warm_up
+from lasso_motion_ros.stream.warm_up import dry_run, warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
@@ -92,6 +93,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
         )
+        log = self.get_logger()
+        self._kernels = KernelsAside(log.info, log.warning, lambda: dry_run(self._live.config, self.messages))
         self._state_watch = StateWatch(self._tracker_publishers, self.complaints, self._loss_outputs)
         self._tracker_publishers.publish_state(TrackerState.INACTIVE)
         self._tracker_services = TrackerServices(
@@ -119,6 +122,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
 
     def close(self) -> None:
         """Stop the worker and say INACTIVE, while there still is a publisher to say it."""
+        self._kernels.close()
         self._deactivate()
         self._tracker_publishers.close()
 
@@ -161,6 +165,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         config = self._live.config
         self._seeds = read_seeds_file(config.seeds_file) if config.seeds_file else {}
         if not self._warm:
+            self._kernels.begin()
             self.get_logger().info(f"arithmetic: {arithmetic()}")
             warm_up(config, self.messages)
             self._warm = True

@@ -40,10 +40,18 @@ DRY_RUN = _DryRun()
 
 
 def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
-    """Track a drawn ring through a pipeline of its own, from messages to messages, and discard it.
+    """A dry run, after which the garbage collector ignores all objects that exist by then.
 
-    Afterwards the garbage collector ignores all objects that exist by then, so that it does not scan them while pairs
-    wait.
+    So it does not scan them while pairs wait. Arguments and result as those of `dry_run`.
+    """
+    outputs = dry_run(config, messages)
+    gc.collect()
+    gc.freeze()
+    return outputs
+
+
+def dry_run(config: StreamConfig, messages: MessageFactory) -> list[Output]:
+    """Track a drawn ring through a pipeline of its own, from messages to messages, and discard it.
 
     Args:
         config: the parameters that will be tracked with.
@@ -71,6 +79,4 @@ def warm_up(config: StreamConfig, messages: MessageFactory) -> list[Output]:
             tasks += pipeline.intake.flush()
         for task in tasks:
             outputs += pipeline.session.process(task)
-    gc.collect()
-    gc.freeze()
     return outputs

@@ -12,6 +12,7 @@ import pytest
 from support.breathing_lasso import ASIDE, CONFIG, pair
 from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, lasso_seed, noisy
 
+from lasso_motion_ros.core import compiled
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
@@ -262,17 +263,17 @@ def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
     np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
 
 
-@interpolates_exactly
-def test_a_ring_that_breathes_hides_and_is_moved_is_followed_alike() -> None:
-    def results() -> list[Any]:
-        tracker = RingTracker(CONFIG)
-        followed = [tracker.initialise(pair(0), lasso_seed())]
-        followed += [tracker.track(pair(index)) for index in range(1, 10)]
-        followed += [tracker.track(pair(index, planes=planes)) for index, planes in ((10, "a"), (11, "b"), (12, "ab"))]
-        return followed + [tracker.track(pair(index, ASIDE)) for index in range(13, 16)]
+def follow() -> list[Any]:
+    """A ring that breathes, hides and is moved by hand; one plane is missing now and then."""
+    tracker = RingTracker(CONFIG)
+    followed = [tracker.initialise(pair(0), lasso_seed())]
+    followed += [tracker.track(pair(index)) for index in range(1, 10)]
+    followed += [tracker.track(pair(index, planes=planes)) for index, planes in ((10, "a"), (11, "b"), (12, "ab"))]
+    return followed + [tracker.track(pair(index, ASIDE)) for index in range(13, 16)]
 
-    compiled, plainly = both(results)
-    for one, other in zip(compiled, plainly, strict=True):
+
+def assert_alike(results: list[Any], others: list[Any]) -> None:
+    for one, other in zip(results, others, strict=True):
         assert (one.state, one.motion is None) == (other.state, other.motion is None)
         if other.motion is not None:
             there = np.r_[LOOP.centre, 1.0]
@@ -280,3 +281,18 @@ def test_a_ring_that_breathes_hides_and_is_moved_is_followed_alike() -> None:
             np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-3, atol=1e-12)
         if other.loop is not None:
             np.testing.assert_allclose(one.loop, other.loop, rtol=0.0, atol=2e-7)
+
+
+@interpolates_exactly
+def test_a_ring_that_breathes_hides_and_is_moved_is_followed_alike() -> None:
+    assert_alike(*both(follow))
+
+
+@interpolates_exactly
+def test_it_is_followed_alike_whenever_the_kernels_come(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the midst of a pair, too: at each call by chance."""
+    with plain():
+        plainly = follow()
+    generator = np.random.default_rng(8)
+    monkeypatch.setattr(compiled, "_is_plain", lambda: bool(generator.random() < 0.5))
+    assert_alike(follow(), plainly)
