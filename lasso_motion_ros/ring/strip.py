@@ -88,10 +88,11 @@ def render(values: Image, strip: Strip, cell_px: float) -> tuple[Image, npt.NDAr
     weight = np.bincount(index.reshape(-1), share.reshape(-1), width * height)
     weighted = np.bincount(index.reshape(-1), (share * values.reshape(-1)).reshape(-1), width * height)
     # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
-    largest = weight.max()
-    kernel = weighted / np.maximum(weight, 0.25 * largest)
-    inside = weight > 0.05 * largest
-    kernel = np.where(inside, kernel - kernel[inside].mean(), 0.0)
+    # Each cell counts by how much of it the strip covers: to leave out those at its rim from some weight on would make
+    # a jump of what the last bits decide.
+    full = np.maximum(weight, 0.25 * weight.max())
+    kernel, covered = weighted / full, weight / full
+    kernel -= covered * (kernel.sum() / covered.sum())
     kernel /= max(math.sqrt(float(kernel @ kernel)), 1e-12)
     return kernel.reshape(height, width).astype(np.float32), low
 

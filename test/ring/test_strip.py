@@ -108,6 +108,21 @@ def test_rendering_elsewhere_moves_the_pattern():
     np.testing.assert_allclose(same, kernel, atol=1e-6)
 
 
+def test_a_hair_s_breadth_changes_the_rendering_by_no_more():
+    """No cell is in or out by what the last bits decide."""
+    image = loop_image()
+    strip = strip_along(CURVE, image.projection)
+    values = template_of(strip.sample(image)) + np.float32(0.2)
+    largest = 0.0
+    for place in np.arange(0.0, 2.0, 0.02):
+        here, there = (
+            render(values, strip_along(CURVE, image.projection.shifted(place + apart, 0.0)), 2) for apart in (0.0, 1e-3)
+        )
+        if (here[1] == there[1]).all() and here[0].shape == there[0].shape:
+            largest = max(largest, float(np.abs(here[0] - there[0]).max()))
+    assert 0.0 < largest < 2e-4
+
+
 def test_both_sides_of_an_edge_on_loop_are_averaged():
     view = plane(0.0, side=512)
     # One way over 20 mm, back over the first half only: added up, that half would count twice.

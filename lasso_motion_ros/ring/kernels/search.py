@@ -57,20 +57,23 @@ def rendered(values: Image, coordinates: Image, spacing: Array, cell_px: float) 
             weighted[at_row, at_column + 1] += beside * up * value
             weighted[at_row + 1, at_column] += here * down * value
             weighted[at_row + 1, at_column + 1] += beside * down * value
-    largest = weight.max()
-    mean, inside = 0.0, 0
+    largest = 0.0
+    for i in range(height):
+        for j in range(width):
+            largest = max(largest, weight[i, j])
+    total, area = 0.0, 0.0
     for i in range(height):
         for j in range(width):
             # Where both sides of an edge-on loop overlap, their strips are averaged rather than added.
-            weighted[i, j] /= max(weight[i, j], 0.25 * largest)
-            if weight[i, j] > 0.05 * largest:
-                mean += weighted[i, j]
-                inside += 1
-    mean /= inside
-    power = 0.0
+            full = max(weight[i, j], 0.25 * largest)
+            weighted[i, j] /= full
+            weight[i, j] /= full
+            total += weighted[i, j]
+            area += weight[i, j]
+    mean, power = total / area, 0.0
     for i in range(height):
         for j in range(width):
-            weighted[i, j] = weighted[i, j] - mean if weight[i, j] > 0.05 * largest else 0.0
+            weighted[i, j] -= mean * weight[i, j]
             power += weighted[i, j] * weighted[i, j]
     norm = max(math.sqrt(power), 1e-12)
     made = np.empty((height, width), np.float32)
