@@ -174,9 +174,10 @@ def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Cod
         for task in tasks:
             with clock("tracking"):
                 outputs = pipeline.session.process(task)
+                made = [(output.message, output.topic.type_name) for output in outputs]
             with clock("serialise"):
-                for output in outputs:
-                    codec.encode(output.message, output.topic.type_name)
+                for message, type_name in made:
+                    codec.encode(message, type_name)
             now, processor_now = time.perf_counter(), time.process_time()
             if tracked:
                 clock.keep(now - wall, processor_now - processor)

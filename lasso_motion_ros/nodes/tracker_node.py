@@ -54,6 +54,9 @@ class _Tuning:
         behind_s: a tracker that has had no rest for so long is too slow for the stream, and goes on with the newest
             pair from which the motion can be followed. To build a model, and answer the pairs that came meanwhile in
             their order, takes less.
+        stand_back_s: how long callbacks wait at most for the answer to a pair that has come, so as not to take turns
+            with the tracker at Python's lock.
+        rest_s: they do where the tracker had so long a rest before.
         look_s: between two looks whether images still come and are answered.
         patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
@@ -62,6 +65,8 @@ class _Tuning:
 
     waiting_pairs: int = 12
     behind_s: float = 2.0
+    stand_back_s: float = 0.02
+    rest_s: float = 0.01
     look_s: float = 0.1
     patience_s: float = 5.0
     diagnostics_s: float = 1.0
@@ -332,6 +337,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             if any(task.seed is not None for task in tasks):
                 self._clickless.overtake()
             self._worker.put(tasks)
+            if not any(task.seed is not None for task in tasks):
+                self._worker.stand_back(_TUNING.stand_back_s, _TUNING.rest_s)
         self._complain()
 
     def _track(self, task: PairTask) -> None:

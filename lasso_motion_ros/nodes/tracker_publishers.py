@@ -135,7 +135,7 @@ class TrackerPublishers:
                 self.publish([self._state_output(self.state)])
 
     def _state_output(self, state: str) -> Output:
-        return Output(STATE, self._messages.make(STATE.type_name, {"data": state}), 0)
+        return Output(STATE, lambda: self._messages.make(STATE.type_name, {"data": state}), 0)
 
     def publish_fields(self, topic: Topic, fields: dict[str, Any]) -> None:
         """Publish a message of any of the topics."""

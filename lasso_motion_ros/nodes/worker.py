@@ -70,6 +70,7 @@ class Worker(Generic[Item]):
         self._stopping = False
         self._dropped = 0
         self._untold: list[Item] = []  # of the dropped ones
+        self._resting_since_s, self._rested_s = -math.inf, 0.0  # the first: inf while it works; the second: before that
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
 
@@ -95,7 +96,20 @@ class Worker(Generic[Item]):
             if len(self._waiting) + len(items) > (self._burst_capacity if self._burst else self._capacity):
                 self._drop(len(self._waiting))
             self._waiting.extend(items)
-            self._changed.notify()
+            self._rested_s = max(0.0, self._clock() - self._resting_since_s)
+            self._resting_since_s = math.inf
+            self._changed.notify_all()
+
+    def stand_back(self, patience_s: float, rest_s: float) -> None:
+        """Wait until what was put is worked on: Python's lock is the worker's alone meanwhile.
+
+        Args:
+            patience_s: how long at most.
+            rest_s: only if the worker had rested so long before; one that hardly keeps up has to hear of what comes.
+        """
+        with self._changed:
+            if self._rested_s >= rest_s:
+                self._changed.wait_for(lambda: self._resting_since_s < math.inf or self._stopping, patience_s)
 
     def clear(self) -> None:
         """Forget what waits, without counting it as dropped."""
@@ -115,7 +129,7 @@ class Worker(Generic[Item]):
         with self._changed:
             self._stopping = True
             self._waiting.clear()
-            self._changed.notify()
+            self._changed.notify_all()
         if self._thread is not threading.current_thread():
             self._thread.join(patience_s)
         return not self._thread.is_alive()
@@ -140,6 +154,9 @@ class Worker(Generic[Item]):
         with self._changed:
             if not self._waiting:
                 self._busy_since_s = math.inf
+                if self._resting_since_s == math.inf:
+                    self._resting_since_s = self._clock()
+                    self._changed.notify_all()
             if wait:
                 self._changed.wait_for(lambda: self._waiting or self._stopping)
             if self._stopping:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 from lasso_motion_ros.geometry.frames import Plane
@@ -15,17 +17,22 @@ from msg_adapters.topics import Topic
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A message to be published.
+    """A message to be published, made when it is asked for: a pose is out before the loop's message is made.
 
     Attributes:
         topic: where.
-        message: made by the message factory.
+        make: makes it by the message factory.
         stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
     """
 
     topic: Topic
-    message: Any
+    make: Callable[[], Any]
     stamp_ns: int
+
+    @cached_property
+    def message(self) -> Any:
+        """The message."""
+        return self.make()
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,8 @@ pytestmark = pytest.mark.ros
 TASK = PairTask(FramePair(stamp(0), None, None), number=1)
 
 
-ANSWER, FORGOTTEN = Output(STATE, "TRACKING", 0), Output(STATE, "WAITING_FOR_SEED", 0)
-LOSS = Output(STATE, "LOST", 0)
+ANSWER, FORGOTTEN = Output(STATE, lambda: "TRACKING", 0), Output(STATE, lambda: "WAITING_FOR_SEED", 0)
+LOSS = Output(STATE, lambda: "LOST", 0)
 
 
 class FakePipeline:

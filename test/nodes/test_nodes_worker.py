@@ -293,3 +293,58 @@ def test_idle_work_is_done_in_steps_and_stands_back_for_an_item() -> None:
     assert idle.wait(10)
     worker.stop()
     assert (gate.done, [str(error) for error in errors]) == ([0, 1], ["in the last step"])
+
+
+def stood_back(worker: Worker[int], rest_s: float) -> threading.Event:
+    """Set once somebody who stands back for the worker goes on."""
+    gone_on = threading.Event()
+
+    def stand_back() -> None:
+        worker.stand_back(patience_s=20.0, rest_s=rest_s)
+        gone_on.set()
+
+    threading.Thread(target=stand_back, daemon=True).start()
+    return gone_on
+
+
+def test_who_stands_back_goes_on_once_all_is_worked_on() -> None:
+    gate = Gate()
+    worker = make(gate)
+    worker.put([0, 1])
+    gone_on = stood_back(worker, rest_s=0.0)
+    gate.let(1)
+    for _ in range(2):
+        assert gate.begun.acquire(timeout=10)
+    assert gate.done == [0]
+    assert not gone_on.is_set()
+    gate.let(1)
+    assert gone_on.wait(10)
+    assert gate.done == [0, 1]
+    worker.stop()
+    worker.stand_back(patience_s=20.0, rest_s=0.0)  # of one that has ended: at once
+
+
+def test_nobody_stands_back_for_long_or_for_one_that_hardly_keeps_up() -> None:
+    gate, now = Gate(), [0.0]
+    worker = Worker(
+        gate,
+        capacity=3,
+        burst_capacity=5,
+        takes_long=lambda _: False,
+        on_error=lambda _: None,
+        name="test",
+        clock=lambda: now[0],
+    )
+    gate.let(1)
+    worker.put([0])
+    worker.stand_back(patience_s=20.0, rest_s=0.0)
+    now[0] = 0.005
+    worker.put([1])  # after a rest of 5 ms
+    assert not stood_back(worker, rest_s=0.004).wait(0.05)
+    assert stood_back(worker, rest_s=0.006).wait(10)
+    worker.put([2])  # it had none
+    assert stood_back(worker, rest_s=0.001).wait(10)
+    worker.stand_back(patience_s=0.01, rest_s=0.0)
+    assert gate.done == [0]
+    gate.let(2)
+    worker.stop()
