@@ -89,6 +89,9 @@ class Brost2009Tracker:
             self._motion, residuals = register(self._model, self._motion, planes, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))
 
+    def learn(self) -> None:
+        """Nothing: the model stays as it is."""
+
     def leave_out(self, pair: FramePair) -> None:
         """Nothing: each pair is looked at by itself."""
 

@@ -57,7 +57,7 @@ def has_kernels() -> bool:
     Raises:
         ConfigurationError: Numba is installed, but cannot be used.
     """
-    return _numba() is not None and not _is_plain()
+    return not _is_plain() and _numba() is not None
 
 
 def arithmetic() -> str:

@@ -69,6 +69,7 @@ class Track:
         reference_ns: stamp of the reference pair.
         reference_covariance: (3, 3) m² of the reference's displacement.
         is_followed: whether the prediction is worth a look about it.
+        unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
     """
 
     model: LoopModel
@@ -104,6 +105,7 @@ class Track:
     reference_ns: int = 0
     reference_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
     is_followed: bool = True
+    unlearned: Hypothesis | None = None
 
     def begin(self, stamp_ns: int) -> float:
         """Go on to the next pair; returns its time, seconds since the seed pair."""
@@ -154,8 +156,11 @@ class Track:
         # Half of what the heartbeat did to it is the best guess for the next pair.
         self.turn, self.stretch = 0.5 * best.detection.alignment.turn, 0.5 * best.detection.alignment.stretch
 
-    def learn_template(self, best: Hypothesis) -> None:
-        """Learn how it looks."""
+    def learn_template(self) -> None:
+        """Learn how it looked last, if that is not done yet: that pair's answer does not wait for it."""
+        best, self.unlearned = self.unlearned, None
+        if best is None:
+            return
         fits = best.detection.planes
         is_renewed = self.template.learn(
             {plane: fit.strip for plane, fit in fits.items()},

@@ -179,6 +179,11 @@ class RingTracker:
         self._choice, self._begin = choice, begin
         return is_more
 
+    def learn(self) -> None:
+        """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
+        if self._track is not None:
+            self._learn_template(self._track)
+
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
         if self._track is not None:
@@ -187,6 +192,7 @@ class RingTracker:
     def _follow(self, track: Track, pair: FramePair) -> TrackResult:
         """Take a track to the next pair."""
         options, config = self._options, self._config
+        self._learn_template(track)
         time_s = track.begin(pair.stamp_ns)
         with self._stages("display filter"):
             pair = track.display.undone(pair)
@@ -282,10 +288,14 @@ class RingTracker:
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
         agree = 1.0 - track.contradiction.probability
         if is_plain and min(best.believed, agree) >= self._options.state.tracking:
-            track.learn_template(best)
+            track.unlearned = best
         if state is TrackerState.TRACKING and self._options.rotation:
             track.learn_rotation(best, time_s)
         return np.asarray(track.motion.at_a.covariance + association.spread)
+
+    def _learn_template(self, track: Track) -> None:
+        with self._stages("learning"):
+            track.learn_template()
 
     def _lost(self, track: Track, pair: FramePair, reason: str) -> TrackResult:
         track.is_followed = False
@@ -316,6 +326,7 @@ class RingTracker:
         if track.displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
         self._choice = self._begin = None  # another curve would begin at the seed pair again
+        self._learn_template(track)
         track.refer_to_now()
         if track.belief.elsewhere > self._options.state.displaced:
             # It belongs where and as it lies now; what was learned of the breathing, but not of its place, still holds.

@@ -116,9 +116,10 @@ class TrackingSession:
                 together as the motion must be followed. They have had an answer, and keep it.
         """
         with self._lock:
-            for skipped in self._promised.take_skipped(task.number):
-                yield from self._answer(skipped, in_hurry)
-            yield from self._answer(task, in_hurry)
+            for one in (*self._promised.take_skipped(task.number), task):
+                for outputs in self._answer(one, in_hurry):
+                    yield outputs
+                    self._learn()
 
     def leave_out(self, tasks: Sequence[PairTask]) -> None:
         """Tell the tracker of pairs that are not answered, since newer ones wait; oldest first, before the next one."""
@@ -206,6 +207,13 @@ class TrackingSession:
             self._leave_out(left_out)
             left_out.clear()
             yield self._result_outputs(pair, self._tracked(pair))
+
+    def _learn(self) -> None:
+        try:
+            if self._has_model:
+                self._tracker.learn()
+        except _METHOD_ERRORS as error:
+            self._problems.report("", _words(error))
 
     def _leave_out(self, pairs: Sequence[FramePair]) -> None:
         if not self._has_model:

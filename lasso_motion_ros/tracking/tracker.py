@@ -140,6 +140,9 @@ class Tracker(Protocol):
     def track(self, pair: FramePair) -> TrackResult:
         """Find the catheter in the next pair."""
 
+    def learn(self) -> None:
+        """Learn from the last pair what its answer did not wait for; the next pair does so otherwise."""
+
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: it has been shown, and what filters film over time saw it."""
 

@@ -28,6 +28,10 @@ class WrappedTracker:
         """Find the catheter in the next pair."""
         return self._tracker.track(pair)
 
+    def learn(self) -> None:
+        """As the tracker's."""
+        self._tracker.learn()
+
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time."""
         self._tracker.leave_out(pair)

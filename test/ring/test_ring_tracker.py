@@ -144,6 +144,24 @@ def test_the_same_pairs_give_the_same_answers(tracker):
         np.testing.assert_array_equal(fresh.track(pair(index)).motion, warm_up()[1][index].motion)
 
 
+@pytest.mark.parametrize("refers", [False, True])
+def test_what_it_looks_like_is_learned_after_the_answer_and_before_the_next_whenever_there_is_time(refers):
+    def answers(rests):
+        tracker = RingTracker(CONFIG)
+        tracker.initialise(pair(0), lasso_seed())
+        for index in range(1, 7):
+            count = tracker.known.template.count
+            yield tracker.track(pair(index)).motion
+            if rests:
+                assert tracker.known.template.count == count
+                tracker.learn()
+                assert tracker.known.template.count == count + 1
+            if refers and index == 4:
+                tracker.set_reference()
+
+    np.testing.assert_array_equal([*answers(True)], [*answers(False)])
+
+
 def test_a_pause_or_a_large_breath_is_no_jump(tracker):
     # Two seconds without a pair; the loop is elsewhere on its way.
     result = tracker.track(pair(WARM + 6))

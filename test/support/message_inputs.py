@@ -100,6 +100,9 @@ class FakeTracker:
         self.count += 1
         return self._result(pair)
 
+    def learn(self) -> None:
+        pass
+
     def leave_out(self, pair: FramePair) -> None:
         self.calls.append(("leave_out", pair.stamp_ns))
 
