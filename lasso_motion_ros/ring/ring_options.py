@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
+from lasso_motion_ros.ring.companions import CompanionTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
@@ -31,6 +32,7 @@ class RingOptions:
         detector: where the ring is looked for.
         association: what images and motion are worth.
         curve: how breathing repeats, and when the ring slides off it.
+        companions: what else that moves with the heart tells of the ring's place.
         contradiction: when the planes show two things.
         state: what the states ask for.
         validation: what else is asked of a detection.
@@ -46,6 +48,7 @@ class RingOptions:
     detector: DetectorTuning = field(default_factory=DetectorTuning)
     association: AssociationTuning = field(default_factory=AssociationTuning)
     curve: CurveTuning = field(default_factory=CurveTuning)
+    companions: CompanionTuning = field(default_factory=CompanionTuning)
     contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)

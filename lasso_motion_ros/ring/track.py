@@ -12,6 +12,7 @@ from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
+from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
@@ -45,6 +46,7 @@ class Track:
         curve: where breathing has taken it.
         start_ns: stamp of the seed pair.
         agreement: of the planes at the seed: what the calibration is worth.
+        companions: what moves with the heart beside it.
         contradiction: of the planes since: whether one of them shows something else.
         electrodes: what both planes show along its curve.
         seed_support: what the planes showed of it in the seed pair.
@@ -81,6 +83,7 @@ class Track:
     curve: BreathingCurve
     start_ns: int
     agreement: SeedAgreement
+    companions: Companions
     contradiction: PlaneContradiction
     electrodes: RingEvidence
     seed_support: float
@@ -193,6 +196,7 @@ class Track:
         self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
+        self.companions = self.companions.anew(self.last_s)
 
     @property
     def seen_at(self) -> Array:

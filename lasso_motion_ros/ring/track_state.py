@@ -30,6 +30,7 @@ class StateTuning:
     comes_back: float = 0.8
     comes_home: float = 0.03
     elsewhere_sigmas: float = 3.3  # off the curve: as likely displaced as in place
+    along_share: float = 0.1  # of what is displaced, goes the way of a breath
     largest_sigmas: float = 6.0  # no one pair may say more
     surprise_sigmas: float = 1.8  # of the filter's, sideways, count for one: hearts surprise it more than normally
     # Of being in place, and the detection being the ring:
@@ -73,7 +74,9 @@ class TrackBelief:
         """Probability that it is not in its place, in view or not."""
         return self.elsewhere + self.hidden_elsewhere
 
-    def after(self, interval_s: float, seen: float, sigmas: float, tuning: StateTuning) -> TrackBelief:
+    def after(
+        self, interval_s: float, seen: float, sigmas: float, tuning: StateTuning, companions: float = 0.0
+    ) -> TrackBelief:
         """The belief after a pair.
 
         Args:
@@ -81,10 +84,15 @@ class TrackBelief:
             seen: probability that what was detected is the ring.
             sigmas: how far it lies off the breathing curve, standard deviations.
             tuning: chances of a change.
+            companions: log odds that it is in its place by what moves with the heart beside it. They only speak against
+                it: a ring that is near them may be one that slides.
         """
         before = self._changed(interval_s, tuning)
-        fits = np.exp(-0.5 * min(sigmas, tuning.largest_sigmas) ** 2)
-        other = np.exp(-0.5 * tuning.elsewhere_sigmas**2)
+        on_curve = np.exp(-0.5 * min(sigmas, tuning.largest_sigmas) ** 2)
+        believed = np.exp(min(companions, 0.0))
+        fits = on_curve * believed
+        # Where they deny it, it may as well have been taken the way of a breath, where the curve does not tell.
+        other = np.exp(-0.5 * tuning.elsewhere_sigmas**2) + tuning.along_share * on_curve * (1.0 - believed)
         nothing = (1.0 - seen) * max(fits, other)
         likelihood = np.array([seen * fits, seen * other, nothing, nothing])
         now = before * (likelihood + 1e-9)

@@ -19,6 +19,7 @@ from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Association, Hypothesis, associate
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
+from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
@@ -133,6 +134,7 @@ class RingTracker:
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
             start_ns=pair.stamp_ns,
             agreement=agreement,
+            companions=Companions(options.companions),
             contradiction=PlaneContradiction(options.contradiction),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             seed_support=seen.support,
@@ -141,6 +143,7 @@ class RingTracker:
             reference_ns=pair.stamp_ns,
             reference_covariance=at_seed.covariance,
         )
+        track.companions.find(pair, model, dict.fromkeys(frames, model.centre))
         track.display.undone(pair)  # the seed pair is used as it is: its filter's state before is not there
         state = TrackerState.DEGRADED if agreement.doubt else TrackerState.TRACKING
         result = without_pose(track, pair, state, agreement.doubt)
@@ -218,7 +221,7 @@ class RingTracker:
             )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):
-            departure = self._believe(track, association, time_s)
+            departure = self._believe(track, pair, association, time_s)
             reason = refusal(track, association, pair, config.judgement, options.validation, options.state)
         best = association.best
         track.last_support = -1.0 if best is None else best.detection.support
@@ -239,7 +242,7 @@ class RingTracker:
         with self._stages("judgement"):
             state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         with self._stages("learning"):
-            position = self._update(track, best, association, time_s, state)
+            position = self._update(track, pair, best, association, time_s, state)
             position = position + track.display.covariance(track.way(best.displacement))
         # Report.
         with self._stages("report"):
@@ -256,9 +259,9 @@ class RingTracker:
             result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
             return with_pose(result, track, position)
 
-    def _believe(self, track: Track, association: Association, time_s: float) -> float:
+    def _believe(self, track: Track, pair: FramePair, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""
-        best, departure = association.best, 0.0
+        best, departure, companions = association.best, 0.0, 0.0
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
             sigma_m = math.hypot(largest_sigma(covariance), track.motion.heartbeat_m)
@@ -267,16 +270,27 @@ class RingTracker:
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, track.slide, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
+            is_believed = best.believed >= self._options.state.pose
+            companions = track.companions.log_odds(time_s, pair, best.detection, is_believed=is_believed)
+            slid = track.companions.slide.log_odds(self._options.state.misleading_mm)
+            departure = max(departure, math.sqrt(2.0 * max(slid, 0.0)))
             if best.is_whole:
-                if not is_away and best.believed >= self._options.state.pose:
+                if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, self._options.state.elsewhere_sigmas)
-        track.belief = track.belief.after(track.interval_s, 1.0 - association.absent, departure, self._options.state)
+        seen = 1.0 - association.absent
+        track.belief = track.belief.after(track.interval_s, seen, departure, self._options.state, companions)
         return departure
 
     def _update(
-        self, track: Track, best: Hypothesis, association: Association, time_s: float, state: TrackerState
+        self,
+        track: Track,
+        pair: FramePair,
+        best: Hypothesis,
+        association: Association,
+        time_s: float,
+        state: TrackerState,
     ) -> Array:
         """Take in what was seen, and learn from it where both planes show it; (3, 3) m² of the displacement."""
         track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
@@ -285,6 +299,7 @@ class RingTracker:
             doubt = track.motion.doubt(best.displacement)
             return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
         track.learn_motion(best, time_s)
+        track.companions.learn(time_s, pair, track.model, best.detection)
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
         agree = 1.0 - track.contradiction.probability
         if is_plain and min(best.believed, agree) >= self._options.state.tracking:

@@ -79,11 +79,15 @@ def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[floa
         sigma_mm: of the pose, along the direction known worst, mm.
         states: how far off misleads.
     """
-    vague = probability_beyond(states.misleading_mm, sigma_mm)
-    slid = track.slide.beyond(1e-3 * states.misleading_mm)
-    why = f"its place is known to {sigma_mm:.1f} mm only"
-    if slid > vague:
-        why = f"it seems to slide: {1e3 * track.slide.across_m:.1f} mm across its breathing, and perhaps more along it"
+    limit_mm = states.misleading_mm
+    vague, slid = probability_beyond(limit_mm, sigma_mm), track.slide.beyond(1e-3 * limit_mm)
+    across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
+    by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
+    # They know of all directions; where they have been lost since, what they last told still counts.
+    if companions.is_known or companions.beyond(limit_mm) > slid:
+        slid = companions.beyond(limit_mm)
+        by = f"{companions.size_mm:.1f} mm from what moves with the heart beside it"
+    why = f"it seems to slide: {by}" if slid > vague else f"its place is known to {sigma_mm:.1f} mm only"
     return 1.0 - (1.0 - vague) * (1.0 - slid), why
 
 

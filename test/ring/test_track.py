@@ -10,6 +10,7 @@ from lasso_motion_ros.motion.motion_model import ORIGIN_B
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
+from lasso_motion_ros.ring.companions import Companions, CompanionTuning
 from lasso_motion_ros.ring.display_chain import DisplayChain, DisplayChainTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning, PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
@@ -35,6 +36,7 @@ def track(late_s=0.0):
         curve=BreathingCurve(np.zeros(3), 0.0, CURVE),
         start_ns=0,
         agreement=SeedAgreement(0.0, ""),
+        companions=Companions(CompanionTuning()),
         contradiction=PlaneContradiction(ContradictionTuning()),
         electrodes=None,
         seed_support=2.2,

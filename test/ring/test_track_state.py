@@ -35,6 +35,20 @@ def test_the_probability_of_being_off_by_hand():
     assert probability_beyond(2.0, 0.0) == 0.0
 
 
+def test_what_moves_with_the_heart_beside_it_speaks_against_it_only():
+    def asked(companions, pairs=1):
+        belief = TrackBelief()
+        for _ in range(pairs):
+            belief = belief.after(PAIR_S, SEEN, 1.0, TUNING, companions)
+        return belief
+
+    assert asked(8.0) == asked(0.0)
+    assert has_pose(asked(-2.0))
+    assert not has_pose(asked(-9.0))  # one pair in which both planes' companions are elsewhere will do
+    assert is_displaced(asked(-9.0, pairs=2))
+    assert is_displaced(asked(-6.0, pairs=6))
+
+
 def test_probabilities_sum_to_one_whatever_comes():
     random = np.random.default_rng(1)
     belief = TrackBelief()

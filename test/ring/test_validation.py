@@ -10,6 +10,7 @@ from lasso_motion_ros.config.ring import JudgementConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.association import Association, Hypothesis
+from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
@@ -43,6 +44,7 @@ def track(
     contradicts=0.0,
     size_mm=4.0,
     slide=Slide(),  # noqa: B008
+    companions=CompanionSlide(CompanionSlideTuning()),  # noqa: B008
 ):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
@@ -53,6 +55,7 @@ def track(
         contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
         usual_support=usual,
         slide=slide,
+        companions=SimpleNamespace(slide=companions),
     )
 
 
@@ -139,6 +142,26 @@ def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
     both, said = misleading(track(slide=Slide(1e-3, 50.0)), 1.0, STATES)
     assert both == pytest.approx(1.0 - (1.0 - vague) * (1.0 - slid))
     assert said.startswith("it seems to slide")
+
+
+def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
+    def companions(size_mm, sigma_mm=0.5, unseen_s=0.0):
+        offset, covariance = np.array([size_mm, 0.0, 0.0]), sigma_mm**2 * np.eye(3)
+        return CompanionSlide(CompanionSlideTuning(), offset, covariance, unseen_s)
+
+    seems = Slide(1e-3, 50.0)
+    # It has not, whatever its own past makes of it: two standard deviations from where it would mislead.
+    slid, said = misleading(track(slide=seems, companions=companions(1.0)), 0.1, STATES)
+    assert slid == pytest.approx(0.02275, abs=1e-4)
+    assert said == "it seems to slide: 1.0 mm from what moves with the heart beside it"
+    # It has, along the way of its breathing, where its past shows nothing.
+    slid, said = misleading(track(companions=companions(3.0)), 0.1, STATES)
+    assert slid == pytest.approx(0.97725, abs=1e-4)
+    # What is not seen any more tells of no innocence, but of what it told before.
+    slid, said = misleading(track(slide=seems, companions=companions(0.5, unseen_s=5.0)), 0.1, STATES)
+    assert said.endswith("across its breathing, and perhaps more along it")
+    slid, said = misleading(track(slide=seems, companions=companions(3.0, unseen_s=5.0)), 0.1, STATES)
+    assert slid == pytest.approx(0.97725, abs=1e-4)
 
 
 def test_what_is_far_from_where_it_was_foretold_may_be_something_else():

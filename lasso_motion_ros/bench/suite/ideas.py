@@ -20,6 +20,8 @@ from lasso_motion_ros.geometry.frames import FramePair, Seed
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
+from lasso_motion_ros.ring.companion_patches import PatchTuning
+from lasso_motion_ros.ring.companions import CompanionTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
@@ -149,6 +151,11 @@ IDEAS: Mapping[str, Idea] = {
         # Whether it is in its place.
         Idea("curve", "judging by the breathing so far", options=_with(state=StateTuning(elsewhere_sigmas=OFF))),
         Idea("slide", "noticing a slow slide", options=_with(curve=CurveTuning(slide=SlideTuning(penalty=OFF)))),
+        Idea(
+            "companions",
+            "what moves with the heart beside it",
+            options=_with(companions=CompanionTuning(patches=PatchTuning(count=0))),
+        ),
         Idea(
             "ghost",
             "asking that contrast does not fade",
