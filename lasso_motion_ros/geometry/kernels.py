@@ -17,7 +17,8 @@ def distances(points: Array, curve: Array) -> Array:
     """(N,) distance of each point (N, D) to an open polyline (M, D), M ≥ 2: `curves.distance_to_curve`."""
     count, dimensions = points.shape
     segments = curve.shape[0] - 1
-    starts, steps, shares = np.empty((3, dimensions, segments))
+    shape = dimensions, segments
+    starts, steps, shares = np.empty(shape), np.empty(shape), np.empty(shape)
     for i in range(segments):
         squared = 0.0
         for k in range(dimensions):
@@ -27,12 +28,12 @@ def distances(points: Array, curve: Array) -> Array:
             shares[k, i] = steps[k, i] / (squared if squared > 0.0 else 1.0)
     nearest, along, squares = np.empty(count), np.empty(segments), np.empty(segments)
     for n in range(count):
-        along[:] = 0.0
+        for i in range(segments):
+            along[i], squares[i] = 0.0, 0.0
         for k in range(dimensions):
             value, start, share = points[n, k], starts[k], shares[k]
             for i in range(segments):
                 along[i] += (value - start[i]) * share[i]
-        squares[:] = 0.0
         for k in range(dimensions):
             value, start, step = points[n, k], starts[k], steps[k]
             for i in range(segments):

@@ -117,15 +117,18 @@ def measured(
     back_0, back_1 = np.empty(size), np.empty(size)
     for f in range(filters):
         # Covariances are symmetric: rows stand for columns, and whole rows are what the compiler makes vectors of.
-        cross_0[:], cross_1[:] = 0.0, 0.0
-        for k in parts[:used]:
+        for i in range(size):
+            cross_0[i], cross_1[i] = 0.0, 0.0
+        for n in range(used):
+            k = parts[n]
             for i in range(size):
                 cross_0[i] += h[0, k] * covariance[f, k, i]
             for i in range(size):
                 cross_1[i] += h[1, k] * covariance[f, k, i]
         a, b, c, d = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
         off_0, off_1 = value[0], value[1]
-        for k in parts[:used]:
+        for n in range(used):
+            k = parts[n]
             a += h[0, k] * cross_0[k]
             b += h[0, k] * cross_1[k]
             c += h[1, k] * cross_0[k]
@@ -143,7 +146,8 @@ def measured(
         for i in range(size):
             back_0[i] = gain_0[i] * noise[0, 0] + gain_1[i] * noise[1, 0]
             back_1[i] = gain_0[i] * noise[0, 1] + gain_1[i] * noise[1, 1]
-        for k in parts[:used]:
+        for n in range(used):
+            k = parts[n]
             for i in range(size):
                 back_0[i] -= h[0, k] * new[f, k, i]
             for i in range(size):

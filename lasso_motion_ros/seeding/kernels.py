@@ -27,17 +27,22 @@ def cheapest_ways(cost: Array, reach: int) -> npt.NDArray[np.int64]:
     for outline in range(outlines):
         best = np.inf
         for direction in range(2):
-            totals[0] = cost[0, outline, direction]
+            for angle in range(angles):
+                totals[0, angle] = cost[0, outline, direction, angle]
             for row in range(1, length):
                 here, last, own = totals[row], totals[row - 1], cost[row, outline, direction]
-                here[:] = last
+                for angle in range(angles):
+                    here[angle] = last[angle]
                 for step in range(1, reach):
                     later, earlier = here[step:], last[: angles - step]
                     for angle in range(later.size):
                         later[angle] = earlier[angle] if earlier[angle] < later[angle] else later[angle]
                 for angle in range(angles):
                     here[angle] += own[angle]
-            index = int(np.argmin(totals[length - 1]))
+            index = 0
+            for angle in range(1, angles):
+                if totals[length - 1, angle] < totals[length - 1, index]:
+                    index = angle
             if direction > 0 and not totals[length - 1, index] < best:
                 continue
             best = totals[length - 1, index]

@@ -297,7 +297,11 @@ def joined(
             place = min(kept, count - 1)
             kept = min(kept + 1, count)
             while place > 0 and best[place - 1] <= score:
-                best[place], found_a[place], found_b[place] = best[place - 1], found_a[place - 1], found_b[place - 1]
+                best[place] = best[place - 1]
+                for k in range(3):
+                    found_a[place, k], found_b[place, k] = found_a[place - 1, k], found_b[place - 1, k]
                 place -= 1
-            best[place], found_a[place], found_b[place] = score, on_a, on_b
-    return best[:kept].copy(), found_a[:kept].copy(), found_b[:kept].copy()
+            best[place] = score
+            for k in range(3):
+                found_a[place, k], found_b[place, k] = on_a[k], on_b[k]
+    return best[:kept], found_a[:kept], found_b[:kept]

@@ -76,7 +76,8 @@ def beside(pixels: Array, clicks: Array, unit: float, farthest: float) -> Array:
 def _best_ways(gains: Array, bend: float, total: Array) -> None:
     """(N, C) the gain of the best way to each column of each row, written into `total`."""
     rows, columns = gains.shape
-    total[0] = gains[0]
+    for column in range(columns):
+        total[0, column] = gains[0, column]
     for row in range(1, rows):
         for column in range(columns):
             best = -np.inf

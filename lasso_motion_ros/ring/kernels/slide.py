@@ -21,20 +21,44 @@ def _quantile(ordered: Array, share: float) -> float:
     return float(ordered[low] + (at - low) * (ordered[high] - ordered[low]))
 
 
-@compiled("void(Array(float64, 2, 'A', readonly=True), float64[::1])")
-def _leave_out(basis: Array, values: Array) -> None:
-    """Take from values (N,) what lies in an orthonormal basis (N, K)."""
-    count, terms = basis.shape
+@compiled("void(float64[:, ::1], int64, float64[::1])")
+def _leave_out(basis: Array, terms: int, values: Array) -> None:
+    """Take from values (N,) what lies in the first rows of an orthonormal basis (K, N)."""
     for k in range(terms):
         part = 0.0
-        for n in range(count):
-            part += basis[n, k] * values[n]
-        for n in range(count):
-            values[n] -= part * basis[n, k]
+        for n in range(values.size):
+            part += basis[k, n] * values[n]
+        for n in range(values.size):
+            values[n] -= part * basis[k, n]
+
+
+@compiled("void(float64[:, ::1])")
+def _orthonormalise(rows: Array) -> None:
+    """Make rows (K, N) orthonormal, each by those before it: Gram and Schmidt, twice for the rounding's sake."""
+    for k in range(rows.shape[0]):
+        for _ in range(2):
+            _leave_out(rows, k, rows[k])
+            power = 0.0
+            for n in range(rows.shape[1]):
+                power += rows[k, n] * rows[k, n]
+            scale = 1.0 / math.sqrt(power) if power > 0.0 else 0.0
+            for n in range(rows.shape[1]):
+                rows[k, n] *= scale
+
+
+@compiled("void(float64[::1])")
+def _sort(values: Array) -> None:
+    """Sort a few hundred values, most of them in order already where they come from a breath: by insertion."""
+    for i in range(1, values.size):
+        value, place = values[i], i
+        while place > 0 and values[place - 1] > value:
+            values[place] = values[place - 1]
+            place -= 1
+        values[place] = value
 
 
 @compiled(
-    "UniTuple(float64, 2)(float64[::1], float64[:, ::1], Array(float64, 2, 'A', readonly=True), float64, float64,"
+    "UniTuple(float64, 2)(float64[::1], float64[:, ::1], float64[:, ::1], float64, float64,"
     " int64, float64, float64, float64, float64)"
 )
 def _best_drift(
@@ -50,18 +74,22 @@ def _best_drift(
     rest_penalty: float,
 ) -> tuple[float, float]:
     """The drift that explains best where the ring was seen, beside its breathing: `slide._best_drift`."""
-    count, terms = basis.shape
+    terms, count = basis.shape
     rest = np.empty((3, count))
     squares = 0.0
     for k in range(3):
-        rest[k] = across[:, k]
-        _leave_out(basis, rest[k])
+        for n in range(count):
+            rest[k, n] = across[n, k]
+        _leave_out(basis, terms, rest[k])
         for n in range(count):
             squares += rest[k, n] * rest[k, n]
     freedom = 2.0 * (count - terms) + expected_weight
     squares += expected_weight * expected_noise_m * expected_noise_m
     noise = squares / freedom
-    at = np.append(np.linspace(times[0], times[-1] - shortest_s, starts), times[-1])
+    at = np.empty(starts + 1)
+    for first in range(starts):
+        at[first] = times[0] + (times[-1] - shortest_s - times[0]) * first / (starts - 1)
+    at[starts] = times[-1]
     ramp = np.empty(count)
     best, way = 0.0, 0.0
     for first in range(starts):
@@ -69,7 +97,7 @@ def _best_drift(
             start, end = at[first], at[last]
             for n in range(count):
                 ramp[n] = min(max(times[n], start), end) - start
-            _leave_out(basis, ramp)
+            _leave_out(basis, terms, ramp)
             power, x, y, z = 0.0, 0.0, 0.0, 0.0
             for n in range(count):
                 power += ramp[n] * ramp[n]
@@ -141,8 +169,10 @@ def change_point(
     count = times.size
     if count < fewest:
         return nothing
-    intervals = times[1:] - times[:-1]
-    ordered = np.sort(intervals)
+    intervals, ordered = np.empty(count - 1), np.empty(count)
+    for i in range(count - 1):
+        intervals[i] = ordered[i] = times[i + 1] - times[i]
+    _sort(ordered[: count - 1])
     longest = longest_gap * 0.5 * (ordered[(count - 2) // 2] + ordered[(count - 1) // 2])
     mean = np.zeros(3)
     for i in range(count):
@@ -161,7 +191,9 @@ def change_point(
             speed[i] = before
         else:
             speed[i] = (before * intervals[i] + after * intervals[i - 1]) / (intervals[i - 1] + intervals[i])
-    ordered = np.sort(along)
+    for i in range(count):
+        ordered[i] = along[i]
+    _sort(ordered)
     low, high = _quantile(ordered, usual_depth[0]), _quantile(ordered, usual_depth[1])
     margin = max(unusual_share * (high - low), unusual_m)
     seen = np.empty(count, np.int64)
@@ -183,21 +215,22 @@ def change_point(
     for n in range(used):
         depth += along[seen[n]] / used
     terms = min(max(3, used // places_a_term), 5)
-    breathing, across = np.empty((used, terms)), np.empty((used, 3))
+    breathing, across, at = np.empty((terms, used)), np.empty((used, 3)), np.empty(used)
     for n in range(used):
         i = seen[n]
-        deep = along[i] - depth
-        breathing[n, 0], breathing[n, 1], breathing[n, 2] = 1.0, deep, speed[i]
+        deep, at[n] = along[i] - depth, times[i]
+        breathing[0, n], breathing[1, n], breathing[2, n] = 1.0, deep, speed[i]
         if terms > 3:
-            breathing[n, 3] = deep * deep
+            breathing[3, n] = deep * deep
         if terms > 4:
-            breathing[n, 4] = deep * speed[i]
+            breathing[4, n] = deep * speed[i]
         for k in range(3):
             across[n, k] = points[i, k] - mean[k] - (along[i] - level) * axis[k]
+    _orthonormalise(breathing)
     return _best_drift(
-        times[seen[:used]],
+        at,
         across,
-        np.linalg.qr(breathing)[0],
+        breathing,
         expected_noise_m,
         expected_weight,
         starts,
