@@ -33,7 +33,7 @@ class PatchTuning:
     brightest: float = 2.0  # times the noise: what is brighter than all around is no device
     plainest: float = 1e-3  # of the plainest patch: the least that a patch must stand out
     search_mm: float = 4.0  # about the places where it may have gone
-    widest_mm: float = 24.0  # between those places; else it is looked for about the first of them only
+    widest_mm: float = 16.0  # between the likeliest of those places and another: further off it is not looked for
     same: float = 0.5  # correlation, of the same thing
 
 
@@ -127,8 +127,8 @@ def follow_patch(
     Returns:
         (2,) its displacement in mm, and the correlation there; 0 where nothing of it is inside the image.
     """
-    if float(np.ptp(places_mm, axis=0).max()) > tuning.widest_mm:
-        places_mm = places_mm[:1]
+    near = np.abs(places_mm - places_mm[0]).max(axis=1) <= tuning.widest_mm
+    places_mm = places_mm[near]
     half, margin = len(patch.values) // 2, tuning.search_mm
     low = np.floor((places_mm.min(axis=0) - margin) / grid.cell_mm).astype(int) + patch.home - half
     high = np.ceil((places_mm.max(axis=0) + margin) / grid.cell_mm).astype(int) + patch.home + half + 1

@@ -118,6 +118,7 @@ class PlaneCompanions:
     ) -> None:
         self._patches, self._grid, self._tuning = patches, grid, tuning
         self._home, self._projection = home, projection
+        self._mm_per_px = grid.cell_mm / grid.cell_px
         count = len(patches)
         self._odds = np.full(count, math.log(tuning.moves / (1.0 - tuning.moves)))
         self._places = np.zeros((count, 2))
@@ -136,13 +137,19 @@ class PlaneCompanions:
         """Whether a projection shows what is about the ring's home where that of the first image does."""
         return is_same_view(self._projection, projection, self._home, self._tuning)
 
-    def look(self, frame: Frame, ring: Array) -> Sighting:
-        """Look for the companions in an image that shows the ring's centre at a world point (3,) m."""
+    def look(self, frame: Frame, ring: Array, foretold: Array) -> Sighting:
+        """Look for the companions in an image.
+
+        Args:
+            frame: the image.
+            ring: (3,) world point at which it shows the ring's centre, metres.
+            foretold: (3,) where that was foretold to be.
+        """
         project = self._projection.project
-        moved = (project(ring) - project(self._home)) * self._grid.cell_mm / self._grid.cell_px
+        moved, expected = (project(np.array([ring, foretold])) - project(self._home)) * self._mm_per_px
         index, places = [], []
         for i, patch in enumerate(self._patches):
-            likely = np.array([self._places[i], moved])
+            likely = np.array([self._places[i], expected, moved])
             place, likeness = follow_patch(patch, frame, self._grid, likely, self._tuning.patches)
             if likeness >= self._tuning.patches.same:
                 index.append(i)
@@ -238,7 +245,7 @@ class PlaneCompanions:
         # A ring that slides leaves all of them alike; of those that disagree, some were moved by themselves.
         exact = sure & (variance <= self._tuning.exact * variance[sure].min())
         least = int(np.argmin(np.where(exact, np.square(off).sum(axis=1), np.inf)))
-        across = 1e-3 * self._grid.cell_mm / self._grid.cell_px * self._projection.jacobian(ring)
+        across = 1e-3 * self._mm_per_px * self._projection.jacobian(ring)
         return Offset(across, off[least], float(variance[least]))
 
     def _drop(self) -> None:
@@ -293,17 +300,20 @@ class Companions:
             patches = find_patches(frame, grid, ring, self._tuning.patches)
             self._planes[plane] = PlaneCompanions(patches, grid, centre, frame.projection, self._tuning)
 
-    def log_odds(self, time_s: float, pair: FramePair, detection: Detection, *, is_believed: bool) -> float:
+    def log_odds(
+        self, time_s: float, pair: FramePair, detection: Detection, foretold: Array, *, is_believed: bool
+    ) -> float:
         """Log odds that the ring is in its place, by what moves with the heart; 0 where nothing is known to.
 
         Args:
             time_s: of the pair, seconds.
             pair: its images.
             detection: where the ring is taken to be.
+            foretold: (3,) where its centre was foretold to be, world metres.
             is_believed: it is believed to be there: then that tells how far it has slid.
         """
         self._sightings = {
-            plane: self._planes[plane].look(pair.frames[plane], fit.centre)
+            plane: self._planes[plane].look(pair.frames[plane], fit.centre, foretold)
             for plane, fit in detection.planes.items()
             if plane in self._planes and self._planes[plane].is_same_view(pair.frames[plane].projection)
         }

@@ -271,7 +271,8 @@ class RingTracker:
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / self._options.state.surprise_sigmas)
             is_believed = best.believed >= self._options.state.pose
-            companions = track.companions.log_odds(time_s, pair, best.detection, is_believed=is_believed)
+            foretold = track.model.centre + track.motion.predict(time_s).displacement
+            companions = track.companions.log_odds(time_s, pair, best.detection, foretold, is_believed=is_believed)
             slid = track.companions.slide.log_odds(self._options.state.misleading_mm)
             departure = max(departure, math.sqrt(2.0 * max(slid, 0.0)))
             if best.is_whole:

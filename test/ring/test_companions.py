@@ -63,7 +63,8 @@ class Stage:
         """Log odds that a ring that has moved by (3,) m is in its place."""
         pair = self.pair(time_s, views)
         detection = SimpleNamespace(planes=dict.fromkeys("ab", SimpleNamespace(centre=LOOP.centre + ring)))
-        odds = self.companions.log_odds(time_s, pair, detection, is_believed=is_believed)
+        foretold = LOOP.centre + breath(time_s)
+        odds = self.companions.log_odds(time_s, pair, detection, foretold, is_believed=is_believed)
         if learn:
             self.companions.learn(time_s, pair, MODEL, detection)
         return odds
