@@ -54,12 +54,14 @@ class CompanionTuning:
     moves: float = 0.3  # probability that a thing beside the ring moves with the heart, before it was seen to
     most_odds: float = 5.0  # log odds that it does, at most
     explained_mm: float = 1.0  # what is not larger than this, either way, shows nothing
-    most_step: float = 3.0  # log odds that one image can add
+    most_step: float = 1.5  # log odds that one image can add: those of one beat or breath say the same,
+    least_step: float = -3.0  # or take away;
+    denied_step: float = -0.5  # but of one that denies the ring's place: either may be in the wrong
     fails: float = 0.01  # a companion is taken for something else, or moved by itself
     elsewhere_mm: float = 7.0  # standard deviation of a ring that is not in its place, about it
     sure: float = 0.9  # probability that it moves with the heart, of one whose word counts for a slide
     exact: float = 2.0  # times the variance of the one that tells best: what is vaguer is not asked
-    denied: float = -2.0  # log odds that the ring is in its place: from then on it is they that are believed
+    denied: float = -2.0  # log odds that the ring is in its place: with less nothing is learned from that
     vouches_after_s: float = 4.0  # what is younger does not vouch, but for
     fewest: int = 6  # the first places
     kept: int = 2  # in a plane, once so many places have told which; not
@@ -161,11 +163,14 @@ class PlaneCompanions:
         odds = self._log_odds(moves, off, variance)
         return Sighting(seen, where, moved, off, variance, odds, self._offset(moves, off, variance, ring))
 
-    def learn(self, time_s: float, sighting: Sighting) -> None:
-        """Take in a sighting of a ring that was believed to be in its place."""
-        tuning = self._tuning
-        at, ring = sighting.index, sighting.ring
-        # Does a companion tell where the ring was better than the ring's own places so far?
+    def weigh(self, sighting: Sighting, least_step: float) -> None:
+        """Believe more, or less, in those that told where the ring was seen better, or worse, than its own past does.
+
+        Args:
+            sighting: of a ring that is believed to be in its place.
+            least_step: log odds that may be taken away by it.
+        """
+        tuning, at, ring = self._tuning, sighting.index, sighting.ring
         mean = self._ring_sum / self._ring_count
         own = self._ring_square / self._ring_count - np.outer(mean, mean)
         least = np.maximum(sighting.variance, tuning.explained_mm**2)
@@ -173,8 +178,12 @@ class PlaneCompanions:
         spread = own + tuning.explained_mm**2 * _IDENTITY_2
         away = float((ring - mean) @ np.linalg.solve(spread, ring - mean))
         alone = _student(np.array(away), np.array(np.linalg.det(spread)), tuning.freedom)
-        step = np.clip(with_it - alone, -tuning.most_step, tuning.most_step)
+        step = np.clip(with_it - alone, least_step, tuning.most_step)
         self._odds[at] = np.minimum(self._odds[at] + step, tuning.most_odds)
+
+    def learn(self, time_s: float, sighting: Sighting) -> None:
+        """Take in a sighting of a ring that is in its place."""
+        tuning, ring = self._tuning, sighting.ring
         self._ring_count += 1
         self._ring_sum = self._ring_sum + ring
         self._ring_square = self._ring_square + np.outer(ring, ring)
@@ -323,11 +332,15 @@ class Companions:
         return sum(one.log_odds for one in self._sightings.values())
 
     def learn(self, time_s: float, pair: FramePair, model: LoopModel, detection: Detection) -> None:
-        """Take in the last pair, in which both planes showed the ring in its place, unless they deny that."""
-        if sum(one.log_odds for one in self._sightings.values()) < self._tuning.denied:
-            return
+        """Take in the last pair, in which both planes showed a ring that is believed to be in its place."""
+        tuning = self._tuning
+        is_denied = sum(one.log_odds for one in self._sightings.values()) < tuning.denied
         for plane, sighting in self._sightings.items():
-            self._planes[plane].learn(time_s, sighting)
+            self._planes[plane].weigh(sighting, tuning.denied_step if is_denied else tuning.least_step)
+            if not is_denied:
+                self._planes[plane].learn(time_s, sighting)
+        if is_denied:
+            return
         for plane, fit in detection.planes.items():
             projection = pair.frames[plane].projection
             before, self._last_view[plane] = self._last_view.get(plane), projection
