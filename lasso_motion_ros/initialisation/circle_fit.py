@@ -45,7 +45,7 @@ class _Round:
 class _Tuning:
     """How circles come to lie on lines."""
 
-    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 80, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 60, 1.2e-3, 0.97))
+    rounds: tuple[_Round, ...] = (_Round(2e-3, 0.5e-3, 3, 40, 2e-3, 0.94), _Round(1e-3, 0.5e-3, 4, 24, 1.2e-3, 0.97))
     nearer_share: float = 0.6  # standard deviation of where the line is, of the reach
     beside_m: float = 2e-3  # a ring has nothing there
     beside_share: float = 0.5  # of it counts against the circle

@@ -31,7 +31,7 @@ class _Tuning:
     smallest_spread: float = 0.8  # entropy of the electrodes along the arc, of that of an even one
     smallest_agreement: float = 0.15  # correlation of both planes' evidence along the arc, what is slow left out
     smallest_comb: float = 8.0  # score of equally spaced poles
-    smallest_roundness: float = 0.8  # nearest by farthest point of the curve from its middle
+    smallest_roundness: float = 0.7  # nearest by farthest point of the curve from its middle
     smallest_support: float = 1.5
     diameter_mm: tuple[float, float] = (12.5, 33.0)
     largest_line_beyond: float = 0.6
@@ -44,6 +44,8 @@ class _Tuning:
     per_support: float = 3.6
     per_worth: float = 12.0
     per_rareness: float = 0.12
+    per_common: float = 1.0  # by which it is rarer by less than
+    common: float = 3.0  # once in a thousand times: what leaves half of a ring out is no rarer than chance
     per_small_mm: float = 1.4  # by which it is smaller than most: what else makes a ring is small
     small_mm: float = 16.0
     enough_comb: float = 30.0  # more proves no more
@@ -59,11 +61,10 @@ class _Tuning:
     # Of the lines beside a circle, before a model is made and followed: less than the mean of several pairs shows.
     glance_covered: float = 0.5
     glance_agreement: float = 0.0
-    first_support: float = 1.95  # of the first pair alone: what was fitted to it shows more there
 
 
 TUNING = _Tuning()
-FIRST_SUPPORT = TUNING.first_support
+SMALLEST_SUPPORT = TUNING.smallest_support
 
 
 @dataclass(frozen=True)
@@ -105,6 +106,7 @@ class Judgement:
             + TUNING.per_support * min(self.support, TUNING.enough_support)
             + TUNING.per_worth * min(self.worth, TUNING.enough_worth)
             + TUNING.per_rareness * min(self.rareness, TUNING.enough_rareness)
+            - TUNING.per_common * max(0.0, TUNING.common - self.rareness)
             - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
             - TUNING.nothing
         )
@@ -172,6 +174,17 @@ class Glance:
 def at_best(*, roundness: float, diameter_mm: float, worth: float, rareness: float, line_beyond: float) -> Judgement:
     """The judgement of a ring that shows all that one can show once it is followed; arguments as of `Judgement`."""
     return Judgement(1.0, 1.0, 1.0, np.inf, roundness, np.inf, diameter_mm, worth, rareness, line_beyond)
+
+
+def at_most(*, worth: float, rareness: float, line_beyond: float) -> Judgement:
+    """The same before there is a model: as round as can be, and of any size."""
+    return at_best(
+        roundness=1.0,
+        diameter_mm=float(np.mean(TUNING.diameter_mm)),
+        worth=worth,
+        rareness=rareness,
+        line_beyond=line_beyond,
+    )
 
 
 def has_ring_size(diameter_mm: float) -> bool:

@@ -56,17 +56,27 @@ class RingCloseups:
         self._bands = {p: [np.clip(one.bands[p], *TUNING.range) * one.laid[p].inside for one in pairs] for p in PLANES}
         self._values = {p: [_values(one, p) for one in pairs] for p in PLANES}
 
-    def of(self, ring: ShapedRings) -> FramePair:
-        """The close-up of one ring; its frames are as fine as a ring is looked for."""
-        frames = {plane: self._closeup(ring, plane) for plane in PLANES}
+    def of(self, ring: ShapedRings, told: Sequence[Array]) -> FramePair:
+        """The close-up of one ring; its frames are as fine as a ring is looked for.
+
+        Args:
+            ring: one.
+            told: for each later pair, (4,) m by which it has moved until then, and by which its lift has grown, as its
+                electrodes have it.
+        """
+        frames = {plane: self._closeup(ring, told, plane) for plane in PLANES}
         return replace(self._pairs[0].pair, a=frames["a"], b=frames["b"])
 
-    def _closeup(self, ring: ShapedRings, plane: Plane) -> Frame:
+    def _closeup(self, ring: ShapedRings, told: Sequence[Array], plane: Plane) -> Frame:
         first = self._pairs[0]
-        columns, rows = first.grid.lay(plane, ring.points()[0])
-        curve = np.stack([columns, rows + ring.lifts[0] if plane == "b" else rows], axis=1)
-        middle = 0.5 * (curve.min(axis=0) + curve.max(axis=0))
-        moved = self._moved(curve, middle, plane)
+        curve = _laid(ring, first.grid, plane)
+        middle = _middle(curve)
+        by_electrodes = [
+            _middle(_laid(replace(ring, centres=ring.centres + by[:3], lifts=ring.lifts + by[3]), one.grid, plane))
+            - middle
+            for one, by in zip(self._pairs[1:], told, strict=True)
+        ]
+        moved = self._moved(curve, middle, by_electrodes, plane)
         values, projection = self._values[plane][0]
         here = _affine(projection, first.grid, plane, middle)
         reach = np.abs(here[:, :2]) @ (0.5 * np.ptp(curve, axis=0) + TUNING.margin_m)
@@ -95,34 +105,55 @@ class RingCloseups:
         frame = first.pair.frames[plane]
         return Frame(frame.stamp_ns, np.rint(scaled).astype(np.uint16), projection.cropped(left, top, *size))
 
-    def _moved(self, curve: Array, middle: Array, plane: Plane) -> list[Array]:
+    def _moved(self, curve: Array, middle: Array, told: Sequence[Array], plane: Plane) -> list[Array]:
         """(2,) metres in the grid by which a ring has moved until each later pair.
 
         Args:
             curve: (P, 2) of the ring in the plane's grid.
             middle: (2,) of it.
+            told: for each later pair, (2,) as its electrodes have it.
             plane: which.
         """
         half = int(np.ceil(0.5 * np.ptp(curve, axis=0).max() / _CELL_M + 3.0 * TUNING.beside_cells))
         beside = _beside((curve - middle) / _CELL_M + half, 2 * half + 1)
         laid = [one.laid[plane] for one in self._pairs]
-        moved = [np.zeros(2), *(motion.at(middle) for motion in self._motions[plane])]
 
-        def about(number: int, reach: int) -> Image:
+        def about(number: int, moved: Array, reach: int) -> Image:
             image = laid[number]
-            at = (middle + moved[number] - (image.left, image.top)) / _CELL_M - reach
+            at = (middle + moved - (image.left, image.top)) / _CELL_M - reach
             to = np.array([[1.0, 0.0, at[0]], [0.0, 1.0, at[1]]])
             size = (2 * reach + 1, 2 * reach + 1)
             return np.asarray(cv2.warpAffine(self._bands[plane][number], to, size, flags=_SAMPLED))
 
-        shown = [about(number, half) for number in range(len(laid))]
+        def nearby(number: int, begun: Array, wanted: Image) -> tuple[Array, float]:
+            """Where beside a beginning a later pair has most of what is wanted, and how much."""
+            found = cv2.matchTemplate(about(number, begun, half + TUNING.reach_cells), wanted, cv2.TM_CCORR)
+            return begun + _CELL_M * (_peak(found) - TUNING.reach_cells), float(found.max())
+
+        shown = [about(0, np.zeros(2), half)]
+        moved = [np.zeros(2)]
+        # The block about it may be mistaken, and so may its electrodes.
+        for number, begun in enumerate(zip(self._motions[plane], told, strict=True), 1):
+            block, electrodes = begun
+            ways = [nearby(number, way, shown[0] * beside) for way in (block.at(middle), electrodes)]
+            moved.append(max(ways, key=lambda way: way[1])[0])
+            shown.append(about(number, moved[number], half))
         for _ in range(TUNING.rounds):
             for number in range(1, len(laid)):
                 others = np.sum([one for k, one in enumerate(shown) if k != number], axis=0) * beside
-                found = cv2.matchTemplate(about(number, half + TUNING.reach_cells), others, cv2.TM_CCORR)
-                moved[number] = moved[number] + _CELL_M * (_peak(found) - TUNING.reach_cells)
-                shown[number] = about(number, half)
+                moved[number], _ = nearby(number, moved[number], others)
+                shown[number] = about(number, moved[number], half)
         return moved[1:]
+
+
+def _laid(ring: ShapedRings, grid: EpipolarGrid, plane: Plane) -> Array:
+    """(P, 2) columns and rows of one ring's points in a plane's grid, metres."""
+    columns, rows = grid.lay(plane, ring.points()[0])
+    return np.stack([columns, rows + ring.lifts[0] if plane == "b" else rows], axis=1)
+
+
+def _middle(curve: Array) -> Array:
+    return np.asarray(0.5 * (curve.min(axis=0) + curve.max(axis=0)))
 
 
 def _values(pair: LaidPair, plane: Plane) -> tuple[Image, Projection]:

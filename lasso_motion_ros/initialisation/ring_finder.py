@@ -22,10 +22,11 @@ from lasso_motion_ros.initialisation.direction_maps import (
 )
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import (
-    FIRST_SUPPORT,
+    SMALLEST_SUPPORT,
     Glance,
     Judgement,
     at_best,
+    at_most,
     has_ring_size,
     judge,
 )
@@ -245,8 +246,12 @@ def _worth_following(
         candidates = []
         for k in range(len(found)):
             _check(go_on)
+            lines, rareness, line = float(scores[k]), float(found.rareness[k]), float(beyond[k])
+            most_worth = lines + TUNING.agreement_share
+            if not at_most(worth=most_worth, rareness=rareness, line_beyond=line).is_rival:
+                continue
             ring = found.rings[k : k + 1]
-            pair = closeups.of(ring)
+            pair = closeups.of(ring, [by[k] for by in found.moved])
             whole = WholeImages(pair.frames)
             images = SeedImages(
                 pair, bright=config.polarity == "bright", line_sigma_mm=config.path.line_sigma_mm, whole=whole
@@ -255,8 +260,8 @@ def _worth_following(
             if seen is None:
                 continue
             model, agreement = seen
-            worth = float(scores[k]) + TUNING.agreement_share * agreement
-            candidate = _Candidate(model, images, whole, pair, worth, float(found.rareness[k]), float(beyond[k]))
+            worth = lines + TUNING.agreement_share * agreement
+            candidate = _Candidate(model, images, whole, pair, worth, rareness, line)
             if candidate.at_best.is_rival and not any(candidate.is_as(other) for other in chosen):
                 candidates.append(candidate)
         candidates.sort(key=lambda one: -one.at_best.evidence)
@@ -287,7 +292,7 @@ def _followed(
     tracker = RingTracker(config)
     supports = []
     try:
-        track = tracker.begin(one.pair, one.model, one.whole, least_support=FIRST_SUPPORT)
+        track = tracker.begin(one.pair, one.model, one.whole, least_support=SMALLEST_SUPPORT)
         for pair in pairs[1:]:
             _check(go_on)
             tracker.track(pair)

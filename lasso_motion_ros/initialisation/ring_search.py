@@ -48,10 +48,13 @@ class FoundRings:
         rings: some.
         rareness: (N,) how seldom chance would put so many of all pairs' electrodes on each (minus the logarithm to base
             ten), a long line in one plane being thought of.
+        moved: per later pair, (N, 4) m by which each has moved until then, and by which its lift has grown, as its
+            electrodes have it.
     """
 
     rings: ShapedRings
     rareness: Array
+    moved: tuple[Array, ...]
 
     def __len__(self) -> int:
         return len(self.rings)
@@ -124,9 +127,10 @@ def search_rings(
     ranks = np.minimum(*(_ranks(one[told]) for one in (found.evidence, doubtful)))
     told = told[(ranks < TUNING.kept) & (found.evidence[told] >= TUNING.smallest_evidence)]
     told = told[np.argsort(-doubtful[told], kind="stable")]
+    _, *later = found.moved
     return (
-        FoundRings(found.rings[told], doubtful[told]),
-        FoundRings(ShapedRings.of(lines), doubtful[of_lines]),
+        FoundRings(found.rings[told], doubtful[told], tuple(one[told] for one in later)),
+        FoundRings(ShapedRings.of(lines), doubtful[of_lines], tuple(one[of_lines] for one in later)),
     )
 
 

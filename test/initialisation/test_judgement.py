@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, judge
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, at_most, judge
 from lasso_motion_ros.ring.electrodes import RingEvidence
 
 GOOD = Judgement(
@@ -65,7 +65,25 @@ def test_electrodes_of_all_pairs_that_chance_would_seldom_put_there_speak_for_a_
     faint = dataclasses.replace(GOOD, spread=0.86, comb=12.0, worth=0.85, rareness=2.0)
     assert not faint.is_ring
     assert dataclasses.replace(faint, rareness=25.0).is_ring
-    assert dataclasses.replace(faint, rareness=25.0).evidence - faint.evidence == pytest.approx(0.12 * 23.0)
+    assert dataclasses.replace(faint, rareness=25.0).evidence - faint.evidence == pytest.approx(0.12 * 23.0 + 1.0)
+
+
+def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> None:
+    """A bent row of another catheter's electrodes, which leaves half of the ring out; all else of it looks like one."""
+    row = dataclasses.replace(
+        GOOD,
+        covered=0.75,
+        spread=0.84,
+        agreement=0.76,
+        comb=15.8,
+        roundness=0.92,
+        support=2.06,
+        worth=1.1,
+        rareness=0.0,
+    )
+    assert not row.missing
+    assert not row.is_ring
+    assert dataclasses.replace(row, rareness=4.0).is_ring
 
 
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
@@ -76,7 +94,7 @@ def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
 
 @pytest.mark.parametrize(
     ("change", "may_be"),
-    [({}, True), ({"worth": 0.4, "rareness": 0.0, "roundness": 0.82}, False), ({"line_beyond": 0.9}, False)],
+    [({}, True), ({"worth": 0.4, "rareness": 2.0, "roundness": 0.82}, False), ({"line_beyond": 0.9}, False)],
 )
 def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[str, float], may_be: bool) -> None:
     known = {
@@ -89,6 +107,18 @@ def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[s
     best = at_best(**known | change)
     assert best.is_rival is may_be
     assert best.evidence >= dataclasses.replace(GOOD, **change).evidence
+
+
+def test_a_ring_squeezed_by_its_vein_is_one_where_all_else_is_plain() -> None:
+    assert dataclasses.replace(GOOD, roundness=0.75).is_ring
+
+
+@pytest.mark.parametrize(("worth", "line_beyond", "may_be"), [(1.3, 0.0, True), (0.2, 0.0, False), (1.3, 0.9, False)])
+def test_what_can_be_no_ring_is_known_without_a_model(worth: float, line_beyond: float, may_be: bool) -> None:
+    most = at_most(worth=worth, rareness=3.0, line_beyond=line_beyond)
+    assert most.is_rival is may_be
+    model = at_best(roundness=0.99, diameter_mm=20.0, worth=worth, rareness=3.0, line_beyond=line_beyond)
+    assert most.evidence >= model.evidence
 
 
 def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:

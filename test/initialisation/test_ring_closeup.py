@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, lasso_pair, pair_of
@@ -23,9 +25,15 @@ def _ring(centre: np.ndarray = LOOP.centre) -> ShapedRings:
     return ShapedRings.of(circle)
 
 
-def _closeup(pairs: list[FramePair], ring: ShapedRings, *, bright: bool = False) -> FramePair:
+def _closeup(
+    pairs: list[FramePair], ring: ShapedRings, told: np.ndarray | None = None, *, bright: bool = False, off_m: float = 0
+) -> FramePair:
+    """The close-up of a ring of which electrodes tell that it has moved (K, 4), blocks being mistaken by so much."""
     laid = [LaidPair.of(one, bright=bright) for one in pairs]
-    return RingCloseups(laid, motions_of(laid)).of(ring)
+    motions = {
+        plane: [replace(one, moved=one.moved + off_m) for one in by_pair] for plane, by_pair in motions_of(laid).items()
+    }
+    return RingCloseups(laid, motions).of(ring, np.zeros((len(pairs) - 1, 4)) if told is None else told)
 
 
 def _contrast(pair: FramePair, plane: str) -> float:
@@ -46,6 +54,17 @@ def test_the_ring_stays_where_it_is_and_stands_out_more(moves: tuple[tuple[float
     for plane in "ab":
         # Three pairs have noise less by the root of three.
         assert _contrast(together, plane) > 1.4 * _contrast(alone, plane)
+
+
+@pytest.mark.slow
+def test_its_electrodes_tell_how_it_has_moved_where_the_blocks_about_it_are_mistaken() -> None:
+    pairs = [lasso_pair(k, move, sigma=10.0) for k, move in enumerate(MOVES)]
+    told = np.column_stack([np.array(MOVES[1:]), np.zeros(2)])
+    by_electrodes, alone = _closeup(pairs, _ring(), told, off_m=0.02), _closeup(pairs[:1], _ring())
+    by_neither = _closeup(pairs, _ring(), told + 0.02, off_m=0.02)
+    for plane in "ab":
+        assert _contrast(by_electrodes, plane) > 1.4 * _contrast(alone, plane)
+        assert _contrast(by_neither, plane) < 1.2 * _contrast(alone, plane)
 
 
 @pytest.mark.slow
