@@ -299,6 +299,7 @@ def _followed(
             if not track.is_followed:
                 return None
             supports.append(track.last_support)
+        tracker.learn()  # from the last pair, too: no other one comes
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
     _check(go_on)

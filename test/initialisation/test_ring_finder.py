@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.initialisation.judgement import Judgement
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal, find_rings
+from lasso_motion_ros.ring.track import Track
+from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.stream.automatic_start import only_ring
 
 CONFIG = TrackerConfig(polarity="dark")
@@ -40,6 +43,20 @@ def test_of_two_lassos_both_are_proposed_and_none_is_started_with() -> None:
     assert middles == pytest.approx(sorted(expected), abs=0.7e-3)
     assert all(ring.rivals for ring in rings)
     assert only_ring(rings) is None
+
+
+@pytest.mark.slow
+def test_a_ring_is_judged_by_what_all_pairs_show(monkeypatch: pytest.MonkeyPatch) -> None:
+    tracks = []
+
+    def begin(tracker: RingTracker, *ring: Any, **asked: Any) -> Track:
+        tracks.append(begun(tracker, *ring, **asked))
+        return tracks[-1]
+
+    begun = RingTracker.begin
+    monkeypatch.setattr(RingTracker, "begin", begin)
+    assert find_rings([pair(index) for index in range(3)], CONFIG)
+    assert max(track.template.count for track in tracks) == 3
 
 
 @pytest.mark.slow
