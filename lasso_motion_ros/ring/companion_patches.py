@@ -6,6 +6,8 @@ correlation, in cells of half a millimetre: that is fine enough for devices of o
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -127,21 +129,26 @@ def follow_patch(
     Returns:
         (2,) its displacement in mm, and the correlation there; 0 where nothing of it is inside the image.
     """
-    near = np.abs(places_mm - places_mm[0]).max(axis=1) <= tuning.widest_mm
-    places_mm = places_mm[near]
-    half, margin = len(patch.values) // 2, tuning.search_mm
-    low = np.floor((places_mm.min(axis=0) - margin) / grid.cell_mm).astype(int) + patch.home - half
-    high = np.ceil((places_mm.max(axis=0) + margin) / grid.cell_mm).astype(int) + patch.home + half + 1
-    rows, columns = grid.shape(frame)
-    left, top = np.maximum(low, 0).tolist()
-    right, bottom = np.minimum(high, (columns, rows)).tolist()
+    half, cell_mm, margin = len(patch.values) // 2, grid.cell_mm, tuning.search_mm
+    (x, y), *others = places_mm.tolist()
+    near = [(x, y), *((u, v) for u, v in others if max(abs(u - x), abs(v - y)) <= tuning.widest_mm)]
+    (column, row), (rows, columns) = patch.home.tolist(), grid.shape(frame)
+
+    def window(along: Sequence[float], home: int, size: int) -> tuple[int, int]:
+        first = math.floor((min(along) - margin) / cell_mm) + home - half
+        last = math.ceil((max(along) + margin) / cell_mm) + home + half
+        return max(first, 0), min(last + 1, size)
+
+    left, right = window([u for u, _ in near], column, columns)
+    top, bottom = window([v for _, v in near], row, rows)
     if min(right - left, bottom - top) < len(patch.values):
         return places_mm[0], 0.0
     shown = np.maximum(_devices(frame, grid, tuning, (left, top, right, bottom)), np.float32(patch.lowest))
     likeness = cv2.matchTemplate(shown, patch.values, cv2.TM_CCOEFF_NORMED)
     _, best, _, (x, y) = cv2.minMaxLoc(likeness)
-    peak = np.array([x + _beyond(likeness[y], x), y + _beyond(likeness[:, x], y)])
-    return (peak + np.array([left, top]) - (patch.home - half)) * grid.cell_mm, float(best)
+    right_by = left + x + _beyond(likeness[y], x) - (column - half)
+    down_by = top + y + _beyond(likeness[:, x], y) - (row - half)
+    return np.array([right_by * cell_mm, down_by * cell_mm]), float(best)
 
 
 def _devices(frame: Frame, grid: CompanionGrid, tuning: PatchTuning, part: tuple[int, int, int, int]) -> Image:

@@ -49,7 +49,6 @@ class CompanionTuning:
     noise_mm: float = 0.4  # and of what is left, which counts as so many places;
     noise_weight: float = 2.0
     smallest_noise_mm: float = 0.1
-    rounds: int = 3  # in which noise and fit are found together
     freedom: float = 4.0  # of Student's distribution of what is left
     moves: float = 0.3  # probability that a thing beside the ring moves with the heart, before it was seen to
     most_odds: float = 5.0  # log odds that it does, at most
@@ -65,7 +64,7 @@ class CompanionTuning:
     vouches_after_s: float = 4.0  # what is younger does not vouch, but for
     fewest: int = 6  # the first places
     kept: int = 2  # in a plane, once so many places have told which; not
-    kept_after: int = 8
+    kept_after: int = 5
     often: float = 0.5  # what was seen in less of them
     same_view_px: float = 1.0  # by which what is about the ring may lie elsewhere: else the C-arm was moved
 
@@ -133,6 +132,7 @@ class PlaneCompanions:
         self._learned = 0
         # Of the ring by itself: a sum over its places, and of their squares.
         self._ring_count, self._ring_sum, self._ring_square = 1, np.zeros(2), np.zeros((2, 2))
+        self._noise = np.full(count, tuning.noise_mm**2)
         self._fit()
 
     def is_same_view(self, projection: Projection) -> bool:
@@ -209,19 +209,20 @@ class PlaneCompanions:
         self._learned += 1
 
     def _fit(self) -> None:
-        """Fit the ring's places to those of each companion, and find the noise of that together with it."""
-        tuning = self._tuning
+        """Fit the ring's places to those of each companion, with the noise that the last fit left.
+
+        Noise and fit are found together, a round with each place that is learned.
+        """
+        tuning, noise = self._tuning, self._noise
         prior = np.diag([tuning.linear**-2, tuning.linear**-2, tuning.constant_mm**-2])
+        self._known = np.linalg.inv(prior + self._square / noise[:, None, None])
+        self._fitted = self._known @ (self._product / noise[:, None, None])
+        explained = 2.0 * self._product - self._square @ self._fitted
+        left = np.maximum(self._rest - (self._fitted * explained).sum(axis=(1, 2)), 0.0)
         expected = tuning.noise_weight * tuning.noise_mm**2
-        noise = np.full(len(self._seen), tuning.noise_mm**2)
-        for _ in range(tuning.rounds):
-            self._noise = noise
-            self._known = np.linalg.inv(prior + self._square / noise[:, None, None])
-            self._fitted = self._known @ (self._product / noise[:, None, None])
-            explained = 2.0 * self._product - self._square @ self._fitted
-            left = self._rest - (self._fitted * explained).sum(axis=(1, 2))
-            noise = (expected + 0.5 * np.maximum(left, 0.0)) / (tuning.noise_weight + self._seen)
-            noise = np.maximum(noise, tuning.smallest_noise_mm**2)
+        self._noise = np.maximum(
+            (expected + 0.5 * left) / (tuning.noise_weight + self._seen), tuning.smallest_noise_mm**2
+        )
         # Log odds against what moves like nothing in the heart.
         self._unlike = 0.5 * np.square(self._fitted[:, :2]).sum(axis=(1, 2)) / tuning.linear**2
 
@@ -264,6 +265,7 @@ class PlaneCompanions:
         keep = np.sort(order[: self._tuning.kept])
         self._patches = [self._patches[i] for i in keep.tolist()]
         self._odds, self._places, self._seen = self._odds[keep], self._places[keep], self._seen[keep]
+        self._noise = self._noise[keep]
         self._square, self._product, self._rest = self._square[keep], self._product[keep], self._rest[keep]
         self._waiting = [(time_s, one.of(keep)) for time_s, one in self._waiting]
         self._fit()
