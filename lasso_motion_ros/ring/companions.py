@@ -49,6 +49,7 @@ class CompanionTuning:
     noise_mm: float = 0.4  # and of what is left, which counts as so many places;
     noise_weight: float = 2.0
     smallest_noise_mm: float = 0.1
+    unforeseen: float = 0.2  # and so much of the way beyond where it was seen before, standard deviation
     freedom: float = 4.0  # of Student's distribution of what is left
     moves: float = 0.3  # probability that a thing beside the ring moves with the heart, before it was seen to
     most_odds: float = 5.0  # log odds that it does, at most
@@ -128,6 +129,7 @@ class PlaneCompanions:
         self._product = np.zeros((count, 3, 2))
         self._rest = np.zeros(count)
         self._seen = np.zeros(count)
+        self._lowest, self._highest = np.zeros((count, 2)), np.zeros((count, 2))  # of the places that vouch
         self._waiting: list[tuple[float, Sighting]] = []
         self._learned = 0
         # Of the ring by itself: a sum over its places, and of their squares.
@@ -206,6 +208,8 @@ class PlaneCompanions:
         self._product[at] += rows[:, :, None] * beside[:, None]
         self._rest[at] += np.square(beside).sum(axis=1)
         self._seen[at] += 1.0
+        self._lowest[at] = np.minimum(self._lowest[at], places)
+        self._highest[at] = np.maximum(self._highest[at], places)
         self._learned += 1
 
     def _fit(self) -> None:
@@ -230,7 +234,10 @@ class PlaneCompanions:
         """How far the ring (2,) mm is from where companions at places (C, 2) mm have it: (C, 2) mm, and (C,) mm²."""
         rows = np.concatenate([places, np.ones((len(places), 1))], axis=1)
         off = ring - places - (rows[:, None] @ self._fitted[index])[:, 0]
-        return off, self._noise[index] + (rows[:, None] @ self._known[index] @ rows[:, :, None])[:, 0, 0]
+        known = self._noise[index] + (rows[:, None] @ self._known[index] @ rows[:, :, None])[:, 0, 0]
+        # Only so far as both were seen together is the one a linear function of the other.
+        beyond = places - np.clip(places, self._lowest[index], self._highest[index])
+        return off, known + self._tuning.unforeseen**2 * np.square(beyond).sum(axis=1)
 
     def _log_odds(self, moves: Array, off: Array, variance: Array) -> float:
         """Log odds that the ring is in its place: by the companion that speaks most for it, and most against it.
@@ -266,6 +273,7 @@ class PlaneCompanions:
         self._patches = [self._patches[i] for i in keep.tolist()]
         self._odds, self._places, self._seen = self._odds[keep], self._places[keep], self._seen[keep]
         self._noise = self._noise[keep]
+        self._lowest, self._highest = self._lowest[keep], self._highest[keep]
         self._square, self._product, self._rest = self._square[keep], self._product[keep], self._rest[keep]
         self._waiting = [(time_s, one.of(keep)) for time_s, one in self._waiting]
         self._fit()

@@ -161,6 +161,23 @@ def test_a_device_that_is_moved_by_itself_is_no_slide():
     assert stage.companions.slide.size_mm < 0.6
 
 
+def test_a_breath_far_beyond_those_before_may_take_it_otherwise():
+    # Up to 8 mm they go together, of what is deeper the device takes part in four fifths.
+    def shallow(t):
+        return breath(t, depth_m=0.008)
+
+    def deep(t):
+        return breath(t, depth_m=0.030)
+
+    stage = Stage({"sinus": lambda t: shallow(t) if t < 8.0 else shallow(t) + 0.8 * (deep(t) - shallow(t))})
+    for t in np.arange(PAIR_S, 8.0, PAIR_S):
+        stage.see(t, shallow(t))
+    odds = [stage.see(t, deep(t)) for t in np.arange(8.0, 12.0, PAIR_S)]
+    assert min(odds) > -4.0
+    # Within what was seen a hand is noticed as before.
+    assert stage.see(12.3, shallow(12.3) + np.array([0.0, 0.010, 0.0]), learn=False) < -6.0
+
+
 def test_where_it_is_not_believed_to_be_it_has_not_slid():
     stage = Stage({"sinus": breath})
     stage.breathe(6.0)
