@@ -105,7 +105,11 @@ class BreathingCurve:
         reach_m = self._tuning.at_once_m + self._tuning.slide.fastest_m_s * (time_s - self._times_s[0])
         is_near = float(np.linalg.norm(self._points - displacement, axis=1).min()) < reach_m
         if is_near and self.distance_sigmas(time_s, displacement, 0.0) < self._tuning.aside_sigmas:
-            self.see(time_s, displacement, is_whole=is_whole)
+            self._seen.add(time_s, displacement, is_whole=is_whole, is_aside=True)
+
+    def forget_aside(self) -> None:
+        """Forget where the ring was displaced: it is known to be back."""
+        self._seen.forget_aside()
 
     def accept(self, time_s: float, displacement: Array) -> None:
         """Take a displacement (3,) m for one of breathing."""

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.ring.search import vertex
 from lasso_motion_ros.ring.working_image import CELL_PX, reduction_factor
 
 Array = npt.NDArray[np.float64]
@@ -191,9 +192,5 @@ def _about_ring(
 
 
 def _beyond(values: Image, at: int) -> float:
-    """How far beside a peak (index) of values (N,) a parabola through it and its neighbours has its own."""
-    if not 0 < at < len(values) - 1:
-        return 0.0
-    before, peak, after = values[at - 1 : at + 2].tolist()
-    bend = before - 2.0 * peak + after
-    return 0.0 if bend > -1e-9 else min(max(0.5 * (before - after) / bend, -0.5), 0.5)
+    """How far beside a peak (index) of values (N,) the vertex of a parabola lies; 0 at their ends."""
+    return float(vertex(*values[at - 1 : at + 2])) if 0 < at < len(values) - 1 else 0.0

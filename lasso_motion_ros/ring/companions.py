@@ -2,281 +2,49 @@
 
 A catheter in the coronary sinus, a lead or a clip moves with breath and beat much as the ring does. A ring that a hand
 moves, or that slides along its vein, leaves them: even along the way of breathing, where its own past cannot tell a
-slide from a deeper breath. Which of the things beside the ring move so is not known before. Each is followed, and a
-linear function of its place is fitted to where the ring was seen in the same image (Bayesian linear regression); how
-far it is believed grows as far as it explains how the ring has moved, and falls where it does not. The newest places
-vouch for nothing: a sliding ring would take the fit along.
+slide from a deeper breath. Which of the things beside the ring move so is not known before, and is learned
+(`plane_companions`).
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane
+from lasso_motion_ros.geometry.frames import FramePair, Plane
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.ring.companion_patches import (
-    CompanionGrid,
-    CompanionPatch,
-    PatchTuning,
-    find_patches,
-    follow_patch,
-)
-from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning, Offset
+from lasso_motion_ros.ring.companion_patches import CompanionGrid, find_patches
+from lasso_motion_ros.ring.companion_slide import CompanionSlide
 from lasso_motion_ros.ring.detection import Detection
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting, is_same_view
 
 Array = npt.NDArray[np.float64]
-Index = npt.NDArray[np.int_]
-
-_IDENTITY_2 = np.eye(2)
-
-
-@dataclass(frozen=True)
-class CompanionTuning:
-    """What companions are, and what they are worth."""
-
-    patches: PatchTuning = field(default_factory=PatchTuning)
-    slide: CompanionSlideTuning = field(default_factory=CompanionSlideTuning)
-    # Of how the ring moves with a companion, before any motion was seen: as it does, but for a linear part of this
-    # standard deviation, and a constant by which both were seen beside their places in the first image, mm;
-    linear: float = 0.25
-    constant_mm: float = 0.2
-    noise_mm: float = 0.4  # and of what is left, which counts as so many places;
-    noise_weight: float = 2.0
-    smallest_noise_mm: float = 0.1
-    unforeseen: float = 0.2  # and so much of the way beyond where it was seen before, standard deviation
-    freedom: float = 4.0  # of Student's distribution of what is left
-    moves: float = 0.3  # probability that a thing beside the ring moves with the heart, before it was seen to
-    most_odds: float = 5.0  # log odds that it does, at most
-    explained_mm: float = 1.0  # what is not larger than this, either way, shows nothing
-    most_step: float = 1.5  # log odds that one image can add: those of one beat or breath say the same,
-    least_step: float = -3.0  # or take away;
-    denied_step: float = -0.5  # but of one that denies the ring's place: either may be in the wrong
-    fails: float = 0.01  # a companion is taken for something else, or moved by itself
-    elsewhere_mm: float = 7.0  # standard deviation of a ring that is not in its place, about it
-    sure: float = 0.9  # probability that it moves with the heart, of one whose word counts for a slide
-    exact: float = 2.0  # times the variance of the one that tells best: what is vaguer is not asked
-    denied: float = -2.0  # log odds that the ring is in its place: with less nothing is learned from that
-    vouches_after_s: float = 4.0  # what is younger does not vouch, but for
-    fewest: int = 6  # the first places
-    kept: int = 2  # in a plane, once so many places have told which; not
-    kept_after: int = 5
-    often: float = 0.5  # what was seen in less of them
-    same_view_px: float = 1.0  # by which what is about the ring may lie elsewhere: else the C-arm was moved
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
-    """Where companions and ring were seen in one plane of one pair.
+class _Look:
+    """A pair in which the companions were looked for.
 
     Attributes:
-        index: (C,) which companions were seen.
-        places: (C, 2) their displacements from their homes, mm.
-        ring: (2,) the ring's, mm.
-        off: (C, 2) the ring's, from where each companion has it, mm.
-        variance: (C,) mm² of that, along either axis.
-        log_odds: that the ring is in its place.
-        offset: the ring's, by those that surely move with the heart; None where there is none.
+        time_s: of the pair, seconds.
+        pair: its images.
+        detection: where the ring was taken to be.
+        sightings: per plane whose view is known.
     """
 
-    index: Index
-    places: Array
-    ring: Array
-    off: Array
-    variance: Array
-    log_odds: float
-    offset: Offset | None
+    time_s: float
+    pair: FramePair
+    detection: Detection
+    sightings: Mapping[Plane, Sighting]
 
-    def of(self, kept: Index) -> Sighting:
-        """The same where only some of the companions (K,), in order, are followed on."""
-        seen = np.isin(self.index, kept)
-        index = np.searchsorted(kept, self.index[seen])
-        return replace(self, index=index, places=self.places[seen], off=self.off[seen], variance=self.variance[seen])
-
-
-class PlaneCompanions:
-    """The companions in one plane's view, all at once: the first axis of the arrays.
-
-    Args:
-        patches: what was found, each where it was when the ring was at home.
-        grid: the image's cells.
-        home: (3,) the ring's centre then, world metres.
-        projection: of that image.
-        tuning: what they are worth.
-    """
-
-    def __init__(
-        self,
-        patches: list[CompanionPatch],
-        grid: CompanionGrid,
-        home: Array,
-        projection: Projection,
-        tuning: CompanionTuning,
-    ) -> None:
-        self._patches, self._grid, self._tuning = patches, grid, tuning
-        self._home, self._projection = home, projection
-        self._mm_per_px = grid.cell_mm / grid.cell_px
-        count = len(patches)
-        self._odds = np.full(count, math.log(tuning.moves / (1.0 - tuning.moves)))
-        self._places = np.zeros((count, 2))
-        # Sums over the places w that vouch, the ring's being r: of (w, 1)ᵀ(w, 1), (w, 1)ᵀ(r − w) and |r − w|².
-        self._square = np.zeros((count, 3, 3))
-        self._product = np.zeros((count, 3, 2))
-        self._rest = np.zeros(count)
-        self._seen = np.zeros(count)
-        self._lowest, self._highest = np.zeros((count, 2)), np.zeros((count, 2))  # of the places that vouch
-        self._waiting: list[tuple[float, Sighting]] = []
-        self._learned = 0
-        # Of the ring by itself: a sum over its places, and of their squares.
-        self._ring_count, self._ring_sum, self._ring_square = 1, np.zeros(2), np.zeros((2, 2))
-        self._noise = np.full(count, tuning.noise_mm**2)
-        self._fit()
-
-    def is_same_view(self, projection: Projection) -> bool:
-        """Whether a projection shows what is about the ring's home where that of the first image does."""
-        return is_same_view(self._projection, projection, self._home, self._tuning)
-
-    def look(self, frame: Frame, ring: Array, foretold: Array) -> Sighting:
-        """Look for the companions in an image.
-
-        Args:
-            frame: the image.
-            ring: (3,) world point at which it shows the ring's centre, metres.
-            foretold: (3,) where that was foretold to be.
-        """
-        project = self._projection.project
-        moved, expected = (project(np.array([ring, foretold])) - project(self._home)) * self._mm_per_px
-        index, places = [], []
-        for i, patch in enumerate(self._patches):
-            likely = np.array([self._places[i], expected, moved])
-            place, likeness = follow_patch(patch, frame, self._grid, likely, self._tuning.patches)
-            if likeness >= self._tuning.patches.same:
-                index.append(i)
-                places.append(place)
-        seen, where = np.array(index, dtype=int), np.array(places).reshape(-1, 2)
-        self._places[seen] = where
-        off, variance = self._off(seen, where, moved)
-        moves = 1.0 / (1.0 + np.exp(self._unlike[seen] - self._odds[seen]))
-        odds = self._log_odds(moves, off, variance)
-        return Sighting(seen, where, moved, off, variance, odds, self._offset(moves, off, variance, ring))
-
-    def weigh(self, sighting: Sighting, least_step: float) -> None:
-        """Believe more, or less, in those that told where the ring was seen better, or worse, than its own past does.
-
-        Args:
-            sighting: of a ring that is believed to be in its place.
-            least_step: log odds that may be taken away by it.
-        """
-        tuning, at, ring = self._tuning, sighting.index, sighting.ring
-        mean = self._ring_sum / self._ring_count
-        own = self._ring_square / self._ring_count - np.outer(mean, mean)
-        least = np.maximum(sighting.variance, tuning.explained_mm**2)
-        with_it = _student(np.square(sighting.off).sum(axis=1) / least, least**2, tuning.freedom)
-        spread = own + tuning.explained_mm**2 * _IDENTITY_2
-        away = float((ring - mean) @ np.linalg.solve(spread, ring - mean))
-        alone = _student(np.array(away), np.array(np.linalg.det(spread)), tuning.freedom)
-        step = np.clip(with_it - alone, least_step, tuning.most_step)
-        self._odds[at] = np.minimum(self._odds[at] + step, tuning.most_odds)
-
-    def learn(self, time_s: float, sighting: Sighting) -> None:
-        """Take in a sighting of a ring that is in its place."""
-        tuning, ring = self._tuning, sighting.ring
-        self._ring_count += 1
-        self._ring_sum = self._ring_sum + ring
-        self._ring_square = self._ring_square + np.outer(ring, ring)
-        self._waiting.append((time_s, sighting))
-        learned = self._learned
-        while self._waiting and (
-            self._learned < tuning.fewest or self._waiting[0][0] <= time_s - tuning.vouches_after_s
-        ):
-            self._vouch(self._waiting.pop(0)[1])
-        if self._learned > learned:
-            self._fit()
-        if learned < tuning.kept_after <= self._learned:
-            self._drop()
-
-    def _vouch(self, sighting: Sighting) -> None:
-        at, places = sighting.index, sighting.places
-        rows = np.concatenate([places, np.ones((len(places), 1))], axis=1)
-        beside = sighting.ring - places
-        self._square[at] += rows[:, :, None] * rows[:, None]
-        self._product[at] += rows[:, :, None] * beside[:, None]
-        self._rest[at] += np.square(beside).sum(axis=1)
-        self._seen[at] += 1.0
-        self._lowest[at] = np.minimum(self._lowest[at], places)
-        self._highest[at] = np.maximum(self._highest[at], places)
-        self._learned += 1
-
-    def _fit(self) -> None:
-        """Fit the ring's places to those of each companion, with the noise that the last fit left.
-
-        Noise and fit are found together, a round with each place that is learned.
-        """
-        tuning, noise = self._tuning, self._noise
-        prior = np.diag([tuning.linear**-2, tuning.linear**-2, tuning.constant_mm**-2])
-        self._known = np.linalg.inv(prior + self._square / noise[:, None, None])
-        self._fitted = self._known @ (self._product / noise[:, None, None])
-        explained = 2.0 * self._product - self._square @ self._fitted
-        left = np.maximum(self._rest - (self._fitted * explained).sum(axis=(1, 2)), 0.0)
-        expected = tuning.noise_weight * tuning.noise_mm**2
-        self._noise = np.maximum(
-            (expected + 0.5 * left) / (tuning.noise_weight + self._seen), tuning.smallest_noise_mm**2
-        )
-        # Log odds against what moves like nothing in the heart.
-        self._unlike = 0.5 * np.square(self._fitted[:, :2]).sum(axis=(1, 2)) / tuning.linear**2
-
-    def _off(self, index: Index, places: Array, ring: Array) -> tuple[Array, Array]:
-        """How far the ring (2,) mm is from where companions at places (C, 2) mm have it: (C, 2) mm, and (C,) mm²."""
-        rows = np.concatenate([places, np.ones((len(places), 1))], axis=1)
-        off = ring - places - (rows[:, None] @ self._fitted[index])[:, 0]
-        known = self._noise[index] + (rows[:, None] @ self._known[index] @ rows[:, :, None])[:, 0, 0]
-        # Only so far as both were seen together is the one a linear function of the other.
-        beyond = places - np.clip(places, self._lowest[index], self._highest[index])
-        return off, known + self._tuning.unforeseen**2 * np.square(beyond).sum(axis=1)
-
-    def _log_odds(self, moves: Array, off: Array, variance: Array) -> float:
-        """Log odds that the ring is in its place: by the companion that speaks most for it, and most against it.
-
-        Several are often of one device, which may be moved by itself: they do not count for more than one.
-        """
-        if not len(moves):
-            return 0.0
-        tuning = self._tuning
-        squares = np.square(off).sum(axis=1)
-        here = _student(squares / variance, variance**2, tuning.freedom)
-        elsewhere = -0.5 * squares / tuning.elsewhere_mm**2 - math.log(2.0 * math.pi * tuning.elsewhere_mm**2)
-        moves = (1.0 - tuning.fails) * moves
-        odds = np.log(moves * np.exp(here - elsewhere) + 1.0 - moves)
-        return float(max(odds.max(), 0.0) + min(odds.min(), 0.0))
-
-    def _offset(self, moves: Array, off: Array, variance: Array, ring: Array) -> Offset | None:
-        """By that of those which surely move with the heart to which the ring is nearest."""
-        sure = moves >= self._tuning.sure
-        if not sure.any():
-            return None
-        # A ring that slides leaves all of them alike; of those that disagree, some were moved by themselves.
-        exact = sure & (variance <= self._tuning.exact * variance[sure].min())
-        least = int(np.argmin(np.where(exact, np.square(off).sum(axis=1), np.inf)))
-        across = 1e-3 * self._mm_per_px * self._projection.jacobian(ring)
-        return Offset(across, off[least], float(variance[least]))
-
-    def _drop(self) -> None:
-        """Follow only those on which something is to be built: what is looked for costs time."""
-        rare = self._seen < self._tuning.often * self._learned
-        order = np.lexsort((np.log(self._noise) + self._unlike - self._odds, rare))
-        keep = np.sort(order[: self._tuning.kept])
-        self._patches = [self._patches[i] for i in keep.tolist()]
-        self._odds, self._places, self._seen = self._odds[keep], self._places[keep], self._seen[keep]
-        self._noise = self._noise[keep]
-        self._lowest, self._highest = self._lowest[keep], self._highest[keep]
-        self._square, self._product, self._rest = self._square[keep], self._product[keep], self._rest[keep]
-        self._waiting = [(time_s, one.of(keep)) for time_s, one in self._waiting]
-        self._fit()
+    @property
+    def log_odds(self) -> float:
+        """That the ring is in its place."""
+        return sum(one.log_odds for one in self.sightings.values())
 
 
 class Companions:
@@ -292,7 +60,8 @@ class Companions:
     def __init__(self, tuning: CompanionTuning) -> None:
         self._tuning = tuning
         self._planes: dict[Plane, PlaneCompanions] = {}
-        self._sightings: dict[Plane, Sighting] = {}
+        self._unlearned: _Look | None = None
+        self._last: _Look | None = None
         self._last_view: dict[Plane, Projection] = {}
         self._last_s = 0.0
         self.slide = CompanionSlide.first(tuning.slide)
@@ -319,10 +88,10 @@ class Companions:
             patches = find_patches(frame, grid, ring, self._tuning.patches)
             self._planes[plane] = PlaneCompanions(patches, grid, centre, frame.projection, self._tuning)
 
-    def log_odds(
+    def look(
         self, time_s: float, pair: FramePair, detection: Detection, foretold: Array, *, is_believed: bool
     ) -> float:
-        """Log odds that the ring is in its place, by what moves with the heart; 0 where nothing is known to.
+        """Look for them in a pair.
 
         Args:
             time_s: of the pair, seconds.
@@ -330,52 +99,52 @@ class Companions:
             detection: where the ring is taken to be.
             foretold: (3,) where its centre was foretold to be, world metres.
             is_believed: it is believed to be there: then that tells how far it has slid.
+
+        Returns:
+            Natural logarithm of the odds that the ring is in its place; 0 where nothing is known to move with it.
         """
-        self._sightings = {
+        sightings = {
             plane: self._planes[plane].look(pair.frames[plane], fit.centre, foretold)
             for plane, fit in detection.planes.items()
             if plane in self._planes and self._planes[plane].is_same_view(pair.frames[plane].projection)
         }
         if is_believed:
-            shown = [one.offset for one in self._sightings.values() if one.offset is not None]
+            shown = [one.slid for one in sightings.values() if one.slid is not None]
             self.slide, self._last_s = self.slide.after(time_s - self._last_s, shown), time_s
-        return sum(one.log_odds for one in self._sightings.values())
+        self._last = _Look(time_s, pair, detection, sightings)
+        return self._last.log_odds
 
-    def learn(self, time_s: float, pair: FramePair, model: LoopModel, detection: Detection) -> None:
-        """Take in the last pair, in which both planes showed a ring that is believed to be in its place."""
+    @property
+    def deny(self) -> bool:
+        """Whether they deny that the ring was in its place in the last pair that showed it."""
+        return self._last is not None and self._last.log_odds < self._tuning.denied
+
+    def accept(self) -> None:
+        """Take the ring to have been in its place in the last look: it is to be learned from (`learn`)."""
+        self._unlearned = self._last
+
+    def learn(self, model: LoopModel) -> None:
+        """Learn from the last look that was accepted, if that is not done yet: that pair's answer does not wait for it.
+
+        Args:
+            model: the ring.
+        """
+        look, self._unlearned = self._unlearned, None
+        if look is None:
+            return
         tuning = self._tuning
-        is_denied = sum(one.log_odds for one in self._sightings.values()) < tuning.denied
-        for plane, sighting in self._sightings.items():
+        is_denied = look.log_odds < tuning.denied
+        for plane, sighting in look.sightings.items():
             self._planes[plane].weigh(sighting, tuning.denied_step if is_denied else tuning.least_step)
             if not is_denied:
-                self._planes[plane].learn(time_s, sighting)
+                self._planes[plane].learn(look.time_s, sighting)
         if is_denied:
             return
-        for plane, fit in detection.planes.items():
-            projection = pair.frames[plane].projection
+        for plane, fit in look.detection.planes.items():
+            projection = look.pair.frames[plane].projection
             before, self._last_view[plane] = self._last_view.get(plane), projection
             if plane in self._planes and self._planes[plane].is_same_view(projection):
                 continue
-            if before is not None and is_same_view(before, projection, fit.centre, self._tuning):
+            if before is not None and is_same_view(before, projection, fit.centre, tuning):
                 # The C-arm has come to rest in another view.
-                self.find(pair, model, {plane: fit.centre})
-
-
-def is_same_view(one: Projection, other: Projection, centre: Array, tuning: CompanionTuning) -> bool:
-    """Whether two projections show what is about a world point (3,) m in the same place."""
-    if one is other or np.array_equal(one.matrix, other.matrix):
-        return True
-    points = centre + 0.01 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
-    return bool(np.abs(one.project(points) - other.project(points)).max() < tuning.same_view_px)
-
-
-def _student(distance: Array, determinant: Array, freedom: float) -> Array:
-    """Logarithm of the density of Student's distribution in the plane.
-
-    Args:
-        distance: squared Mahalanobis distance.
-        determinant: of the (2, 2) scale matrix.
-        freedom: degrees of freedom.
-    """
-    peak = -math.log(2.0 * math.pi) - 0.5 * np.log(determinant)
-    return np.asarray(peak - 0.5 * (freedom + 2.0) * np.log1p(distance / freedom))
+                self.find(look.pair, model, {plane: fit.centre})

@@ -9,10 +9,10 @@ from dataclasses import dataclass, field
 
 from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
-from lasso_motion_ros.ring.companions import CompanionTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
+from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.seed_choice import ChoiceTuning
 from lasso_motion_ros.ring.seed_curves import POINTS

@@ -81,21 +81,31 @@ class SeenPlaces:
     def __init__(self, first: Array, time_s: float, tuning: SlideTuning) -> None:
         self._tuning = tuning
         self._points, self._times_s, self._is_whole = first[None], np.array([time_s]), np.array([True])
+        self._is_aside = np.array([False])
         self._past = (np.inf, -np.inf), 0.0  # first and last time of the places looked at, and their odds of a slide
 
-    def add(self, time_s: float, displacement: Array, *, is_whole: bool) -> None:
+    def add(self, time_s: float, displacement: Array, *, is_whole: bool, is_aside: bool = False) -> None:
         """Take note of a displacement (3,) m, unless the last one was seen just before.
 
         Args:
             time_s: when.
             displacement: (3,) metres.
             is_whole: both planes showed it. What one shows tells how fast it breathes, and not whether it slides.
+            is_aside: it was taken to be displaced.
         """
         if time_s - self._times_s[-1] < self._tuning.spacing_s:
             return
         self._points = np.vstack([self._points, displacement])[-self._tuning.kept :]
         self._times_s = np.append(self._times_s, time_s)[-self._tuning.kept :]
         self._is_whole = np.append(self._is_whole, is_whole)[-self._tuning.kept :]
+        self._is_aside = np.append(self._is_aside, is_aside)[-self._tuning.kept :]
+
+    def forget_aside(self) -> None:
+        """Forget where it was displaced: it is known to be back, so that it has not slid."""
+        in_place = ~self._is_aside
+        self._points, self._times_s = self._points[in_place], self._times_s[in_place]
+        self._is_whole, self._is_aside = self._is_whole[in_place], self._is_aside[in_place]
+        self._past = (np.inf, -np.inf), 0.0
 
     def slide(self, time_s: float, displacement: Array, axis: Array) -> Slide:
         """Whether the ring has slid off its place by a displacement (3,) m, further than a patient settles down.

@@ -32,9 +32,18 @@ from lasso_motion_ros.ring.seed_curves import build_loop_models
 from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
+from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
-from lasso_motion_ros.ring.validation import contradiction, fading, misleading, quality, refusal, unforeseen
+from lasso_motion_ros.ring.validation import (
+    contradiction,
+    fading,
+    left_behind,
+    misleading,
+    quality,
+    refusal,
+    unforeseen,
+)
 from lasso_motion_ros.ring.working_image import WholeImages
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
@@ -185,7 +194,7 @@ class RingTracker:
     def learn(self) -> None:
         """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
         if self._track is not None:
-            self._learn_template(self._track)
+            self._learn_looks(self._track)
 
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
@@ -195,7 +204,7 @@ class RingTracker:
     def _follow(self, track: Track, pair: FramePair) -> TrackResult:
         """Take a track to the next pair."""
         options, config = self._options, self._config
-        self._learn_template(track)
+        self._learn_looks(track)
         time_s = track.begin(pair.stamp_ns)
         with self._stages("display filter"):
             pair = track.display.undone(pair)
@@ -235,14 +244,15 @@ class RingTracker:
             return self._displaced(track, pair, best, departure)
         if track.belief.in_place < options.state.pose:
             track.curve.see_aside(time_s, best.displacement, is_whole=best.is_whole)
-            return self._lost(track, pair, f"{departure:.1f} times as far from breathing as breaths are apart")
+            far = f"{departure:.1f} times as far from breathing as breaths are apart"
+            return self._lost(track, pair, left_behind(track, departure, options.state) or far)
         if reason := unforeseen(best, config.judgement, options.validation, options.state):
             return self._lost(track, pair, reason)
         # Update.
         with self._stages("judgement"):
             state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         with self._stages("learning"):
-            position = self._update(track, pair, best, association, time_s, state)
+            position = self._update(track, best, association, time_s, state)
             position = position + track.display.covariance(track.way(best.displacement))
         # Report.
         with self._stages("report"):
@@ -261,37 +271,36 @@ class RingTracker:
 
     def _believe(self, track: Track, pair: FramePair, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""
-        best, departure, companions = association.best, 0.0, 0.0
+        best, states, departure, denied, slid = association.best, self._options.state, 0.0, 0.0, 0.0
+        is_back = False
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
             sigma_m = math.hypot(largest_sigma(covariance), track.motion.heartbeat_m)
-            is_away = track.belief.away > self._options.state.displaced
-            track.slide = track.curve.slide(time_s, best.displacement)
+            is_away = track.belief.away > states.displaced
+            is_believed = best.believed >= states.pose
+            foretold = track.model.centre + track.motion.predict(time_s).displacement
+            denied = track.companions.look(time_s, pair, best.detection, foretold, is_believed=is_believed)
+            companions = track.companions.slide
+            slid = math.sqrt(2.0 * max(companions.log_odds(1e-3 * states.misleading_mm), 0.0))
+            # Where a displaced ring is back by them, its own past, full of where it was, need not tell.
+            is_back = companions.is_known and track.belief.in_place < states.pose
+            track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, track.slide, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
-            departure = max(departure, sideways / self._options.state.surprise_sigmas)
-            is_believed = best.believed >= self._options.state.pose
-            foretold = track.model.centre + track.motion.predict(time_s).displacement
-            companions = track.companions.log_odds(time_s, pair, best.detection, foretold, is_believed=is_believed)
-            slid = track.companions.slide.log_odds(self._options.state.misleading_mm)
-            departure = max(departure, math.sqrt(2.0 * max(slid, 0.0)))
+            departure = max(departure, sideways / states.surprise_sigmas)
             if best.is_whole:
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
-                departure = max(departure, self._options.state.elsewhere_sigmas)
+                departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent
-        track.belief = track.belief.after(track.interval_s, seen, departure, self._options.state, companions)
+        track.belief = track.belief.after(track.interval_s, seen, max(departure, slid), states, denied)
+        if is_back and track.belief.in_place >= states.pose:
+            track.curve.forget_aside()
         return departure
 
     def _update(
-        self,
-        track: Track,
-        pair: FramePair,
-        best: Hypothesis,
-        association: Association,
-        time_s: float,
-        state: TrackerState,
+        self, track: Track, best: Hypothesis, association: Association, time_s: float, state: TrackerState
     ) -> Array:
         """Take in what was seen, and learn from it where both planes show it; (3, 3) m² of the displacement."""
         track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
@@ -300,7 +309,7 @@ class RingTracker:
             doubt = track.motion.doubt(best.displacement)
             return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
         track.learn_motion(best, time_s)
-        track.companions.learn(time_s, pair, track.model, best.detection)
+        track.companions.accept()
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
         agree = 1.0 - track.contradiction.probability
         if is_plain and min(best.believed, agree) >= self._options.state.tracking:
@@ -309,9 +318,10 @@ class RingTracker:
             track.learn_rotation(best, time_s)
         return np.asarray(track.motion.at_a.covariance + association.spread)
 
-    def _learn_template(self, track: Track) -> None:
+    def _learn_looks(self, track: Track) -> None:
         with self._stages("learning"):
             track.learn_template()
+            track.companions.learn(track.model)
 
     def _lost(self, track: Track, pair: FramePair, reason: str) -> TrackResult:
         track.is_followed = False
@@ -320,7 +330,8 @@ class RingTracker:
     def _displaced(self, track: Track, pair: FramePair, best: Hypothesis, departure: float) -> TrackResult:
         track.is_followed, track.displacement = False, best.displacement
         track.curve.see_aside(track.last_s, best.displacement, is_whole=best.is_whole)
-        reason = f"it has left its breathing: {departure:.0f} times as far as breaths are apart"
+        far = f"it has left its breathing: {departure:.0f} times as far as breaths are apart"
+        reason = left_behind(track, departure, self._options.state) or far
         prior_rad = float(np.radians(self._config.ring.turn_deg))
         return with_curve(track, pair, TrackerState.DISPLACED, reason, best, prior_rad)
 
@@ -342,7 +353,7 @@ class RingTracker:
         if track.displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
         self._choice = self._begin = None  # another curve would begin at the seed pair again
-        self._learn_template(track)
+        self._learn_looks(track)
         track.refer_to_now()
         if track.belief.elsewhere > self._options.state.displaced:
             # It belongs where and as it lies now; what was learned of the breathing, but not of its place, still holds.

@@ -64,6 +64,20 @@ def unforeseen(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuni
     return "it is far from where it was foretold: something else that looks like it?"
 
 
+def left_behind(track: Track, departure: float, states: StateTuning) -> str:
+    """That a ring is elsewhere by what moves with the heart beside it alone; empty if it has left its breathing.
+
+    Args:
+        track: all that is known, this pair included.
+        departure: how far it is from breathing, standard deviations.
+        states: how far off it is as likely displaced as in place.
+    """
+    companions = track.companions
+    if departure >= states.elsewhere_sigmas or not (companions.deny or companions.slide.beyond(_limit_m(states)) > 0.5):
+        return ""
+    return "it has left what moves with the heart beside it, or that was moved"
+
+
 def contradiction(track: Track, states: StateTuning) -> str:
     """Why no pose rests on a ring that is seen: one plane shows something else, far enough off to mislead; or empty."""
     planes = track.contradiction
@@ -79,14 +93,14 @@ def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[floa
         sigma_mm: of the pose, along the direction known worst, mm.
         states: how far off misleads.
     """
-    limit_mm = states.misleading_mm
-    vague, slid = probability_beyond(limit_mm, sigma_mm), track.slide.beyond(1e-3 * limit_mm)
+    limit_m = _limit_m(states)
+    vague, slid = probability_beyond(states.misleading_mm, sigma_mm), track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions; where they have been lost since, what they last told still counts.
-    if companions.is_known or companions.beyond(limit_mm) > slid:
-        slid = companions.beyond(limit_mm)
-        by = f"{companions.size_mm:.1f} mm from what moves with the heart beside it"
+    if companions.is_known or companions.beyond(limit_m) > slid:
+        slid = companions.beyond(limit_m)
+        by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
     why = f"it seems to slide: {by}" if slid > vague else f"its place is known to {sigma_mm:.1f} mm only"
     return 1.0 - (1.0 - vague) * (1.0 - slid), why
 
@@ -131,6 +145,10 @@ def quality(
     if best.detection.support < tuning.faint_share * track.usual_support:
         return TrackerState.DEGRADED, f"plane {weak} shows less of the lasso than it did"
     return TrackerState.TRACKING, ""
+
+
+def _limit_m(states: StateTuning) -> float:
+    return 1e-3 * states.misleading_mm
 
 
 def _stand_apart(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning) -> bool:

@@ -9,7 +9,8 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, PatchTuning, find_patches, follow_patch
-from lasso_motion_ros.ring.companions import Companions, CompanionTuning
+from lasso_motion_ros.ring.companions import Companions
+from lasso_motion_ros.ring.plane_companions import CompanionTuning
 
 PAIR_S = 0.3
 MODEL = SimpleNamespace(
@@ -64,9 +65,10 @@ class Stage:
         pair = self.pair(time_s, views)
         detection = SimpleNamespace(planes=dict.fromkeys("ab", SimpleNamespace(centre=LOOP.centre + ring)))
         foretold = LOOP.centre + breath(time_s)
-        odds = self.companions.log_odds(time_s, pair, detection, foretold, is_believed=is_believed)
+        odds = self.companions.look(time_s, pair, detection, foretold, is_believed=is_believed)
         if learn:
-            self.companions.learn(time_s, pair, MODEL, detection)
+            self.companions.accept()
+            self.companions.learn(MODEL)
         return odds
 
     def breathe(self, until_s, start_s=0.0):
@@ -125,7 +127,7 @@ def test_what_lies_still_never_speaks():
         assert stage.see(PAIR_S * step, np.zeros(3)) > 0.0
     odds = [stage.see(3.0 + t, breath(t)) for t in np.arange(PAIR_S, 8.0, PAIR_S)]
     assert min(odds) > -2.0
-    assert stage.companions.slide.size_mm < 0.5
+    assert stage.companions.slide.size_m < 0.5e-3
 
 
 def test_what_moves_half_as_far_is_not_in_the_heart():
@@ -133,7 +135,7 @@ def test_what_moves_half_as_far_is_not_in_the_heart():
     stage = Stage({"sinus": lambda t: 0.45 * breath(t) + (0.006 if t > 6.0 else 0.0) * np.array([0.2, 0.1, -1.0])})
     odds = stage.breathe(10.0)
     assert min(odds[20:]) > -2.0
-    assert stage.companions.slide.beyond(2.0) < 0.05
+    assert stage.companions.slide.beyond(2e-3) < 0.05
 
 
 @pytest.mark.parametrize("speed_mm_s", [0.3, 0.6])
@@ -147,18 +149,24 @@ def test_a_slide_along_the_breath_is_measured(speed_mm_s):
         stage.see(t, breath(t) + 1e-3 * slid_mm * along)
         slide = stage.companions.slide
         assert slide.is_known
-        assert abs(slide.size_mm - slid_mm) < 0.6
-        if doubted is None and slide.beyond(2.0) > 0.05:
+        assert abs(1e3 * slide.size_m - slid_mm) < 0.6
+        if doubted is None and slide.beyond(2e-3) > 0.05:
             doubted = slid_mm
     assert 1.0 < doubted < 2.2
 
 
 def test_a_device_that_is_moved_by_itself_is_no_slide():
-    moved = lambda t: breath(t) + (0.010 if t > 9.0 else 0.0) * np.array([0.0, 1.0, 0.2])  # noqa: E731
-    stage = Stage({"sinus": breath, "lead": moved})
-    odds = stage.breathe(12.0)
-    assert min(odds[6:]) > -2.0
-    assert stage.companions.slide.size_mm < 0.6
+    def moved(t):
+        return breath(t) + 0.6e-3 * max(t - 9.0, 0.0) * np.array([0.0, 1.0, 0.2])
+
+    stage = Stage({"sinus": breath, "lead": moved}, CompanionTuning(kept=4))  # all of them are followed on
+    stage.breathe(9.0)
+    odds, slid_m = [], []
+    for t in np.arange(9.3, 14.0, PAIR_S):
+        odds.append(stage.see(t, breath(t)))
+        slid_m.append(stage.companions.slide.size_m)
+    assert min(odds) > -2.0
+    assert max(slid_m) < 0.3e-3
 
 
 def test_a_breath_far_beyond_those_before_may_take_it_otherwise():
@@ -203,7 +211,7 @@ def test_a_ring_that_belongs_elsewhere_has_to_learn_them_again():
     place = np.array([0.0, 0.012, 0.004])
     odds = [stage.see(t, breath(t) + place) for t in np.arange(5.1, 10.0, PAIR_S)]
     assert min(odds[8:]) > 3.0
-    assert stage.companions.slide.size_mm < 0.5
+    assert stage.companions.slide.size_m < 0.5e-3
 
 
 def test_nothing_beside_it_says_nothing():

@@ -9,6 +9,7 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, lasso_seed, pa
 from lasso_motion_ros.ring.tracker import RingTracker
 
 ALONG = breathing(6.0 * PAIR_S) / np.linalg.norm(breathing(6.0 * PAIR_S))  # where a deeper breath takes it, too
+ACROSS = np.cross(ALONG, [0.0, 0.6, 0.8]) / np.linalg.norm(np.cross(ALONG, [0.0, 0.6, 0.8]))
 # Two pairs of a coronary-sinus catheter's electrodes, metres from the ring's centre: clear of it in both views.
 SINUS = np.array([[0.028, 0.014, -0.030], [0.030, 0.016, -0.028], [0.035, 0.019, -0.027], [0.037, 0.021, -0.025]])
 
@@ -64,6 +65,21 @@ def test_a_ring_put_aside_along_the_first_breath_is_displaced():
     results = followed(18, is_put, has_sinus=True)
     assert wrong(results) == []
     assert results[-1].state is DISPLACED
+
+
+@pytest.mark.parametrize("way", [ALONG, ACROSS])
+@pytest.mark.parametrize("away_mm", [4.0, 20.0])
+def test_put_back_it_is_in_its_place_after_two_pairs(away_mm, way):
+    # Eight seconds displaced are not held against it.
+    results = followed(48, lambda k: 1e-3 * away_mm * way * (16 <= k < 40), has_sinus=True)
+    assert wrong(results) == []
+    assert results[30].state is DISPLACED
+    assert [one.motion is not None for one in results[39:]] == [False] * 2 + [True] * 6
+
+
+def test_it_says_that_the_one_or_the_other_was_moved():
+    reasons = [one.reason for one in followed(30, is_put, has_sinus=True)[9:]]
+    assert "it has left what moves with the heart beside it, or that was moved" in reasons
 
 
 @pytest.mark.parametrize("aside", [slides, is_put])

@@ -10,8 +10,9 @@ from lasso_motion_ros.motion.motion_model import ORIGIN_B
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
-from lasso_motion_ros.ring.companions import Companions, CompanionTuning
+from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.display_chain import DisplayChain, DisplayChainTuning
+from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning, PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track import Track

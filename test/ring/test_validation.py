@@ -18,6 +18,7 @@ from lasso_motion_ros.ring.validation import (
     ValidationTuning,
     contradiction,
     fading,
+    left_behind,
     misleading,
     quality,
     refusal,
@@ -45,6 +46,7 @@ def track(
     size_mm=4.0,
     slide=Slide(),  # noqa: B008
     companions=CompanionSlide(CompanionSlideTuning()),  # noqa: B008
+    denied=False,
 ):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
@@ -55,7 +57,7 @@ def track(
         contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
         usual_support=usual,
         slide=slide,
-        companions=SimpleNamespace(slide=companions),
+        companions=SimpleNamespace(slide=companions, deny=denied),
     )
 
 
@@ -146,7 +148,7 @@ def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
 
 def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     def companions(size_mm, sigma_mm=0.5, unseen_s=0.0):
-        offset, covariance = np.array([size_mm, 0.0, 0.0]), sigma_mm**2 * np.eye(3)
+        offset, covariance = 1e-3 * np.array([size_mm, 0.0, 0.0]), 1e-6 * sigma_mm**2 * np.eye(3)
         return CompanionSlide(CompanionSlideTuning(), offset, covariance, unseen_s)
 
     seems = Slide(1e-3, 50.0)
@@ -162,6 +164,15 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     assert said.endswith("across its breathing, and perhaps more along it")
     slid, said = misleading(track(slide=seems, companions=companions(3.0, unseen_s=5.0)), 0.1, STATES)
     assert slid == pytest.approx(0.97725, abs=1e-4)
+
+
+def test_it_says_what_the_ring_has_left():
+    slid = CompanionSlide(CompanionSlideTuning(), np.array([8e-3, 0.0, 0.0]), 1e-7 * np.eye(3), 0.0)
+    left = "it has left what moves with the heart beside it, or that was moved"
+    assert left_behind(track(denied=True), 1.0, STATES) == left
+    assert left_behind(track(companions=slid), 1.0, STATES) == left
+    assert left_behind(track(), 1.0, STATES) == ""
+    assert left_behind(track(denied=True), 4.0, STATES) == ""  # it has left its breathing, whatever the others do
 
 
 def test_what_is_far_from_where_it_was_foretold_may_be_something_else():
