@@ -14,12 +14,15 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring.search import vertex
-from lasso_motion_ros.ring.working_image import CELL_PX, reduction_factor
+from lasso_motion_ros.ring.working_image import CELL_PX, blur_taps, reduction_factor
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
+
+_FINE_CELLS = 5  # of the narrower blur, on a side
 
 
 @dataclass(frozen=True)
@@ -144,12 +147,44 @@ def follow_patch(
     top, bottom = window([v for _, v in near], row, rows)
     if min(right - left, bottom - top) < len(patch.values):
         return places_mm[0], 0.0
-    shown = np.maximum(_devices(frame, grid, tuning, (left, top, right, bottom)), np.float32(patch.lowest))
+    x, y, likeness = _found(patch, frame, grid, tuning, (left, top, right, bottom))
+    return np.array([(x - (column - half)) * cell_mm, (y - (row - half)) * cell_mm]), likeness
+
+
+def _found(
+    patch: CompanionPatch, frame: Frame, grid: CompanionGrid, tuning: PatchTuning, part: tuple[int, int, int, int]
+) -> tuple[float, float, float]:
+    """Where a part of an image, cells (left, top, right, bottom), is most like a patch.
+
+    Returns:
+        The cell x, y of the patch's first there, to a fraction; and the correlation.
+    """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import companions as kernels
+
+        fine, coarse, reach = _scales(grid, tuning)
+        place: tuple[float, float, float] = kernels.found(
+            np.ascontiguousarray(frame.pixels),
+            patch.values,
+            patch.lowest,
+            grid.bright,
+            grid.cell_px,
+            part,
+            blur_taps(_FINE_CELLS, fine),
+            blur_taps(2 * reach + 1, coarse),
+        )
+        return place
+    shown = np.maximum(_devices(frame, grid, tuning, part), np.float32(patch.lowest))
     likeness = cv2.matchTemplate(shown, patch.values, cv2.TM_CCOEFF_NORMED)
     _, best, _, (x, y) = cv2.minMaxLoc(likeness)
-    right_by = left + x + _beyond(likeness[y], x) - (column - half)
-    down_by = top + y + _beyond(likeness[:, x], y) - (row - half)
-    return np.array([right_by * cell_mm, down_by * cell_mm]), float(best)
+    left, top, _, _ = part
+    return left + x + _beyond(likeness[y], x), top + y + _beyond(likeness[:, x], y), float(best)
+
+
+def _scales(grid: CompanionGrid, tuning: PatchTuning) -> tuple[float, float, int]:
+    """Standard deviations of the two blurs, and how far the wider one reaches, cells."""
+    fine, coarse = tuning.fine_mm / grid.cell_mm, tuning.coarse_mm / grid.cell_mm
+    return fine, coarse, 2 * round(coarse) + 1  # two standard deviations: what lies further hardly counts
 
 
 def _devices(frame: Frame, grid: CompanionGrid, tuning: PatchTuning, part: tuple[int, int, int, int]) -> Image:
@@ -158,8 +193,7 @@ def _devices(frame: Frame, grid: CompanionGrid, tuning: PatchTuning, part: tuple
     In the logarithm of the grey values a device weighs the same in bright and dark regions, at any dose.
     """
     rows, columns = grid.shape(frame)
-    fine, coarse = tuning.fine_mm / grid.cell_mm, tuning.coarse_mm / grid.cell_mm
-    reach = 2 * round(coarse) + 1  # two standard deviations of the wider one: what lies further hardly counts
+    fine, coarse, reach = _scales(grid, tuning)
     left, top, right, bottom = part
     outer_left, outer_top = max(left - reach, 0), max(top - reach, 0)
     outer_right, outer_bottom = min(right + reach, columns), min(bottom + reach, rows)
@@ -169,7 +203,7 @@ def _devices(frame: Frame, grid: CompanionGrid, tuning: PatchTuning, part: tuple
     grey = cv2.resize(cropped, size, interpolation=cv2.INTER_AREA).astype(np.float32)
     logarithm = cv2.log(cv2.max(grey, 1.0, dst=grey), dst=grey)
     slow = cv2.GaussianBlur(logarithm, (2 * reach + 1, 2 * reach + 1), coarse)
-    fast = cv2.GaussianBlur(logarithm, (5, 5), fine)
+    fast = cv2.GaussianBlur(logarithm, (_FINE_CELLS, _FINE_CELLS), fine)
     band = cv2.subtract(fast, slow, dst=fast) if grid.bright else cv2.subtract(slow, fast, dst=fast)
     inner = band[top - outer_top : bottom - outer_top, left - outer_left : right - outer_left]
     return np.asarray(inner, dtype=np.float32)

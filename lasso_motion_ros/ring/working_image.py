@@ -271,12 +271,12 @@ def _blurred(values: Image, kernel_px: tuple[int, int], sigma_px: float) -> Imag
     if has_kernels() and min(values.shape) > reach:
         from lasso_motion_ros.ring.kernels.blur import BY_REACH
 
-        return BY_REACH[reach](values, _taps(kernel_px[0], sigma_px))
+        return BY_REACH[reach](values, blur_taps(kernel_px[0], sigma_px))
     return np.asarray(cv2.GaussianBlur(values, kernel_px, sigma_px))
 
 
 @cache
-def _taps(count: int, sigma_px: float) -> Image:
+def blur_taps(count: int, sigma_px: float) -> Image:
     """Of a Gaussian blur, from the middle one of so many on."""
     taps: Image = cv2.getGaussianKernel(count, sigma_px, cv2.CV_32F)[count // 2 :, 0].copy()
     return taps

@@ -33,6 +33,7 @@ MODULES = tuple(
         "ring.kernels.seed",
         "ring.kernels.band",
         "ring.kernels.blur",
+        "ring.kernels.companions",
         "geometry.kernels",
         "seeding.kernels",
     )

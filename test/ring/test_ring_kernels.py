@@ -18,6 +18,7 @@ from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
+from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
 from lasso_motion_ros.ring.search import Peaks
 from lasso_motion_ros.ring.slide import SlideTuning
@@ -261,6 +262,43 @@ def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
     np.testing.assert_allclose(beside, plain_beside, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(shown, plain_shown, atol=1e-3)
     np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("factor", [1, 2, 3])
+@pytest.mark.parametrize("place", ["inside", "at the border", "outside"])
+def test_a_companion_is_followed_alike(dtype: type, factor: int, place: str) -> None:
+    generator = np.random.default_rng(factor)
+    grid, tuning = CompanionGrid(factor, float(generator.uniform(0.4, 0.7)), bright=factor == 2), PatchTuning()
+    cell, half = grid.cell_px, round(tuning.half_mm / grid.cell_mm)
+    rough = np.kron(generator.uniform(0.3, 0.7, (40, 50)), np.ones((4 * cell, 4 * cell)))
+    spots = cv2.GaussianBlur(rough, (0, 0), 2.0 * cell) + generator.normal(0.0, 0.01, rough.shape)
+    pixels = np.clip(spots * np.iinfo(dtype).max, 0, np.iinfo(dtype).max).astype(dtype)
+    pixels[: 70 * cell, 115 * cell :] = 0  # a collimator
+    # A part of it that begins within a row, and ends within a cell.
+    frame = Frame(0, pixels[: 1 - cell, cell:], VIEWS["a"])
+    home = np.array({"inside": [100, 80], "at the border": [half + 2, half + 1], "outside": [100, -200]}[place])
+    about = np.array([100, 80]) if place == "outside" else home
+    x, y = (about * cell).tolist()
+    values = cv2.resize(
+        frame.pixels[y - half * cell :, x - half * cell :].astype(np.float32), None, fx=1 / cell, fy=1 / cell
+    )
+    values = values[: 2 * half + 1, : 2 * half + 1].copy()
+    patch = CompanionPatch(home, values, lowest=float(generator.uniform(-0.1, 0.0)))
+    likely = np.array([[0.3, -0.7], [2.0, 3.0], [30.0, 0.0]])
+    (moved, likeness), (plain_moved, plain_likeness) = both(lambda: follow_patch(patch, frame, grid, likely, tuning))
+    np.testing.assert_allclose(moved, plain_moved, rtol=0.0, atol=1e-3)
+    assert likeness == pytest.approx(plain_likeness, abs=1e-5)
+    assert (likeness == 0.0) == (place == "outside")
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_a_companion_is_not_found_where_all_is_even(dtype: type) -> None:
+    frame, grid = Frame(0, np.full((300, 400), 77, dtype), VIEWS["a"]), CompanionGrid(1, 0.5, bright=False)
+    values = np.random.default_rng(0).normal(size=(29, 29)).astype(np.float32)
+    patch = CompanionPatch(np.array([100, 80]), values, lowest=-1.0)
+    for _, likeness in both(lambda: follow_patch(patch, frame, grid, np.zeros((1, 2)), PatchTuning())):
+        assert likeness == 0.0
 
 
 def follow() -> list[Any]:

@@ -139,7 +139,8 @@ def laid_out(
 
 
 @compiled("float64(float32, float32, float32)")
-def _vertex(before: float, at: float, after: float) -> float:
+def vertex(before: float, at: float, after: float) -> float:
+    """`search.vertex` of one value and its neighbours."""
     curvature = min(before - np.float32(2.0) * at + after, np.float32(-1e-30))
     fraction = np.float32(0.5) * (before - after) / curvature
     return float(min(max(fraction, np.float32(-0.5)), np.float32(0.5)))
@@ -194,8 +195,8 @@ def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
     for n in range(kept):
         i, j = rows[n], columns[n]
         found[n] = scale * values[n]
-        places[n, 0] = j + _vertex(scale * scores[i, j - 1], scale * scores[i, j], scale * scores[i, j + 1])
-        places[n, 1] = i + _vertex(scale * scores[i - 1, j], scale * scores[i, j], scale * scores[i + 1, j])
+        places[n, 0] = j + vertex(scale * scores[i, j - 1], scale * scores[i, j], scale * scores[i, j + 1])
+        places[n, 1] = i + vertex(scale * scores[i - 1, j], scale * scores[i, j], scale * scores[i + 1, j])
     return found, places
 
 
