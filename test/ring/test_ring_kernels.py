@@ -20,6 +20,7 @@ from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
+from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
 from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.strip import strip_along
@@ -299,6 +300,26 @@ def test_a_companion_is_not_found_where_all_is_even(dtype: type) -> None:
     patch = CompanionPatch(np.array([100, 80]), values, lowest=-1.0)
     for _, likeness in both(lambda: follow_patch(patch, frame, grid, np.zeros((1, 2)), PatchTuning())):
         assert likeness == 0.0
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_companions_tell_the_same(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    grid, view, tuning = CompanionGrid(1, 0.5, bright=False), VIEWS["a"], CompanionTuning(kept_after=100)
+    patch = CompanionPatch(np.array([50, 50]), np.zeros((29, 29), np.float32), lowest=0.0)
+    there = PlaneCompanions([patch] * 4, grid, LOOP.centre, view, tuning)
+    for time_s in range(12):
+        index = np.flatnonzero(generator.random(4) < 0.7)
+        places, ring = generator.normal(size=(len(index), 2)) * 3.0, generator.normal(size=2) * 3.0
+        # Some see it where it is, others anywhere.
+        places[: seed % 3] = ring + generator.normal(size=(min(seed % 3, len(index)), 2)) * 0.3
+        told, plainly = both(lambda index=index, places=places, ring=ring: there._told(index, places, ring))
+        for one, other in zip(told, plainly, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+        off, variance, _, odds = told
+        sighting = Sighting(index, places, ring, off, variance, odds, None)
+        there.weigh(sighting, tuning.least_step)
+        there.learn(float(time_s), sighting)
 
 
 def follow() -> list[Any]:

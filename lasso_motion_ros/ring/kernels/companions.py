@@ -1,4 +1,4 @@
-"""Where small pieces of an image have gone, compiled: see `core/compiled.py`."""
+"""Where companions of the ring have gone, and what that tells of its place, compiled: see `core/compiled.py`."""
 
 from __future__ import annotations
 
@@ -204,3 +204,75 @@ def found(
     if 0 < y < height - 1:
         row += vertex(likeness[y - 1, x], best, likeness[y + 1, x])
     return column, row, float(best)
+
+
+@compiled("float64(float64, float64, float64)")
+def _student(distance: float, determinant: float, freedom: float) -> float:
+    """`plane_companions._student` of one distance."""
+    peak = -math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
+    return peak - 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[::1], float64[::1], float64))(int64[::1], float64[:, ::1],"
+    " Array(float64, 1, 'A', readonly=True), float64[:, :, ::1], float64[:, :, ::1], float64[::1], float64[:, ::1],"
+    " float64[:, ::1], float64[::1], UniTuple(float64, 4))"
+)
+def told(
+    index: npt.NDArray[np.int64],
+    places: Array,
+    ring: Array,
+    fitted: Array,
+    known: Array,
+    noise: Array,
+    lowest: Array,
+    highest: Array,
+    log_odds: Array,
+    tuning: tuple[float, float, float, float],
+) -> tuple[Array, Array, Array, float]:
+    """What companions in one plane tell of where the ring is seen: `PlaneCompanions._told`.
+
+    Args:
+        index: (C,) which companions were seen.
+        places: (C, 2) where, mm from their homes.
+        ring: (2,) likewise the ring.
+        fitted: (N, 3, 2) of each companion, by its place and 1: the ring's way from it, mm.
+        known: (N, 3, 3) covariance of that.
+        noise: (N,) mm² of what is left.
+        lowest: (N, 2) of the places that vouch, mm.
+        highest: (N, 2) likewise.
+        log_odds: (N,) that it moves with the heart.
+        tuning: what is unforeseen, Student's freedom, the probability of a failure, a standard deviation elsewhere, mm.
+
+    Returns:
+        As there.
+    """
+    unforeseen, freedom, fails, elsewhere_mm = tuning
+    count = index.size
+    off, variance, moves = np.empty((count, 2)), np.empty(count), np.empty(count)
+    row = np.ones(3)
+    most, least = 0.0, 0.0
+    for c in range(count):
+        i, square = index[c], 0.0
+        row[0], row[1] = places[c, 0], places[c, 1]
+        variance[c] = noise[i]
+        for k in range(2):
+            way = 0.0
+            for m in range(3):
+                way += row[m] * fitted[i, m, k]
+            off[c, k] = ring[k] - places[c, k] - way
+            square += off[c, k] * off[c, k]
+            # Only so far as both were seen together is the one a linear function of the other.
+            beyond = places[c, k] - min(max(places[c, k], lowest[i, k]), highest[i, k])
+            variance[c] += unforeseen * unforeseen * beyond * beyond
+        for k in range(3):
+            for m in range(3):
+                variance[c] += row[k] * known[i, k, m] * row[m]
+        moves[c] = 1.0 / (1.0 + math.exp(-log_odds[i]))
+        here = _student(square / variance[c], variance[c] * variance[c], freedom)
+        wide = elsewhere_mm * elsewhere_mm
+        elsewhere = -0.5 * square / wide - math.log(2.0 * math.pi * wide)
+        works = (1.0 - fails) * moves[c]
+        odds = math.log(works * math.exp(here - elsewhere) + 1.0 - works)
+        most, least = max(most, odds), min(least, odds)
+    return off, variance, moves, most + least
