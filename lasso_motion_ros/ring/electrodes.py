@@ -3,6 +3,9 @@
 Poles stay where they are on the curve while all else moves on, so that the mean of several pairs shows them. A comb,
 even or in pairs, is fitted to both planes' evidence at once, by maximum likelihood, with an amplitude for each plane.
 Its score is the logarithm of how much likelier the evidence is with it than without one, whatever its place.
+
+A closed curve does not tell where the loop begins and ends. There the distance from pole to pole is another one, and a
+comb that goes on across it agrees with the poles of one side only: so every such seam is tried.
 """
 
 from __future__ import annotations
@@ -39,6 +42,8 @@ class ElectrodesTuning:
     distance_step: float = 0.02  # of its logarithm
     table_step_mm: float = 0.05
     place_step_mm: float = 0.45
+    closed_mm: float = 1.2  # ends of a curve that are nearer to each other than this are one place
+    seams: int = 12  # of a closed curve, that are tried
     largest_correlation: float = 0.97  # of one plane's evidence with a comb
     resolved_score: float = 12.0
     resolved_probability: float = 0.9  # of the distance, within
@@ -130,14 +135,13 @@ class RingEvidence:
         return self.text if "comb" in self.__dict__ else None
 
     def _fitting(self) -> Generator[None, None, Comb | None]:
-        arc_mm = 1e3 * arc_length(self.points)
         if self.catheter is None:
-            return (yield from _fitting(arc_mm, self.shown, _any_kind()))
+            return (yield from _fitting(self.points, self.shown, _any_kind()))
         unit_mm = self.catheter.unit_mm
         if unit_mm is None:
             return None
         length = self.catheter.electrode_length_mm or TUNING.pair_length_mm
-        return (yield from _fitting(arc_mm, self.shown, [(self.catheter.share, length, _distances(*unit_mm))]))
+        return (yield from _fitting(self.points, self.shown, [(self.catheter.share, length, _distances(*unit_mm))]))
 
     @cached_property
     def text(self) -> str:
@@ -179,52 +183,76 @@ def _outcome(work: Generator[None, None, Comb | None]) -> Comb | None:
             return outcome
 
 
-def _fitting(arc_mm: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Generator[None, None, Comb]:
+def _fitting(points: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Generator[None, None, Comb]:
     """The likeliest comb of these kinds, in steps.
 
     The profile of each plane is a multiple, not negative, of the comb's, beside what varies slowly and normal noise of
-    unknown size; both amplitudes and both sizes of noise are maximised over (profile likelihood), the place is averaged
-    over.
+    unknown size; both amplitudes and both sizes of noise are maximised over (profile likelihood), the place, and of a
+    closed curve the seam, are averaged over.
 
     Args:
-        arc_mm: (L,) along the curve.
+        points: (L, 3) of the curve, metres.
         shown: per plane, (L,) evidence.
         kinds: which combs are tried.
     """
-    slow = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(arc_mm)), TUNING.slow_terms)
-    slow = np.linalg.qr(slow)[0]
-    profiles = np.stack([np.asarray(shown[plane], dtype=np.float64) for plane in PLANES], axis=1)
-    profiles -= slow @ (slow.T @ profiles)
-    profiles /= np.maximum(np.linalg.norm(profiles, axis=0), 1e-9)
-    count = float(arc_mm[-1]) / TUNING.independent_mm
-    found: list[tuple[float, float, float, float, float]] = []  # share, length, period, phase, score
+    arc_mm = 1e3 * arc_length(points)
+    length_mm = float(arc_mm[-1])
+    is_closed = 1e3 * float(np.linalg.norm(points[0] - points[-1])) < TUNING.closed_mm
+    # As many places as are tried: so the comb in all its places is one row of values, from further and further on.
+    count = max(2, round(length_mm / TUNING.place_step_mm))
+    step_mm = length_mm / (count if is_closed else count - 1)
+    at_mm = np.linspace(0.0, step_mm * (count - 1), count)
+    profiles: Array = np.stack([np.interp(at_mm, arc_mm, np.asarray(shown[plane], np.float64)) for plane in PLANES])
+    seams = np.arange(TUNING.seams) * count // TUNING.seams if is_closed else np.zeros(1, np.intp)
+    begun, slow = _from_seams(profiles, seams)
+    compared = np.concatenate([begun, slow], axis=1)
+    found: list[tuple[float, float, float, float, int, float]] = []  # share, length, period, phase, seam, score
+    independent = length_mm / TUNING.independent_mm
     for share, length, periods in kinds:
         pole = _pole(length)
-        for period in periods:
-            phases = np.arange(0.0, period, TUNING.place_step_mm)
-            comb = _comb_profile(arc_mm, float(period), share, pole, phases)
-            comb -= (comb @ slow) @ slow.T
-            comb /= np.maximum(np.linalg.norm(comb, axis=1, keepdims=True), 1e-9)
-            correlations = np.clip(comb @ profiles, 0.0, TUNING.largest_correlation)
-            likelihood = -0.5 * count * np.log1p(-(correlations**2)).sum(axis=1)
+        for period in periods.tolist():
+            combs, power = _combs(period, share, pole, step_mm, count)
+            products = combs @ compared
+            of_slow = products[:, begun.shape[1] :]
+            size = np.sqrt(np.maximum(power - np.einsum("ps,ps->p", of_slow, of_slow), 1e-18))
+            correlations = products[:, : begun.shape[1]] / size[:, None]
+            correlations = np.clip(correlations, 0.0, TUNING.largest_correlation).reshape(len(combs), -1, len(PLANES))
+            likelihood = -0.5 * independent * np.log1p(-(correlations**2)).sum(axis=2)
             best = int(np.argmax(likelihood))
-            mean = likelihood[best] + np.log(np.mean(np.exp(likelihood - likelihood[best])))
-            found.append((share, length, float(period), float(phases[best]), float(mean)))
+            most = float(likelihood.flat[best])
+            mean = most + float(np.log(np.mean(np.exp(likelihood - most))))
+            place, seam = divmod(best, len(seams))
+            found.append((share, length, period, place * step_mm, int(seams[seam]), mean))
             yield
     scores = np.array([score for *_, score in found])
     weights = np.exp(scores - scores.max())
-    share, length, period, phase, score = found[int(np.argmax(scores))]
+    share, length, period, phase, seam, score = found[int(np.argmax(scores))]
     same = np.array([abs(np.log(other / period)) < TUNING.same_distance for _, _, other, *_ in found])
     paired = np.array([other > 0.0 for other, *_ in found])
+    mean_profile: Array = np.roll(profiles.mean(axis=0), -seam).astype(np.float64)
+    places = _places(at_mm, mean_profile, period, share, phase)
     return Comb(
         period,
         share,
         length,
-        _places(arc_mm, np.mean([shown[plane] for plane in PLANES], axis=0), period, share, phase),
+        tuple(sorted((place + seam * step_mm) % length_mm for place in places)) if seam else places,
         score,
         float(weights[same].sum() / weights.sum()),
         float(weights[same & paired].sum() / weights[same].sum()),
     )
+
+
+def _from_seams(profiles: Array, seams: npt.NDArray[np.intp]) -> tuple[Array, Array]:
+    """(N, seams times planes) the planes' profiles (planes, N) from each seam on, slow changes left out, of norm 1.
+
+    And (N, terms) what varies slowly, orthonormal.
+    """
+    count = profiles.shape[1]
+    terms = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, count), TUNING.slow_terms)
+    slow: Array = np.linalg.qr(terms)[0].astype(np.float64)
+    begun = np.stack([np.roll(profiles, -seam, axis=1).T for seam in seams.tolist()], axis=1).reshape(count, -1)
+    begun -= slow @ (slow.T @ begun)
+    return np.asarray(begun / np.maximum(np.linalg.norm(begun, axis=0), 1e-9), np.float64), slow
 
 
 def nearest_catheter(comb: Comb, diameter_mm: float) -> Catheter | None:
@@ -258,14 +286,27 @@ def _distances(low: float, high: float) -> Array:
     return np.asarray(np.exp(np.linspace(np.log(low), np.log(high), count)))
 
 
-def _comb_profile(arc_mm: Array, period: float, share: float, pole: Array, phases: Array) -> Array:
-    """(P, L) what a comb shows along the arc for phases (P,), mm, given one of its poles (`_pole`)."""
-    total = np.zeros((len(phases), len(arc_mm)))
+def _combs(period: float, share: float, pole: Array, step_mm: float, count: int) -> tuple[Array, Array]:
+    """(P, count) what a comb shows every `step_mm` of the arc in each of its places, and (P,) the sums of its squares.
+
+    Args:
+        period: of the comb, mm.
+        share: of a pair, see `Comb`.
+        pole: one of its poles (`_pole`).
+        step_mm: from place to place.
+        count: of values.
+    """
+    places = int(np.ceil(period / step_mm))
+    along = step_mm * np.arange(1 - places, count)
+    total = np.zeros(len(along))
     for offset in (0.0, share * period) if share else (0.0,):
-        beside = (arc_mm[None] - phases[:, None] - offset) % period
+        beside = (along - offset) % period
         for away in (beside, period - beside):
             total += pole[np.minimum((away / TUNING.table_step_mm).astype(np.intp), len(pole) - 1)]
-    return total
+    sums = np.concatenate([[0.0], np.cumsum(total**2)])
+    first = np.arange(places - 1, -1, -1)
+    windows = np.lib.stride_tricks.sliding_window_view(total, count)[::-1]
+    return np.ascontiguousarray(windows), sums[first + count] - sums[first]
 
 
 def _pole(length: float) -> Array:

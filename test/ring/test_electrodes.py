@@ -72,6 +72,30 @@ def test_pairs_are_told_from_even_poles(seed):
     assert len(comb.places_mm) in (17, 18, 19)
 
 
+@pytest.mark.parametrize("begins", [0, 25, 75])
+def test_of_a_closed_curve_the_seam_is_found_wherever_the_loop_begins(begins):
+    # Ten poles 6 mm apart along a loop of 20 mm: across its ends two of them are 8.8 mm apart.
+    angle = 2.0 * np.pi * np.linspace(0.0, 1.0, POINTS)
+    points = 10e-3 * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    shown = {p: np.roll(shown_along(62.8, EVEN, noise=0.4, seed=[3, ord(p)])[:-1], begins) for p in "ab"}
+    comb = RingEvidence(points, {p: np.append(one, one[0]) for p, one in shown.items()}, 20.0).comb
+    opened = evidence(20.0, EVEN, seed=3).comb
+    assert comb.is_resolved
+    assert comb.period_mm == pytest.approx(6.0, rel=0.03)
+    assert comb.score > 0.8 * opened.score
+    places = np.sort((EVEN + begins * 62.8 / (POINTS - 1)) % 62.8)
+    assert len(comb.places_mm) == 10
+    np.testing.assert_allclose(comb.places_mm, places, atol=0.9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_noise_is_no_comb_along_a_closed_curve(seed):
+    angle = 2.0 * np.pi * np.linspace(0.0, 1.0, POINTS)
+    points = 10e-3 * np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+    shown = {p: shown_along(62.8, [], noise=0.4, seed=[seed, ord(p)]) for p in "ab"}
+    assert not RingEvidence(points, shown, 20.0).comb.is_resolved
+
+
 @pytest.mark.parametrize("seed", range(5))
 def test_noise_is_no_comb(seed):
     found = evidence(20.0, [], seed=seed)
