@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSDurabilityPolicy, QoSHistoryPolicy, QoSProfile, QoSReliabilityPolicy
@@ -35,7 +36,12 @@ def topic_publisher(node: Node, messages: MessageFactory, topic: Topic) -> Publi
         topic: name, type, whether it is latched, and depth.
     """
     message_class = type(messages.make(topic.type_name, {}))
-    return node.create_publisher(message_class, topic.name, qos(depth=topic.depth, latched=topic.latched))
+    # rclpy has the executor watch two events of each publisher, to warn where a subscriber asks for more than is
+    # offered; that subscriber's own log says so, too. To watch a dozen publishers is a third of what each wait for the
+    # next image costs, during which the tracker waits for Python's lock.
+    unwatched = PublisherEventCallbacks(use_default_callbacks=False)
+    profile = qos(depth=topic.depth, latched=topic.latched)
+    return node.create_publisher(message_class, topic.name, profile, event_callbacks=unwatched)
 
 
 def topic_subscription(

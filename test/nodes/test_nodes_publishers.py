@@ -63,3 +63,13 @@ def test_no_picture_of_another_pair_is_published_once_one_is_held(
         publishers.close()
         for topic in pictures:
             assert [stamp_to_ns(one.header.stamp) for one in heard[topic.name]] == [HELD]
+
+
+def test_the_executor_watches_nothing_of_what_is_published(tmp_path: Path) -> None:
+    """Each of a publisher's events costs every wait for the next image."""
+    with Graph([], tmp_path) as graph:
+        publishers = TrackerPublishers(
+            graph.listener.node, RosMessages(), lambda error: None, lambda: None, StreamConfig()
+        )
+        assert not any(one.event_handlers for one in publishers._publishers.values())
+        publishers.close()
