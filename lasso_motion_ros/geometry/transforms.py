@@ -69,21 +69,18 @@ def quaternion_from_rotation(rotation: Array) -> Array:
     SciPy's `Rotation` does the same in several times the time, and in other last bits from version to version. This is
     what published poses go through.
     """
-    m = rotation
-    trace = np.trace(m)
-    squares = np.array([1 + 2 * m[0, 0] - trace, 1 + 2 * m[1, 1] - trace, 1 + 2 * m[2, 2] - trace, 1 + trace])
-    largest = int(np.argmax(squares))
+    m = rotation.tolist()
+    trace = m[0][0] + m[1][1] + m[2][2]
+    squares = [1 + 2 * m[0][0] - trace, 1 + 2 * m[1][1] - trace, 1 + 2 * m[2][2] - trace, 1 + trace]
+    largest = squares.index(max(squares))
     if largest == 3:
-        q = np.array([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], squares[3]])
+        q = [m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1], squares[3]]
     else:
         i, j, k = largest, (largest + 1) % 3, (largest + 2) % 3
-        q = np.zeros(4)
-        q[i] = squares[i]
-        q[j] = m[j, i] + m[i, j]
-        q[k] = m[k, i] + m[i, k]
-        q[3] = m[k, j] - m[j, k]
-    q /= np.linalg.norm(q)
-    return q if q[3] >= 0 else -q
+        q = [0.0, 0.0, 0.0, m[k][j] - m[j][k]]
+        q[i], q[j], q[k] = squares[i], m[j][i] + m[i][j], m[k][i] + m[i][k]
+    length = math.hypot(*q) if q[3] >= 0.0 else -math.hypot(*q)
+    return np.array([part / length for part in q])
 
 
 def rotation_from_quaternion(quaternion: npt.ArrayLike) -> Array:

@@ -235,15 +235,22 @@ class RespiratoryMotion:
             known = self._blocks[block.start] = self._seen_along(_BLOCKS[block.start], self._state, self._covariance)
         return Estimate(known.displacement.copy(), known.covariance.copy())
 
+    @property
+    def is_revised_next(self) -> bool:
+        """Whether the past is gone through again with the next displacement that is learned, which revises `at_a`."""
+        is_due = self._spread.count + 1 in self._tuning.rebuild_at
+        return is_due and self._keeps_history and self._start_s[0] != self._start_s[1]
+
     def learn(self, displacement: Array) -> None:
-        """Learn the directions of the motion from one sure displacement (3,) m; `at_a` may be revised by it."""
+        """Learn the directions of the motion from one sure displacement (3,) m."""
+        is_revised = self.is_revised_next
         self._spread, self._ahead = self._spread.learned(displacement), {}
         # At the one plane's exposure and at the other's: each shows what the other does not.
         moment = 0.5 * (self._beat(*self._marked) + self._beat_now)
         self._become_shaped(self._shape.learned(moment, self._time_s))
         if not self._keeps_history:
             return
-        if self._spread.count in self._tuning.rebuild_at and self._start_s[0] != self._start_s[1]:
+        if is_revised:
             self._rebuild()
         if self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False

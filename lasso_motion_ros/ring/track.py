@@ -72,6 +72,7 @@ class Track:
         reference_covariance: (3, 3) m² of the reference's displacement.
         is_followed: whether the prediction is worth a look about it.
         unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
+        unlearned_motion: likewise whose motion is, and the time of that pair, seconds since the seed pair.
     """
 
     model: LoopModel
@@ -109,6 +110,7 @@ class Track:
     reference_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
     is_followed: bool = True
     unlearned: Hypothesis | None = None
+    unlearned_motion: tuple[Hypothesis, float] | None = None
 
     def begin(self, stamp_ns: int) -> float:
         """Go on to the next pair; returns its time, seconds since the seed pair."""
@@ -145,22 +147,35 @@ class Track:
             self.contrast[plane] = max(fit.contrast, SMALLEST_CONTRAST)
 
     def learn_motion(self, best: Hypothesis, time_s: float) -> None:
-        """Learn how it breathes, and lies; the displacement is revised by it.
+        """Learn how it breathes, and lies: at once where that revises the displacement, else with how it looked.
 
         Between two late phases nothing changes by the revision: the reference is revised alike.
         """
-        self.curve.accept(time_s, best.displacement)
+        if not self.motion.is_revised_next:
+            self.unlearned_motion = best, time_s
+            return
         before = self.motion.at_a.displacement
-        self.motion.learn(best.displacement)
+        self._take_for_breathing(best, time_s)
         revised = self.motion.at_a.displacement
         if self.reference_ns != self.start_ns:
             self.reference = self.reference + revised - before
         self.displacement = revised
+
+    def _take_for_breathing(self, best: Hypothesis, time_s: float) -> None:
+        self.curve.accept(time_s, best.displacement)
+        self.motion.learn(best.displacement)
         # Half of what the heartbeat did to it is the best guess for the next pair.
         self.turn, self.stretch = 0.5 * best.detection.alignment.turn, 0.5 * best.detection.alignment.stretch
 
-    def learn_template(self) -> None:
-        """Learn how it looked last, if that is not done yet: that pair's answer does not wait for it."""
+    def learn_late(self) -> None:
+        """Learn how it moved and looked last, if that is not done yet: that pair's answer does not wait for it."""
+        moved, self.unlearned_motion = self.unlearned_motion, None
+        if moved is not None:
+            self._take_for_breathing(*moved)
+        self._learn_template()
+        self.companions.learn(self.model)
+
+    def _learn_template(self) -> None:
         best, self.unlearned = self.unlearned, None
         if best is None:
             return

@@ -194,7 +194,7 @@ class RingTracker:
     def learn(self) -> None:
         """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
         if self._track is not None:
-            self._learn_looks(self._track)
+            self._learn_late(self._track)
 
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
@@ -204,7 +204,7 @@ class RingTracker:
     def _follow(self, track: Track, pair: FramePair) -> TrackResult:
         """Take a track to the next pair."""
         options, config = self._options, self._config
-        self._learn_looks(track)
+        self._learn_late(track)
         time_s = track.begin(pair.stamp_ns)
         with self._stages("display filter"):
             pair = track.display.undone(pair)
@@ -318,10 +318,9 @@ class RingTracker:
             track.learn_rotation(best, time_s)
         return np.asarray(track.motion.at_a.covariance + association.spread)
 
-    def _learn_looks(self, track: Track) -> None:
+    def _learn_late(self, track: Track) -> None:
         with self._stages("learning"):
-            track.learn_template()
-            track.companions.learn(track.model)
+            track.learn_late()
 
     def _lost(self, track: Track, pair: FramePair, reason: str) -> TrackResult:
         track.is_followed = False
@@ -353,7 +352,7 @@ class RingTracker:
         if track.displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
         self._choice = self._begin = None  # another curve would begin at the seed pair again
-        self._learn_looks(track)
+        self._learn_late(track)
         track.refer_to_now()
         if track.belief.elsewhere > self._options.state.displaced:
             # It belongs where and as it lies now; what was learned of the breathing, but not of its place, still holds.

@@ -64,6 +64,7 @@ def seen(one, stamp_ns, place, **of_hypothesis):
     one.see(best)
     one.motion, one.displacement = best.motion, best.displacement
     one.learn_motion(best, time_s)
+    one.learn_late()
     return best
 
 
@@ -103,6 +104,27 @@ def test_half_of_its_turn_is_the_best_guess_for_the_next_pair():
     seen(one, 300_000_000, np.array([0.0, 0.0, 0.004]), turn_deg=4.0)
     np.testing.assert_allclose(one.turn, np.radians([0.0, 2.0, 0.0]))
     np.testing.assert_allclose(one.displacement, [0.0, 0.0, 0.004], atol=1e-4)
+
+
+def test_how_it_moved_is_learned_late_where_that_revises_nothing():
+    one, revised = track(), track(late_s=0.1)
+    for each in (one, revised):
+        time_s = each.begin(300_000_000)
+        best = hypothesis(each, np.array([0.0, 0.0, 0.004]), turn_deg=4.0)
+        each.motion, each.displacement = best.motion, best.displacement
+        each.learn_motion(best, time_s)
+    # Plane B's first exposure came later: what the ring did until then is told by how it moves.
+    assert revised.turn.any()
+    np.testing.assert_array_equal(revised.displacement, revised.motion.at_a.displacement)
+    assert not one.turn.any()
+    one.displacement = None  # no pose rests on it
+    one.learn_late()
+    assert one.turn.any()
+    assert one.displacement is None
+    mean = one.motion.mean
+    assert mean.any()
+    one.learn_late()  # once
+    np.testing.assert_array_equal(one.motion.mean, mean)
 
 
 def test_the_reference_is_where_it_was_seen_last():
