@@ -114,8 +114,11 @@ class OfferedSubscription:
         if self._subscription is not None:
             self._node.destroy_subscription(self._subscription)
         self._topic, self._reliable = topic, reliable
+        # What asks for what is offered is never told that it asks for too much: see `topic_publisher`.
+        events = SubscriptionEventCallbacks(use_default_callbacks=not self._by_offer)
+        profile = qos(depth=self._depth, reliable=reliable)
         self._subscription = self._node.create_subscription(
-            self._types[topic], topic, self._callback, qos(depth=self._depth, reliable=reliable)
+            self._types[topic], topic, self._callback, profile, event_callbacks=events
         )
 
 
