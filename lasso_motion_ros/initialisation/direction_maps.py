@@ -162,15 +162,20 @@ def direction_maps(seen: Curvature, *, bright: bool) -> DirectionMaps:
     height, width = xx.shape
     responses = np.zeros((DIRECTIONS, height, width), np.float32)
     weights = np.exp(-0.5 * (np.array(TUNING.along_steps) / TUNING.along_cells) ** 2)
+    weights /= weights.sum()
     reach = int(max(TUNING.along_steps))
+    # One array within a margin of nothing for all directions, and sums that are made in place.
+    padded = np.zeros((height + 2 * reach, width + 2 * reach), np.float32)
+    inner = padded[reach : reach + height, reach : reach + width]
     for k, response in enumerate(responses):
         c, s = np.cos(np.pi * k / DIRECTIONS), np.sin(np.pi * k / DIRECTIONS)
-        across = np.clip(xx * (s * s) - xy * (2.0 * s * c) + yy * (c * c), -TUNING.outlier, TUNING.outlier)
-        padded = np.pad(across.astype(np.float32), reach)
-        for step, weight in zip(TUNING.along_steps, (weights / weights.sum()).astype(np.float32), strict=True):
+        across = cv2.scaleAdd(xy, -2.0 * s * c, cv2.addWeighted(xx, s * s, yy, c * c, 0.0))
+        np.clip(across, -TUNING.outlier, TUNING.outlier, out=inner)
+        for step, weight in zip(TUNING.along_steps, weights.tolist(), strict=True):
             x, y = reach + round(step * c), reach + round(step * s)
-            response += weight * padded[y : y + height, x : x + width]
-    rms = float(np.sqrt((responses**2).sum() / max(DIRECTIONS * float(seen.inside.sum()), 1.0)))
+            cv2.scaleAdd(padded[y : y + height, x : x + width], weight, response, response)
+    power = cv2.norm(responses.reshape(DIRECTIONS, -1), cv2.NORM_L2SQR)
+    rms = float(np.sqrt(power / max(DIRECTIONS * float(seen.inside.sum()), 1.0)))
     responses *= seen.inside / np.float32(max(rms, 1e-6))
     responses -= np.float32(TUNING.floor)
     responses *= np.float32(1.0 / (TUNING.ceiling - TUNING.floor))

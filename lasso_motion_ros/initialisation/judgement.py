@@ -55,6 +55,9 @@ class _Tuning:
     nothing: float = 49.0
     believed: float = 3.0  # nothing without a ring has more than 2.1 (docs/automatic.md)
     rival: float = -0.5
+    # With all that is not known yet at its best: no ring has everything, so that less of it leaves no hope.
+    hope_of_circle: float = 9.0  # before there is a model,
+    hope_of_model: float = 5.0  # and before it is followed
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
     slow_points: float = 10.0  # standard deviation, of some hundred points along the arc
@@ -169,6 +172,12 @@ class Glance:
         a, b = _without_slow(_doubled(a, places["b"])), _without_slow(_doubled(b, places["a"]))
         scale = float(np.linalg.norm(a) * np.linalg.norm(b))
         return cls(float((means > TUNING.shown).mean()), float(a @ b) / max(scale, 1e-9))
+
+
+def is_hopeful(before: Judgement, *, has_model: bool) -> bool:
+    """Whether a ring may be believed in the end, judged by `at_best`, or by `at_most` before it has a model."""
+    least = TUNING.hope_of_model if has_model else TUNING.hope_of_circle
+    return not before.missing and before.evidence >= least
 
 
 def at_best(*, roundness: float, diameter_mm: float, worth: float, rareness: float, line_beyond: float) -> Judgement:

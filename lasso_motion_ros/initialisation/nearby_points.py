@@ -69,8 +69,9 @@ class Nearby:
         """
         strengths = self.strengths.copy()
         for k, which in enumerate(is_own):
-            taken = [np.isin(self.spots[k, :, side], own.spots[k, which, side]) for side in range(2)]
-            strengths[k, taken[0] & taken[1]] = 0.0
+            # Compared one by one: a ring has few spots of its own.
+            taken = (self.spots[k][:, None] == own.spots[k, which]).any(axis=1)  # (M, 2)
+            strengths[k, taken.all(axis=1)] = 0.0
         return replace(self, strengths=strengths)
 
 

@@ -28,6 +28,7 @@ from lasso_motion_ros.initialisation.judgement import (
     at_best,
     at_most,
     has_ring_size,
+    is_hopeful,
     judge,
 )
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
@@ -248,7 +249,8 @@ def _worth_following(
             _check(go_on)
             lines, rareness, line = float(scores[k]), float(found.rareness[k]), float(beyond[k])
             most_worth = lines + TUNING.agreement_share
-            if not at_most(worth=most_worth, rareness=rareness, line_beyond=line).is_rival:
+            most_likely = at_most(worth=most_worth, rareness=rareness, line_beyond=line)
+            if not is_hopeful(most_likely, has_model=False):
                 continue
             ring = found.rings[k : k + 1]
             pair = closeups.of(ring, [by[k] for by in found.moved])
@@ -262,7 +264,7 @@ def _worth_following(
             model, agreement = seen
             worth = lines + TUNING.agreement_share * agreement
             candidate = _Candidate(model, images, whole, pair, worth, rareness, line)
-            if candidate.at_best.is_rival and not any(candidate.is_as(other) for other in chosen):
+            if is_hopeful(candidate.at_best, has_model=True) and not any(candidate.is_as(other) for other in chosen):
                 candidates.append(candidate)
         candidates.sort(key=lambda one: -one.at_best.evidence)
         chosen += candidates[:most]

@@ -42,6 +42,7 @@ class ElectrodesTuning:
     distance_step: float = 0.02  # of its logarithm
     table_step_mm: float = 0.05
     place_step_mm: float = 0.45
+    together: int = 8  # distances that are tried in one step
     closed_mm: float = 1.2  # ends of a curve that are nearer to each other than this are one place
     seams: int = 12  # of a closed curve, that are tried
     largest_correlation: float = 0.97  # of one plane's evidence with a comb
@@ -198,7 +199,7 @@ def _fitting(points: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Gener
     arc_mm = 1e3 * arc_length(points)
     length_mm = float(arc_mm[-1])
     is_closed = 1e3 * float(np.linalg.norm(points[0] - points[-1])) < TUNING.closed_mm
-    # As many places as are tried: so the comb in all its places is one row of values, from further and further on.
+    # As many values as there are places: so a comb goes on by one of them from place to place.
     count = max(2, round(length_mm / TUNING.place_step_mm))
     step_mm = length_mm / (count if is_closed else count - 1)
     at_mm = np.linspace(0.0, step_mm * (count - 1), count)
@@ -206,27 +207,31 @@ def _fitting(points: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Gener
     seams = np.arange(TUNING.seams) * count // TUNING.seams if is_closed else np.zeros(1, np.intp)
     begun, slow = _from_seams(profiles, seams)
     compared = np.concatenate([begun, slow], axis=1)
-    found: list[tuple[float, float, float, float, int, float]] = []  # share, length, period, phase, seam, score
     independent = length_mm / TUNING.independent_mm
+    found: list[tuple[float, float, float, float]] = []  # share, length, period, score
+    best = -np.inf, 0.0, 0  # score, phase, seam
     for share, length, periods in kinds:
         pole = _pole(length)
-        for period in periods.tolist():
-            combs, power = _combs(period, share, pole, step_mm, count)
+        for first in range(0, len(periods), TUNING.together):
+            some = periods[first : first + TUNING.together]
+            combs, power, begins = _combs(some, share, pole, step_mm, count)
             products = combs @ compared
             of_slow = products[:, begun.shape[1] :]
             size = np.sqrt(np.maximum(power - np.einsum("ps,ps->p", of_slow, of_slow), 1e-18))
-            correlations = products[:, : begun.shape[1]] / size[:, None]
-            correlations = np.clip(correlations, 0.0, TUNING.largest_correlation).reshape(len(combs), -1, len(PLANES))
-            likelihood = -0.5 * independent * np.log1p(-(correlations**2)).sum(axis=2)
-            best = int(np.argmax(likelihood))
-            most = float(likelihood.flat[best])
-            mean = most + float(np.log(np.mean(np.exp(likelihood - most))))
-            place, seam = divmod(best, len(seams))
-            found.append((share, length, period, place * step_mm, int(seams[seam]), mean))
+            correlations = np.clip(products[:, : begun.shape[1]] / size[:, None], 0.0, TUNING.largest_correlation)
+            each = np.log1p(-np.square(correlations)).reshape(len(combs), -1, len(PLANES))
+            likelihood = -0.5 * independent * each.sum(axis=2)
+            means = _log_means(likelihood, begins)
+            found += [(share, length, period, mean) for period, mean in zip(some.tolist(), means.tolist(), strict=True)]
+            if means.max() > best[0]:
+                which = int(np.argmax(means))
+                of_best = likelihood[begins[which] : [*begins[1:], len(combs)][which]]
+                place, seam = divmod(int(np.argmax(of_best)), len(seams))
+                best = float(means[which]), place * step_mm, int(seams[seam])
             yield
     scores = np.array([score for *_, score in found])
     weights = np.exp(scores - scores.max())
-    share, length, period, phase, seam, score = found[int(np.argmax(scores))]
+    (share, length, period, _), (score, phase, seam) = found[int(np.argmax(scores))], best
     same = np.array([abs(np.log(other / period)) < TUNING.same_distance for _, _, other, *_ in found])
     paired = np.array([other > 0.0 for other, *_ in found])
     mean_profile: Array = np.roll(profiles.mean(axis=0), -seam).astype(np.float64)
@@ -286,27 +291,40 @@ def _distances(low: float, high: float) -> Array:
     return np.asarray(np.exp(np.linspace(np.log(low), np.log(high), count)))
 
 
-def _combs(period: float, share: float, pole: Array, step_mm: float, count: int) -> tuple[Array, Array]:
-    """(P, count) what a comb shows every `step_mm` of the arc in each of its places, and (P,) the sums of its squares.
+def _combs(
+    periods: Array, share: float, pole: Array, step_mm: float, count: int
+) -> tuple[Array, Array, npt.NDArray[np.intp]]:
+    """(P, count) what combs show every `step_mm` of the arc in each of their places, and (P,) the sums of its squares.
+
+    And (N,) where those of each begin.
 
     Args:
-        period: of the comb, mm.
+        periods: (N,) of the combs, rising, mm.
         share: of a pair, see `Comb`.
-        pole: one of its poles (`_pole`).
+        pole: one of their poles (`_pole`).
         step_mm: from place to place.
         count: of values.
     """
-    places = int(np.ceil(period / step_mm))
-    along = step_mm * np.arange(1 - places, count)
-    total = np.zeros(len(along))
-    for offset in (0.0, share * period) if share else (0.0,):
-        beside = (along - offset) % period
-        for away in (beside, period - beside):
+    places = np.ceil(periods / step_mm).astype(np.intp)
+    most = int(places.max())
+    # A comb in all its places is one row of values, from further and further back.
+    along = step_mm * np.arange(1 - most, count)
+    total = np.zeros((len(periods), len(along)))
+    for offset in (0.0, share) if share else (0.0,):
+        beside = (along - offset * periods[:, None]) % periods[:, None]
+        for away in (beside, periods[:, None] - beside):
             total += pole[np.minimum((away / TUNING.table_step_mm).astype(np.intp), len(pole) - 1)]
-    sums = np.concatenate([[0.0], np.cumsum(total**2)])
-    first = np.arange(places - 1, -1, -1)
-    windows = np.lib.stride_tricks.sliding_window_view(total, count)[::-1]
-    return np.ascontiguousarray(windows), sums[first + count] - sums[first]
+    windows = np.lib.stride_tricks.sliding_window_view(total, count, axis=1)[:, ::-1]
+    combs = windows[np.arange(most) < places[:, None]]
+    return combs, np.einsum("pn,pn->p", combs, combs), np.cumsum(places) - places
+
+
+def _log_means(values: Array, begins: npt.NDArray[np.intp]) -> Array:
+    """(N,) logarithms of the means of the exponentials of some rows of values (P, K), from each beginning (N,) on."""
+    most = np.maximum.reduceat(values.max(axis=1), begins)
+    counts = np.diff(np.append(begins, len(values)))
+    above = np.exp(values - np.repeat(most, counts)[:, None]).sum(axis=1)
+    return np.asarray(most + np.log(np.add.reduceat(above, begins) / (counts * values.shape[1])))
 
 
 def _pole(length: float) -> Array:

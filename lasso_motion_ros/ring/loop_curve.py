@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numpy as np
@@ -57,8 +58,16 @@ class LoopCurve:
 
     def __call__(self, angles: Array) -> Array:
         """(N, 3) world metres at eccentric angles (N,)."""
-        basis = BSpline.design_matrix(angles, self._knots, 3).toarray()
+        basis = _splines(angles.tobytes(), self._knots.tobytes())
         return np.asarray(on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
+
+
+@lru_cache(maxsize=8)
+def _splines(angles: bytes, knots: bytes) -> Array:
+    """(N, K) the cubic splines at angles (N,); many closed curves are asked for at the same ones."""
+    basis = BSpline.design_matrix(np.frombuffer(angles), np.frombuffer(knots), 3).toarray()
+    basis.setflags(write=False)
+    return np.asarray(basis)
 
 
 class CurveFit:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, at_most, judge
+from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, at_most, is_hopeful, judge
 from lasso_motion_ros.ring.electrodes import RingEvidence
 
 GOOD = Judgement(
@@ -107,6 +107,20 @@ def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[s
     best = at_best(**known | change)
     assert best.is_rival is may_be
     assert best.evidence >= dataclasses.replace(GOOD, **change).evidence
+
+
+def test_what_leaves_no_hope_is_known_before_there_is_a_model_and_before_it_is_followed() -> None:
+    line = {"worth": 1.1, "rareness": 10.0, "line_beyond": 0.0}
+    assert is_hopeful(at_most(**line), has_model=False)
+    assert not is_hopeful(at_most(**line | {"line_beyond": 0.9}), has_model=False)
+    assert not is_hopeful(at_most(**line | {"worth": 0.6}), has_model=False)
+    assert is_hopeful(at_best(roundness=0.95, diameter_mm=20.0, **line), has_model=True)
+    assert not is_hopeful(at_best(roundness=0.75, diameter_mm=14.0, **line), has_model=True)
+    # All that is believed was hopeful.
+    faint = dataclasses.replace(GOOD, spread=0.92, comb=14.0, worth=0.95, rareness=4.0)
+    assert faint.is_ring
+    known = {"worth": faint.worth, "rareness": faint.rareness, "line_beyond": faint.line_beyond}
+    assert is_hopeful(at_best(roundness=faint.roundness, diameter_mm=faint.diameter_mm, **known), has_model=True)
 
 
 def test_a_ring_squeezed_by_its_vein_is_one_where_all_else_is_plain() -> None:
