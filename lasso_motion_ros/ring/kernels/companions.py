@@ -84,7 +84,12 @@ def _products(shown: Image, pattern: Image) -> Image:
     columns = -(-(width - side + 1) // _TAPS) * _TAPS
     taps = -(-side // _TAPS) * _TAPS
     rows, weights = np.zeros((height, columns + taps), np.float32), np.zeros((side, taps), np.float32)
-    rows[:, :width], weights[:, :side] = shown, pattern
+    for i in range(height):
+        for j in range(width):
+            rows[i, j] = shown[i, j]
+    for i in range(side):
+        for j in range(side):
+            weights[i, j] = pattern[i, j]
     made = np.zeros((height - side + 1, columns), np.float32)
     for i in range(side):
         w = weights[i]
@@ -93,9 +98,8 @@ def _products(shown: Image, pattern: Image) -> Image:
             for y in range(made.shape[0]):
                 row, own = rows[y + i, t : t + columns + _TAPS], made[y]
                 for x in range(columns):
-                    own[x] += ((a * row[x] + b * row[x + 1]) + (c * row[x + 2] + d * row[x + 3])) + (
-                        (e * row[x + 4] + f * row[x + 5]) + (g * row[x + 6] + h * row[x + 7])
-                    )
+                    own[x] += a * row[x] + b * row[x + 1] + c * row[x + 2] + d * row[x + 3]
+                    own[x] += e * row[x + 4] + f * row[x + 5] + g * row[x + 6] + h * row[x + 7]
     return made
 
 
