@@ -11,15 +11,17 @@ import pytest
 
 pytest.importorskip("rclpy", reason="needs ROS 2")
 
+from sensor_msgs.msg import Image
 from support.node_harness import PATIENCE_S, Graph
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, UncalibratedFrame
 from lasso_motion_ros.nodes import tracker_publishers
+from lasso_motion_ros.nodes.subscriptions import OfferedSubscription
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.tracking.tracker import TrackerState
 from msg_adapters.messages import RosMessages, stamp_to_ns
-from msg_adapters.topics import tracking_topic
+from msg_adapters.topics import image_topic, tracking_topic
 
 pytestmark = pytest.mark.ros
 
@@ -73,3 +75,17 @@ def test_the_executor_watches_nothing_of_what_is_published(tmp_path: Path) -> No
         )
         assert not any(one.event_handlers for one in publishers._publishers.values())
         publishers.close()
+
+
+@pytest.mark.parametrize("reliability", ["auto", "reliable"])
+def test_only_a_subscription_that_may_ask_for_too_much_is_watched(reliability: str, tmp_path: Path) -> None:
+    topic = image_topic("a")
+    with Graph([], tmp_path) as graph:
+        published = graph.publisher(topic)
+        images = OfferedSubscription(
+            graph.listener.node, Image, topic.recorded_name, lambda _: None, reliability=reliability, depth=1
+        )
+        graph.wait_until(lambda: images.reliable is not None and published.get_subscription_count() > 0)
+        assert images._subscription is not None
+        assert bool(images._subscription.event_handlers) == (reliability != "auto")
+        images.destroy()
