@@ -85,6 +85,7 @@ class Judgement:
         worth: of the ring that it comes from: lines all along it, and the same electrodes in both planes.
         rareness: how seldom chance would put so many of all pairs' electrodes on it (minus the logarithm to base ten).
         line_beyond: how much of a line goes on beyond both its ends in a plane that sees it edge-on.
+        before: log odds that earlier looks add.
     """
 
     covered: float
@@ -97,6 +98,7 @@ class Judgement:
     worth: float
     rareness: float
     line_beyond: float
+    before: float = 0.0
 
     @property
     def evidence(self) -> float:
@@ -112,6 +114,7 @@ class Judgement:
             - TUNING.per_common * max(0.0, TUNING.common - self.rareness)
             - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
             - TUNING.nothing
+            + self.before
         )
 
     @property
@@ -212,6 +215,7 @@ def judge(
     worth: float,
     rareness: float,
     line_beyond: float,
+    before: float = 0.0,
 ) -> Judgement:
     """Judge a ring by what the planes show along its curve.
 
@@ -224,6 +228,7 @@ def judge(
         worth: of the ring that it comes from.
         rareness: likewise.
         line_beyond: likewise.
+        before: log odds that earlier looks add.
     """
     glance = Glance.at(evidence.shown, places)
     shares = np.add.reduceat(weights, _starts(len(weights)))
@@ -239,6 +244,7 @@ def judge(
         worth=worth,
         rareness=rareness,
         line_beyond=line_beyond,
+        before=before,
     )
     # The comb is what takes time, and the most that it may prove is not always enough.
     comb = evidence.comb if judgement.is_rival else None

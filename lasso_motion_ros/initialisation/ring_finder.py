@@ -31,6 +31,7 @@ from lasso_motion_ros.initialisation.judgement import (
     is_hopeful,
     judge,
 )
+from lasso_motion_ros.initialisation.known_rings import FollowedRing, KnownRings
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.ring_closeup import RingCloseups
 from lasso_motion_ros.initialisation.ring_search import FoundRings, Shown, search_rings
@@ -120,6 +121,19 @@ class Proposal:
         return max(shares) > TUNING.largest_touching_share
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a look has found.
+
+    Attributes:
+        proposed: rings that are believed, best first.
+        followed: rings that a next look goes on with, likeliest first.
+    """
+
+    proposed: list[Proposal]
+    followed: list[FollowedRing]
+
+
 class OvertakenError(Exception):
     """Newer pairs are there to be looked at."""
 
@@ -128,29 +142,31 @@ def find_rings(
     pairs: Sequence[FramePair],
     config: TrackerConfig,
     *,
+    known: Sequence[FollowedRing] = (),
     other_polarity: bool = False,
     go_on: Callable[[], bool] = lambda: True,
-) -> list[Proposal]:
+) -> Look:
     """The rings that the first of some successive pairs shows and the others do, too; best first.
 
     Args:
         pairs: successive pairs, both planes each.
         config: the tracker's parameters.
+        known: rings that earlier looks have followed; their trackers go on.
         other_polarity: with `polarity: auto`, look for the one that is less likely where that is in doubt.
         go_on: asked between the steps.
 
     Returns:
-        The rings that are believed; none where the planes cannot show any.
+        The rings that are believed, none where the planes cannot show any; and what a next look goes on with.
 
     Raises:
         OvertakenError: `go_on` has said no.
     """
     if len(pairs[0].frames) < len(PLANES):
-        return []
+        return Look([], [])
     try:
         laid = _laid_out(pairs, config.polarity, other_polarity, partial(_check, go_on))
     except GeometryError:
-        return []
+        return Look([], [])
     motions = motions_of(laid)
     _check(go_on)
     mean = compensated_mean(laid, motions)
@@ -160,12 +176,14 @@ def find_rings(
     shown = [Shown.by(mean), Shown.by(laid[0])]
     found = search_rings(laid, shown, check=partial(_check, go_on))
     chosen = _worth_following(*found, closeups, shown, decided, go_on)
+    seen_before = KnownRings(known, pairs[0])
     tried: list[Proposal] = []
+    followed: list[FollowedRing] = []
     for one in chosen:
         _check(go_on)
-        ring = _followed(one, pairs, decided, go_on)
-        if ring is not None:
-            tried.append(ring)
+        if (outcome := _followed(one, pairs, seen_before, decided, go_on)) is not None:
+            tried.append(outcome[0])
+            followed.append(outcome[1])
     tried.sort(key=lambda one: -one.judgement.evidence)
     proposed: list[Proposal] = []
     astray: list[Proposal] = []
@@ -179,7 +197,9 @@ def find_rings(
                 astray.append(ring)
             else:
                 proposed.append(clicked)
-    return [replace(ring, rivals=_count_rivals(ring, tried)) for ring in proposed]
+    return Look(
+        [replace(ring, rivals=_count_rivals(ring, tried)) for ring in proposed], seen_before.remembered(followed)
+    )
 
 
 def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:
@@ -286,19 +306,20 @@ def _seen_along(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> tu
 def _followed(
     one: _Candidate,
     pairs: Sequence[FramePair],
+    known: KnownRings,
     config: TrackerConfig,
     go_on: Callable[[], bool],
-) -> Proposal | None:
+) -> tuple[Proposal, FollowedRing] | None:
     """What a ring leads to, once it has been followed through the pairs; None where there is no ring."""
     first = pairs[0]
     tracker = RingTracker(config)
     supports = []
     try:
         track = tracker.begin(one.pair, one.model, one.whole, least_support=SMALLEST_SUPPORT)
+        ring = FollowedRing(tracker, track, first.stamp_ns)
         for pair in pairs[1:]:
             _check(go_on)
-            tracker.track(pair)
-            if not track.is_followed:
+            if not ring.follow(pair):
                 return None
             supports.append(track.last_support)
         tracker.learn()  # from the last pair, too: no other one comes
@@ -306,6 +327,7 @@ def _followed(
         return None
     _check(go_on)
     evidence = replace(track.electrodes, shown=track.template.shown)
+    before = known.of(track.model.points)
     judgement = judge(
         evidence,
         places_along(track.model, one.images),
@@ -315,10 +337,12 @@ def _followed(
         worth=one.worth,
         rareness=one.rareness,
         line_beyond=one.line_beyond,
+        before=0.0 if before is None else before.adds(first.stamp_ns),
     )
+    ring.looks = (*(() if before is None else before.looks), (pairs[-1].stamp_ns, judgement.evidence))
     text = evidence.text if judgement.is_ring else ""
     projections = {plane: frame.projection for plane, frame in first.frames.items()}
-    return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, text)
+    return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, text), ring
 
 
 def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.initialisation.known_rings import FollowedRing
 from lasso_motion_ros.initialisation.ring_finder import PAIRS, SAME_M, Proposal, find_rings
 
 Array = npt.NDArray[np.float64]
@@ -20,7 +21,7 @@ FARTHEST_M = 0.03  # that a breath takes rings from look to look
 class RingLookout:
     """Collects successive pairs and looks for rings in them: as many as have to show one, then with those before, too.
 
-    What some pairs show too little of is shown by twice as many.
+    What some pairs show too little of is shown by twice as many, and what looks that share no pair say of it adds up.
 
     Args:
         config: the parameters.
@@ -31,21 +32,24 @@ class RingLookout:
         self._pairs: list[FramePair] = []
         self._before: list[FramePair] = []  # those of the look before, if the others succeed them
         self._other_polarity = False
+        self._known: list[FollowedRing] = []
 
     def reconfigure(self, config: StreamConfig) -> None:
         """Go on with other parameters."""
         self._config = config
 
     def forget(self) -> None:
-        """Begin anew: the next pair is not of the same succession."""
-        self._pairs, self._before = [], []
+        """Begin anew: nothing that was seen before counts."""
+        self._pairs, self._before, self._known = [], [], []
 
     def add(self, pair: FramePair) -> tuple[FramePair, ...]:
         """Take the next pair; the pairs to look at, or none where more are needed."""
         known = [*self._before, *self._pairs]
         is_later = not known or pair.stamp_ns > known[-1].stamp_ns
-        if not pair.is_whole or pair.new_run or not is_later:
+        if pair.new_run or not is_later:
             self.forget()
+        if not pair.is_whole:
+            self._pairs, self._before = [], []  # of no succession any more; a ring is known again across the gap
         if pair.is_whole:
             self._pairs.append(pair)
         if len(self._pairs) < PAIRS:
@@ -64,7 +68,8 @@ class RingLookout:
         Raises:
             OvertakenError: `go_on` has said no.
         """
-        found = find_rings(pairs, self._config, other_polarity=self._other_polarity, go_on=go_on)
+        look = find_rings(pairs, self._config, known=self._known, other_polarity=self._other_polarity, go_on=go_on)
+        self._known, found = look.followed, look.proposed
         # Where the likelier polarity has shown none, the other has its turn, if that is in doubt.
         self._other_polarity = not found and not self._other_polarity
         return found

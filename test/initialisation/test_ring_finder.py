@@ -28,14 +28,14 @@ CONFIG = TrackerConfig(polarity="dark")
 
 @pytest.mark.slow
 def test_without_a_ring_nothing_is_proposed() -> None:
-    assert find_rings([lasso_pair(index, None) for index in range(3)], CONFIG) == []
+    assert find_rings([lasso_pair(index, None) for index in range(3)], CONFIG).proposed == []
 
 
 @pytest.mark.slow
 def test_of_two_lassos_both_are_proposed_and_none_is_started_with() -> None:
     other = CURVE + np.array([0.004, 0.006, 0.034])
     images = {plane: np.minimum(lasso_image(CURVE, view), lasso_image(other, view)) for plane, view in VIEWS.items()}
-    rings = find_rings([pair_of(index, images) for index in range(3)], CONFIG)
+    rings = find_rings([pair_of(index, images) for index in range(3)], CONFIG).proposed
     nearest = min(distance_to_curve(CURVE, ring.points).mean() for ring in rings)
     assert nearest < 0.5e-3
     middles = sorted(float(ring.centre[2]) for ring in rings)
@@ -55,8 +55,20 @@ def test_a_ring_is_judged_by_what_all_pairs_show(monkeypatch: pytest.MonkeyPatch
 
     begun = RingTracker.begin
     monkeypatch.setattr(RingTracker, "begin", begin)
-    assert find_rings([pair(index) for index in range(3)], CONFIG)
+    assert find_rings([pair(index) for index in range(3)], CONFIG).proposed
     assert max(track.template.count for track in tracks) == 3
+
+
+@pytest.mark.slow
+def test_what_a_look_says_of_a_ring_adds_to_a_later_one_that_shares_no_pair_with_it() -> None:
+    first = find_rings([pair(index) for index in range(3)], CONFIG)
+    (ring,) = first.proposed
+    assert ring.judgement.before == 0.0
+    overlapping = find_rings([pair(index) for index in range(2, 5)], CONFIG, known=first.followed)
+    assert overlapping.proposed[0].judgement.before == 0.0
+    assert len(overlapping.followed[0].looks) == 2
+    later = find_rings([pair(index) for index in range(5, 8)], CONFIG, known=overlapping.followed)
+    assert later.proposed[0].judgement.before > 1.0
 
 
 @pytest.mark.slow
@@ -73,7 +85,7 @@ def test_a_ring_that_a_plane_sees_edge_on_is_proposed_and_a_look_asks_often_whet
         asked.append(time.thread_time())
         return True
 
-    (ring,) = find_rings([pair_of(index, images) for index in range(3)], CONFIG, go_on=go_on)
+    (ring,) = find_rings([pair_of(index, images) for index in range(3)], CONFIG, go_on=go_on).proposed
     assert np.linalg.norm(ring.centre - curve.mean(axis=0)) < 1e-3
     assert distance_to_curve(curve, ring.points).mean() < 0.6e-3
     # Whoever clicks waits for none of it: so much of a look goes on at most.
@@ -115,7 +127,7 @@ def test_an_arc_of_a_ring_and_what_lies_beside_it_make_no_other() -> None:
 
 
 def test_one_plane_alone_proposes_nothing() -> None:
-    assert find_rings([pair(index, planes="a") for index in range(3)], CONFIG) == []
+    assert find_rings([pair(index, planes="a") for index in range(3)], CONFIG).proposed == []
 
 
 def test_a_look_that_is_overtaken_gives_up() -> None:
@@ -126,9 +138,9 @@ def test_a_look_that_is_overtaken_gives_up() -> None:
 @pytest.mark.slow
 def test_images_too_small_or_blank_propose_nothing() -> None:
     small = {plane: Frame(0, np.full((32, 32), 100, np.uint8), projection(plane)) for plane in ("a", "b")}
-    assert find_rings([FramePair(0, small["a"], small["b"])] * 3, CONFIG) == []
+    assert find_rings([FramePair(0, small["a"], small["b"])] * 3, CONFIG).proposed == []
     blank = {plane: Frame(0, np.zeros((view.height, view.width), np.uint16), view) for plane, view in VIEWS.items()}
-    assert find_rings([FramePair(0, blank["a"], blank["b"])] * 3, CONFIG) == []
+    assert find_rings([FramePair(0, blank["a"], blank["b"])] * 3, CONFIG).proposed == []
     strips = {plane: view.read_out(200, 200, 24, 300, 1, 1) for plane, view in VIEWS.items()}
     narrow = {plane: Frame(0, np.zeros((300, 24), np.uint8), view) for plane, view in strips.items()}
-    assert find_rings([FramePair(0, narrow["a"], narrow["b"])] * 3, CONFIG) == []
+    assert find_rings([FramePair(0, narrow["a"], narrow["b"])] * 3, CONFIG).proposed == []

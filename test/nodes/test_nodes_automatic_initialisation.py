@@ -15,7 +15,7 @@ from support.proposed_ring import ring
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import PAIRS, Proposal
+from lasso_motion_ros.initialisation.ring_finder import PAIRS, Look, Proposal
 from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
 from lasso_motion_ros.stream.ring_need import LONG_NS
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -52,7 +52,7 @@ def test_a_look_that_clicks_overtake_gives_up() -> None:
 def test_a_ring_that_was_passed_over_is_not_started_with_unasked(monkeypatch: pytest.MonkeyPatch) -> None:
     one, other = ring(0.0), ring(0.03)
     looks = iter([[one, other], [one], [other]])
-    monkeypatch.setattr("lasso_motion_ros.stream.automatic_start.find_rings", lambda *_, **__: next(looks))
+    monkeypatch.setattr("lasso_motion_ros.stream.automatic_start.find_rings", lambda *_, **__: Look(next(looks), []))
     proposed, started = queue.Queue[list[Proposal]](), queue.Queue[Proposal]()
     config = StreamConfig(automatic_initialisation="start")
     waiting = TrackerState.WAITING_FOR_SEED
@@ -80,9 +80,9 @@ def test_where_a_model_has_lost_its_ring_for_long_one_is_proposed_never_started_
 ) -> None:
     looks = queue.Queue[int]()
 
-    def found(pairs: Sequence[FramePair], *_: object, **__: object) -> list[Proposal]:
+    def found(pairs: Sequence[FramePair], *_: object, **__: object) -> Look:
         looks.put(pairs[0].stamp_ns // PERIOD_NS)
-        return [ring(0.0)]
+        return Look([ring(0.0)], [])
 
     monkeypatch.setattr("lasso_motion_ros.stream.automatic_start.find_rings", found)
     proposed, started = queue.Queue[list[Proposal]](), list[Proposal]()
