@@ -48,15 +48,16 @@ class _Tuning:
     common: float = 3.0  # once in a thousand times: what leaves half of a ring out is no rarer than chance
     per_small_mm: float = 1.4  # by which it is smaller than most: what else makes a ring is small
     small_mm: float = 16.0
+    per_line_beyond: float = 3.0  # of a line that goes on beyond a ring that a plane sees edge-on
     enough_comb: float = 30.0  # more proves no more
     enough_support: float = 2.3
     enough_worth: float = 1.1
     enough_rareness: float = 30.0
     nothing: float = 49.0
-    believed: float = 3.0  # nothing without a ring has more than 2.1 (docs/automatic.md)
+    believed: float = 3.5  # nothing that is none has more than 2.5 (docs/automatic.md)
     rival: float = -0.5
     # With all that is not known yet at its best: no ring has everything, so that less of it leaves no hope.
-    hope_of_circle: float = 9.0  # before there is a model,
+    hope_of_circle: float = 8.0  # before there is a model,
     hope_of_model: float = 5.0  # and before it is followed
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
@@ -113,6 +114,7 @@ class Judgement:
             + TUNING.per_rareness * min(self.rareness, TUNING.enough_rareness)
             - TUNING.per_common * max(0.0, TUNING.common - self.rareness)
             - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
+            - TUNING.per_line_beyond * self.line_beyond
             - TUNING.nothing
             + self.before
         )

@@ -86,6 +86,25 @@ def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> No
     assert dataclasses.replace(row, rareness=4.0).is_ring
 
 
+def test_a_chain_of_poles_on_a_line_that_goes_on_is_none() -> None:
+    # Edge-on in one plane, and in the other a curve beside it that happens to have as many spots.
+    line = Judgement(
+        covered=0.92,
+        spread=0.966,
+        agreement=0.223,
+        comb=26.9,
+        roundness=0.85,
+        support=2.13,
+        diameter_mm=21.3,
+        worth=0.925,
+        rareness=11.1,
+        line_beyond=0.477,
+    )
+    assert not line.missing
+    assert not line.is_ring
+    assert dataclasses.replace(line, line_beyond=0.0).is_ring
+
+
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
     assert dataclasses.replace(GOOD, comb=12.0, spread=0.86, worth=0.85).is_rival
     assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8, rareness=8.0).is_rival
