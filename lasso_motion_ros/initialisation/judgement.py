@@ -57,8 +57,8 @@ class _Tuning:
     believed: float = 3.5  # nothing that is none has more than 2.5 (docs/automatic.md)
     rival: float = -0.5
     # With all that is not known yet at its best: no ring has everything, so that less of it leaves no hope.
-    hope_of_circle: float = 8.0  # before there is a model,
-    hope_of_model: float = 5.0  # and before it is followed
+    hope_of_circle: float = 5.0  # before there is a model,
+    hope_of_model: float = 4.0  # and before it is followed
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
     slow_points: float = 10.0  # standard deviation, of some hundred points along the arc

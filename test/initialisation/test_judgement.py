@@ -134,8 +134,13 @@ def test_what_leaves_no_hope_is_known_before_there_is_a_model_and_before_it_is_f
     assert not is_hopeful(at_most(**line | {"line_beyond": 0.9}), has_model=False)
     assert not is_hopeful(at_most(**line | {"worth": 0.6}), has_model=False)
     assert is_hopeful(at_best(roundness=0.95, diameter_mm=20.0, **line), has_model=True)
-    assert not is_hopeful(at_best(roundness=0.75, diameter_mm=14.0, **line), has_model=True)
-    # All that is believed was hopeful.
+    assert not is_hopeful(at_best(roundness=0.72, diameter_mm=14.0, **line), has_model=True)
+    # All that is believed was hopeful: a plain ring, too, of whose electrodes few are points in all pairs.
+    plain = dataclasses.replace(GOOD, spread=0.98, comb=50.0, worth=1.28, roundness=0.913, support=2.39, rareness=0.0)
+    assert plain.is_ring
+    found = {"worth": plain.worth, "rareness": 0.0, "line_beyond": 0.0}
+    assert is_hopeful(at_most(**found), has_model=False)
+    assert is_hopeful(at_best(roundness=plain.roundness, diameter_mm=plain.diameter_mm, **found), has_model=True)
     faint = dataclasses.replace(GOOD, spread=0.92, comb=14.0, worth=0.95, rareness=4.0)
     assert faint.is_ring
     known = {"worth": faint.worth, "rareness": faint.rareness, "line_beyond": faint.line_beyond}
