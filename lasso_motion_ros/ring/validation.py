@@ -5,16 +5,21 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import StateTuning, probability_beyond
 from lasso_motion_ros.tracking.tracker import TrackerState
 
+Array = npt.NDArray[np.float64]
+
 SHOWN = 1.0  # of evidence: a plane that shows less shows nothing like the ring
 MOVED_C_ARM = "moved C-arm without a new calibration?"
+OTHER_PLACES = "other places look nearly as much like the lasso"
 
 
 @dataclass(frozen=True)
@@ -85,15 +90,19 @@ def contradiction(track: Track, states: StateTuning) -> str:
     return planes.text if is_likely and planes.size_mm > states.misleading_mm else ""
 
 
-def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[float, str]:
+def misleading(track: Track, position: Array, association: Association, states: StateTuning) -> tuple[float, str]:
     """Probability that a pose is off by so much that it misleads, and what speaks for that most.
 
     Args:
         track: all that is known; whether it slides by what this pair shows.
-        sigma_mm: of the pose, along the direction known worst, mm.
+        position: (3, 3) m² of the pose, all places considered.
+        association: those places.
         states: how far off misleads.
     """
     limit_m = _limit_m(states)
+    # A place far off is as wrong as can be, however far, and only as probable as it is: no normal deviate.
+    elsewhere, by_those = association.beyond(limit_m)
+    sigma_mm = 1e3 * largest_sigma(position - by_those)
     vague, slid = probability_beyond(states.misleading_mm, sigma_mm), track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
@@ -101,8 +110,12 @@ def misleading(track: Track, sigma_mm: float, states: StateTuning) -> tuple[floa
     if companions.is_known or companions.beyond(limit_m) > slid:
         slid = companions.beyond(limit_m)
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
-    why = f"it seems to slide: {by}" if slid > vague else f"its place is known to {sigma_mm:.1f} mm only"
-    return 1.0 - (1.0 - vague) * (1.0 - slid), why
+    why = {
+        f"it seems to slide: {by}": slid,
+        f"its place is known to {sigma_mm:.1f} mm only": vague,
+        OTHER_PLACES: elsewhere,
+    }
+    return 1.0 - (1.0 - vague) * (1.0 - slid) * (1.0 - elsewhere), max(why, key=lambda text: why[text])
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
@@ -176,7 +189,7 @@ def _unseen(association: Association, pair: FramePair) -> str:
         return "the lasso is not seen"
     has_rival = len(association.hypotheses) > 1 and association.hypotheses[1].probability > association.absent
     if has_rival and evidence.get(weak, -1.0) >= SHOWN:
-        return "other places look nearly as much like the lasso"
+        return OTHER_PLACES
     return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
 
 

@@ -31,6 +31,7 @@ TUNING, STATES = ValidationTuning(), StateTuning()
 VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], [0.0, 0.0, 1.0, 0.8]]), 8, 8)
 FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A, ONLY_B = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None), FramePair(0, None, FRAME)
+ALONE = Association((), 1.0)
 HERE = np.array([0.010, -0.020, 0.015])
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
@@ -134,16 +135,37 @@ def test_planes_that_likely_disagree_by_so_much_that_it_misleads_leave_no_pose()
     assert contradiction(track(contradicts=0.2, size_mm=1.9), STATES) == ""
 
 
+def misled(of_track, sigma_mm, association=ALONE):
+    return misleading(of_track, 1e-6 * sigma_mm**2 * np.eye(3), association, STATES)
+
+
 def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
     # Two standard deviations of 1 mm, and half of what shows: 1 mm of a slide that is sure, 0.134 of it more than 2 mm.
-    vague, said = misleading(track(), 1.0, STATES)
+    vague, said = misled(track(), 1.0)
     assert (vague, said) == (pytest.approx(0.0455, abs=1e-4), "its place is known to 1.0 mm only")
-    slid, said = misleading(track(slide=Slide(1e-3, 50.0)), 0.1, STATES)
+    slid, said = misled(track(slide=Slide(1e-3, 50.0)), 0.1)
     assert slid == pytest.approx(1.0 - np.sqrt(0.75))
     assert said == "it seems to slide: 1.0 mm across its breathing, and perhaps more along it"
-    both, said = misleading(track(slide=Slide(1e-3, 50.0)), 1.0, STATES)
+    both, said = misled(track(slide=Slide(1e-3, 50.0)), 1.0)
     assert both == pytest.approx(1.0 - (1.0 - vague) * (1.0 - slid))
     assert said.startswith("it seems to slide")
+
+
+def test_another_place_misleads_as_often_as_it_is_the_ring_however_far_off_it_lies():
+    def at(x_m, probability):
+        motion = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array([x_m, 0.0, 0.0])))
+        return Hypothesis(None, motion, 0.0, 0.0, 0.0, probability=probability)
+
+    for far_m in (0.012, 0.050):
+        places = Association((at(0.0, 0.97), at(far_m, 0.03)), 0.0)
+        position = 1e-8 * np.eye(3) + places.spread
+        # As a normal deviate this would be 2 to 9 mm wide, and off by more than 2 mm in a third of all cases or more.
+        share, said = misleading(track(), position, places, STATES)
+        assert (share, said) == (pytest.approx(0.03), "other places look nearly as much like the lasso")
+    # One that is beside it widens what is known of its place.
+    places = Association((at(0.0, 0.8), at(0.0015, 0.2)), 0.0)
+    share, said = misleading(track(), 1e-6 * np.eye(3) + places.spread, places, STATES)
+    assert (share, said) == (pytest.approx(0.0972, abs=1e-3), "its place is known to 1.2 mm only")
 
 
 def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
@@ -153,16 +175,16 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
 
     seems = Slide(1e-3, 50.0)
     # It has not, whatever its own past makes of it: two standard deviations from where it would mislead.
-    slid, said = misleading(track(slide=seems, companions=companions(1.0)), 0.1, STATES)
+    slid, said = misled(track(slide=seems, companions=companions(1.0)), 0.1)
     assert slid == pytest.approx(0.02275, abs=1e-4)
     assert said == "it seems to slide: 1.0 mm from what moves with the heart beside it"
     # It has, along the way of its breathing, where its past shows nothing.
-    slid, said = misleading(track(companions=companions(3.0)), 0.1, STATES)
+    slid, said = misled(track(companions=companions(3.0)), 0.1)
     assert slid == pytest.approx(0.97725, abs=1e-4)
     # What is not seen any more tells of no innocence, but of what it told before.
-    slid, said = misleading(track(slide=seems, companions=companions(0.5, unseen_s=5.0)), 0.1, STATES)
+    slid, said = misled(track(slide=seems, companions=companions(0.5, unseen_s=5.0)), 0.1)
     assert said.endswith("across its breathing, and perhaps more along it")
-    slid, said = misleading(track(slide=seems, companions=companions(3.0, unseen_s=5.0)), 0.1, STATES)
+    slid, said = misled(track(slide=seems, companions=companions(3.0, unseen_s=5.0)), 0.1)
     assert slid == pytest.approx(0.97725, abs=1e-4)
 
 
