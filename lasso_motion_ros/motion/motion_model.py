@@ -41,6 +41,10 @@ class MotionTuning:
     first_spread_m: float = 0.010  # standard deviation before any motion was seen, along the body if that is known
     smallest_spread_m: float = 0.0005  # and at least, however little has been seen
     seen_spread_m: float = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
+    # Where one plane is alone, depth follows from the motion that was seen. How far it strays from that is measured;
+    known_spread_m: float = 0.001  # what was expected of it counts as one displacement,
+    known_least_m: float = 0.0002  # and at least,
+    known_seen_m: float = 0.002  # root sum of squares of the motion seen, as above.
     sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
     # After these many sure displacements the past is gone through again with the spread learned since. What it changes
     # is what the loop did between the first two exposures, and with it every displacement's depth.
@@ -147,11 +151,26 @@ class Spread:
     @cached_property
     def covariance(self) -> Array:
         """(3, 3) of the motion about its mean, m²."""
+        return self._with(0.0, self.tuning.smallest_spread_m, self.tuning.seen_spread_m)
+
+    def _with(self, first_m: float, least_m: float, enough_m: float) -> Array:
         tuning, seen = self.tuning, float(np.trace(self.scatter))
-        sideways = tuning.sideways_share**2 * seen / max(self.count, 1)
-        unknown = tuning.first_spread_m**2 / (1.0 + seen / tuning.seen_spread_m**2)
+        sideways = tuning.sideways_share**2 * seen / max(self.count, 1) + first_m**2
+        unknown = tuning.first_spread_m**2 / (1.0 + seen / enough_m**2)
         first = sideways * _IDENTITY_3 + unknown * self.shape  # which counts as one displacement
-        return np.asarray((self.scatter + first) / (self.count + 1) + tuning.smallest_spread_m**2 * _IDENTITY_3)
+        return np.asarray((self.scatter + first) / (self.count + 1) + least_m**2 * _IDENTITY_3)
+
+    def along(self, ray: Array) -> tuple[float, float]:
+        """Variances along a ray (3,), m², of a motion of which is known what lies across it.
+
+        Returns:
+            As `covariance` has it: wide on purpose, since the filter has to follow what nobody foretold. And by how far
+            the motion was seen to stray from its way.
+        """
+        tuning = self.tuning
+        known = self._with(tuning.known_spread_m, tuning.known_least_m, tuning.known_seen_m)
+        wide, seen = (1.0 / float(ray @ np.linalg.solve(one, ray)) for one in (self.covariance, known))
+        return wide, min(seen, wide)
 
     def learned(self, displacement: Array) -> Spread:
         """With one more displacement (3,) m."""

@@ -305,8 +305,8 @@ class RingTracker:
         track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
         if not best.is_whole:
             track.curve.see(time_s, best.displacement, is_whole=False)
-            doubt = track.motion.doubt(best.displacement)
-            return np.asarray(doubt * track.motion.at_a.covariance + association.spread)
+            (alone,) = best.detection.planes.values()
+            return np.asarray(track.motion.alone(alone.ray) + association.spread)
         track.learn_motion(best, time_s)
         track.companions.accept()
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support
