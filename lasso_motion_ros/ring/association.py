@@ -134,17 +134,17 @@ class Association:
     @property
     def spread(self) -> Array:
         """(3, 3) m² by which the other places spread the best one's displacement."""
-        return self.beyond(0.0)[1]
+        return self.spread_beyond(0.0)
 
-    def beyond(self, limit_m: float) -> tuple[float, Array]:
-        """Probability that the ring is further from the best place than a limit, and the (3, 3) m² that this adds."""
+    def spread_beyond(self, limit_m: float) -> Array:
+        """(3, 3) m² of that by those other places alone that are further from the best one than a limit."""
         if len(self.hypotheses) < 2:
-            return 0.0, np.zeros((3, 3))
+            return np.zeros((3, 3))
         weights = np.array([one.probability for one in self.hypotheses])
         weights = weights / weights.sum()
         away = np.array([one.displacement for one in self.hypotheses]) - self.hypotheses[0].displacement
         weights = np.where(np.square(away).sum(axis=1) > limit_m**2, weights, 0.0)
-        return float(weights.sum()), np.asarray((weights[:, None] * away).T @ away)
+        return np.asarray((weights[:, None] * away).T @ away)
 
 
 def associate(

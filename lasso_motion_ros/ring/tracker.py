@@ -257,7 +257,7 @@ class RingTracker:
         # Report.
         with self._stages("report"):
             position = covariance_since_reference(track, position, best)
-            misleads, doubt = misleading(track, position, association, options.state)
+            misleads, doubt = misleading(track, position, association, best, options.state)
             contradicts = contradiction(track, options.state)
             if contradicts or misleads > options.state.misleads_pose:
                 # It is seen, and followed and learned on; only no pose rests on it.

@@ -90,19 +90,22 @@ def contradiction(track: Track, states: StateTuning) -> str:
     return planes.text if is_likely and planes.size_mm > states.misleading_mm else ""
 
 
-def misleading(track: Track, position: Array, association: Association, states: StateTuning) -> tuple[float, str]:
+def misleading(
+    track: Track, position: Array, association: Association, best: Hypothesis, states: StateTuning
+) -> tuple[float, str]:
     """Probability that a pose is off by so much that it misleads, and what speaks for that most.
 
     Args:
         track: all that is known; whether it slides by what this pair shows.
         position: (3, 3) m² of the pose, all places considered.
         association: those places.
+        best: the one that the pose is of.
         states: how far off misleads.
     """
     limit_m = _limit_m(states)
     # A place far off is as wrong as can be, however far, and only as probable as it is: no normal deviate.
-    elsewhere, by_those = association.beyond(limit_m)
-    sigma_mm = 1e3 * largest_sigma(position - by_those)
+    elsewhere = 1.0 - best.believed
+    sigma_mm = 1e3 * largest_sigma(position - association.spread_beyond(limit_m))
     vague, slid = probability_beyond(states.misleading_mm, sigma_mm), track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
@@ -113,7 +116,7 @@ def misleading(track: Track, position: Array, association: Association, states: 
     why = {
         f"it seems to slide: {by}": slid,
         f"its place is known to {sigma_mm:.1f} mm only": vague,
-        OTHER_PLACES: elsewhere,
+        OTHER_PLACES if elsewhere > 2.0 * association.absent else _faint(best): elsewhere,
     }
     return 1.0 - (1.0 - vague) * (1.0 - slid) * (1.0 - elsewhere), max(why, key=lambda text: why[text])
 
@@ -154,7 +157,7 @@ def quality(
         return TrackerState.DEGRADED, "it is not sure yet that it is in its place"
     weak = _weaker(best)
     if best.believed < states.tracking:
-        return TrackerState.DEGRADED, f"plane {weak} shows the lasso only faintly"
+        return TrackerState.DEGRADED, _faint(best)
     if best.detection.support < tuning.faint_share * track.usual_support:
         return TrackerState.DEGRADED, f"plane {weak} shows less of the lasso than it did"
     return TrackerState.TRACKING, ""
@@ -177,6 +180,10 @@ def _both_show(best: Hypothesis) -> bool:
 def _weaker(best: Hypothesis) -> str:
     """Name of the plane that shows less of it."""
     return min(best.detection.planes, key=lambda plane: best.detection.planes[plane].evidence).upper()
+
+
+def _faint(best: Hypothesis) -> str:
+    return f"plane {_weaker(best)} shows the lasso only faintly"
 
 
 def _unseen(association: Association, pair: FramePair) -> str:

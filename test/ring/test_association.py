@@ -296,10 +296,8 @@ def test_the_spread_of_the_mixture_by_hand():
     expected = 0.2e-6 * np.array([[0.0, 0.0, 0.0], [0.0, 9.0, 12.0], [0.0, 12.0, 16.0]])
     np.testing.assert_allclose(Association((one, other), 0.1).spread, expected, atol=1e-15)
     np.testing.assert_array_equal(Association((one,), 0.1).spread, 0.0)
-    for limit_m, share in ((0.004, 0.2), (0.006, 0.0)):
-        further, spread = Association((one, other), 0.1).beyond(limit_m)
-        assert further == pytest.approx(share)
-        np.testing.assert_allclose(spread, expected if share else 0.0, atol=1e-15)
+    for limit_m, beyond in ((0.004, expected), (0.006, 0.0)):
+        np.testing.assert_allclose(Association((one, other), 0.1).spread_beyond(limit_m), beyond, atol=1e-15)
 
 
 def test_planes_that_disagree_are_told_by_how_much():

@@ -1,5 +1,6 @@
 """Each reason for which a detection is not believed, or only with a doubt, and its words."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -31,7 +32,6 @@ TUNING, STATES = ValidationTuning(), StateTuning()
 VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], [0.0, 0.0, 1.0, 0.8]]), 8, 8)
 FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A, ONLY_B = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None), FramePair(0, None, FRAME)
-ALONE = Association((), 1.0)
 HERE = np.array([0.010, -0.020, 0.015])
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
@@ -135,8 +135,8 @@ def test_planes_that_likely_disagree_by_so_much_that_it_misleads_leave_no_pose()
     assert contradiction(track(contradicts=0.2, size_mm=1.9), STATES) == ""
 
 
-def misled(of_track, sigma_mm, association=ALONE):
-    return misleading(of_track, 1e-6 * sigma_mm**2 * np.eye(3), association, STATES)
+def misled(of_track, sigma_mm):
+    return misleading(of_track, 1e-6 * sigma_mm**2 * np.eye(3), Association((), 0.0), best(probability=1.0), STATES)
 
 
 def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
@@ -151,21 +151,24 @@ def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
     assert said.startswith("it seems to slide")
 
 
-def test_another_place_misleads_as_often_as_it_is_the_ring_however_far_off_it_lies():
-    def at(x_m, probability):
+def test_what_is_not_the_ring_misleads_as_often_as_it_is_not_however_far_off_the_ring_is():
+    def at(x_m, probability, believed):
         motion = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array([x_m, 0.0, 0.0])))
-        return Hypothesis(None, motion, 0.0, 0.0, 0.0, probability=probability)
+        return replace(best(1.8, 1.2, probability=probability), motion=motion, believed=believed)
 
     for far_m in (0.012, 0.050):
-        places = Association((at(0.0, 0.97), at(far_m, 0.03)), 0.0)
+        places = Association((at(0.0, 0.97, 0.97), at(far_m, 0.03, 0.0)), 0.0)
         position = 1e-8 * np.eye(3) + places.spread
         # As a normal deviate this would be 2 to 9 mm wide, and off by more than 2 mm in a third of all cases or more.
-        share, said = misleading(track(), position, places, STATES)
+        share, said = misleading(track(), position, places, places.hypotheses[0], STATES)
         assert (share, said) == (pytest.approx(0.03), "other places look nearly as much like the lasso")
-    # One that is beside it widens what is known of its place.
-    places = Association((at(0.0, 0.8), at(0.0015, 0.2)), 0.0)
-    share, said = misleading(track(), 1e-6 * np.eye(3) + places.spread, places, STATES)
-    assert (share, said) == (pytest.approx(0.0972, abs=1e-3), "its place is known to 1.2 mm only")
+    nowhere = Association((at(0.0, 0.94, 0.94),), 0.06)
+    share, said = misleading(track(), 1e-8 * np.eye(3), nowhere, nowhere.hypotheses[0], STATES)
+    assert (share, said) == (pytest.approx(0.06), "plane B shows the lasso only faintly")
+    # One that is beside it widens what is known of its place: by 0.2 · 1.5² mm².
+    places = Association((at(0.0, 0.8, 1.0), at(0.0015, 0.2, 0.0)), 0.0)
+    share, said = misleading(track(), 1e-6 * np.eye(3) + places.spread, places, places.hypotheses[0], STATES)
+    assert (share, said) == (pytest.approx(0.0967, abs=1e-3), "its place is known to 1.2 mm only")
 
 
 def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
