@@ -41,10 +41,11 @@ class MotionTuning:
     first_spread_m: float = 0.010  # standard deviation before any motion was seen, along the body if that is known
     smallest_spread_m: float = 0.0005  # and at least, however little has been seen
     seen_spread_m: float = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
-    # Where one plane is alone, depth follows from the motion that was seen. How far it strays from that is measured;
-    known_spread_m: float = 0.001  # what was expected of it counts as one displacement,
-    known_least_m: float = 0.0002  # and at least,
-    known_seen_m: float = 0.002  # root sum of squares of the motion seen, as above.
+    # Where one plane is alone, depth follows from the motion seen, and is known as well as that kept to its way. In the
+    # place of the first, smallest and seen spread above, then:
+    known_spread_m: float = 0.001  # in every direction, expected before any was seen: counts as one displacement
+    known_least_m: float = 0.0002  # at least, however little it strayed
+    known_seen_m: float = 0.002
     sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
     # After these many sure displacements the past is gone through again with the spread learned since. What it changes
     # is what the loop did between the first two exposures, and with it every displacement's depth.
@@ -154,6 +155,7 @@ class Spread:
         return self._with(0.0, self.tuning.smallest_spread_m, self.tuning.seen_spread_m)
 
     def _with(self, first_m: float, least_m: float, enough_m: float) -> Array:
+        """(3, 3) m² with spreads, metres: expected in every direction, at least, and seen to outweigh the first."""
         tuning, seen = self.tuning, float(np.trace(self.scatter))
         sideways = tuning.sideways_share**2 * seen / max(self.count, 1) + first_m**2
         unknown = tuning.first_spread_m**2 / (1.0 + seen / enough_m**2)
