@@ -6,6 +6,8 @@ RViz shows it where it is installed; `rviz:=false` leaves it out, `web:=true` se
 
 from __future__ import annotations
 
+import atexit
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -37,7 +39,9 @@ def graph(context: LaunchContext) -> list[LaunchDescriptionEntity]:
     recording = Path(LaunchConfiguration("bag").perform(context))
     if not recording.exists():  # before any process runs
         raise RuntimeError(f"bag:={recording}: there is no such recording")
-    surface = Path(tempfile.mkdtemp(prefix="lasso_motion_")) / "left_atrium.stl"
+    directory = tempfile.mkdtemp(prefix="lasso_motion_")
+    atexit.register(shutil.rmtree, directory, ignore_errors=True)
+    surface = Path(directory) / "left_atrium.stl"
     write_demo_surface(recording, surface)
     system = PathJoinSubstitution([FindPackageShare(PACKAGE), "launch", "lasso_motion.launch.py"])
     command = PathJoinSubstitution([FindPackagePrefix(PACKAGE), "lib", PACKAGE, "lasso-motion"])

@@ -72,9 +72,9 @@ class CommandParser(argparse.ArgumentParser):
             names: of `add_argument`.
             fits: as in `add_several`, for an option with one value or more.
             group: argparse's group to which it belongs.
-            settings: of `add_argument`; the type is `Path` unless given.
+            settings: of `add_argument`; the type is `str` for what may be no path, else `Path`.
         """
-        settings.setdefault("type", Path)
+        settings["type"] = named if settings.get("type") is str else path_named
         if fits is not None:
             self.add_several(names[0], fits, **settings)
             self._inputs.append(names[0].strip("-").replace("-", "_"))
@@ -106,7 +106,7 @@ class CommandParser(argparse.ArgumentParser):
         """
         if not self._outputs:
             self.add_argument("--overwrite", action="store_true", help="replace outputs that exist")
-        added = (group or self).add_argument(*names, type=Path, **settings)
+        added = (group or self).add_argument(*names, type=path_named, **settings)
         is_directory = directory if callable(directory) else lambda path: bool(directory)
         self._outputs.append(OutputArgument(added.dest, is_directory, owned, ignored, unless, many))
 
@@ -139,6 +139,26 @@ class CommandParser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say in one line what is wrong; `--help` shows the usage."""
         self.exit(2, f"{self.prog}: {message} (--help shows the usage)\n")
+
+
+def named(text: str) -> str:
+    """A word of the command line that names something.
+
+    Raises:
+        ArgumentTypeError: it is empty, as where a shell's variable is not set.
+    """
+    if not text:
+        raise argparse.ArgumentTypeError("expected a name, found an empty word")
+    return text
+
+
+def path_named(text: str) -> Path:
+    """The path that a word of the command line names.
+
+    Raises:
+        ArgumentTypeError: it is empty, which for `Path` is the working directory.
+    """
+    return Path(named(text))
 
 
 def is_archive(options: argparse.Namespace) -> bool:

@@ -31,7 +31,8 @@ def interruptible() -> Iterator[None]:
     """Ctrl-C and SIGTERM raise KeyboardInterrupt and Terminated while a block runs.
 
     Where Python has nobody to raise it to (it was running a finaliser or a weak reference's callback, as it does within
-    every import) it would print the exception and go on. The signal then comes once more, a moment later.
+    every import) it would print the exception and go on. The signal then comes once more, a moment later. Where it came
+    within a compiled function that returned all the same, Python makes a SystemError of it: taken for what it was.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -58,9 +59,22 @@ def interruptible() -> Iterator[None]:
     sys.unraisablehook = unraisable
     try:
         yield
+    except SystemError as error:
+        interrupt = _interrupt_behind(error)
+        if interrupt is None:
+            raise
+        raise interrupt from None
     finally:
         sys.unraisablehook = hook
         signal.signal(signal.SIGTERM, before)
+
+
+def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
+    """The interrupt that an error was made of, if any."""
+    cause = error.__cause__
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__
+    return cause
 
 
 @contextmanager

@@ -176,6 +176,8 @@ class _StopSignal:
     def at_once(self) -> Iterator[None]:
         """A block that a signal ends, also one that has come before.
 
+        An error of a block that is given up is no error: compiled code may have made one of the interrupt.
+
         Raises:
             KeyboardInterrupt: there was a signal.
         """
@@ -184,6 +186,10 @@ class _StopSignal:
             if self.stopped.is_set():
                 raise KeyboardInterrupt
             yield
+        except Exception:
+            if self.stopped.is_set():
+                raise KeyboardInterrupt from None
+            raise
         finally:
             self._interrupts = False
 

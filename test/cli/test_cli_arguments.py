@@ -88,3 +88,14 @@ def test_what_is_not_the_commands_is_left_as_it_is(end: str) -> None:
 
 def test_rules_become_a_mapping() -> None:
     assert parse_remap(RULES) == {"/x/a": "/a", "/x/b": "/b"}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["track", "", "-o", "OUT"], ["track", "IN", "-o", ""], ["evaluate", "IN", "--config", ""], ["check", ""]],
+    ids=" ".join,
+)
+def test_an_empty_word_names_no_file(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    """A shell's variable that is not set would be the working directory, or a live graph."""
+    assert main(words) == 2
+    assert capsys.readouterr().err.endswith("expected a name, found an empty word (--help shows the usage)\n")

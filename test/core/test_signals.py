@@ -48,6 +48,23 @@ def test_a_signal_within_a_finaliser_comes_once_more(
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_signal_within_compiled_code_is_what_it_was(number: signal.Signals, kind: type[KeyboardInterrupt]) -> None:
+    """A compiled function that returns a result though a signal was raised within it: Python makes its error."""
+
+    def compiled() -> None:
+        try:
+            signal.raise_signal(number)
+        except KeyboardInterrupt as interrupt:
+            raise SystemError("CPUDispatcher(…) returned a result with an exception set") from interrupt
+
+    with pytest.raises(KeyboardInterrupt) as raised, interruptible():
+        compiled()
+    assert raised.type is kind
+    with pytest.raises(SystemError, match="another"), interruptible():
+        raise SystemError("another")
+
+
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_what_is_no_signal_is_reported_as_ever() -> None:
     class Broken:

@@ -105,7 +105,20 @@ warm_up.warm_up = start_for_long
 """
 
 
+LOST_IN_COMPILED_CODE = """
+import os, signal
+from lasso_motion_ros.stream import warm_up
+def start_compiled(*_):
+    try:
+        os.kill(os.getpid(), signal.SIGTERM)
+    except KeyboardInterrupt as interrupt:
+        raise SystemError('CPUDispatcher(...) returned a result with an exception set') from interrupt
+warm_up.warm_up = start_compiled
+"""
+
+
 @pytest.mark.ros
-def test_a_signal_does_not_wait_for_a_start_that_takes_long() -> None:
-    done = run(NODE, "lasso_tracker", {}, LONG_START)
+@pytest.mark.parametrize("start", [LONG_START, LOST_IN_COMPILED_CODE], ids=["long", "compiled"])
+def test_a_signal_does_not_wait_for_a_start_that_takes_long(start: str) -> None:
+    done = run(NODE, "lasso_tracker", {}, start)
     assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr

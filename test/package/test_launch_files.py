@@ -66,15 +66,21 @@ def of_session(session: int) -> list[int]:
 
 
 def start(launch_file: Path, log: Path, *arguments: str) -> subprocess.Popen[bytes]:
-    """In a session of its own, by which all that it starts is found."""
+    """In a session of its own, by which all that it starts is found, with temporary files beside the log."""
+    log.with_name("tmp").mkdir()
     with log.open("wb") as output:
         return subprocess.Popen(
             [sys.executable, "-c", LAUNCH, str(launch_file), *arguments],
-            env={**os.environ, **LOOPBACK, "ROS_DOMAIN_ID": str(free_domain())},
+            env={**os.environ, **LOOPBACK, "ROS_DOMAIN_ID": str(free_domain()), "TMPDIR": str(log.with_name("tmp"))},
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
         )
+
+
+def of_ours(log: Path) -> list[str]:
+    """The temporary files that are left and not launch's own (`launch_params_…`)."""
+    return [path.name for path in log.with_name("tmp").glob("lasso_motion_*")]
 
 
 def test_the_demonstration_runs_without_rviz_and_leaves_nothing_behind(tmp_path: Path, launch_file: Path) -> None:
@@ -87,6 +93,7 @@ def test_the_demonstration_runs_without_rviz_and_leaves_nothing_behind(tmp_path:
     launched.send_signal(signal.SIGINT)
     launched.wait(PATIENCE_S)
     assert of_session(launched.pid) == []
+    assert of_ours(log) == []
 
 
 @pytest.mark.skipif(prefix_of("rviz2") is not None, reason="RViz is installed here")
@@ -96,3 +103,4 @@ def test_rviz_that_is_asked_for_and_missing_is_said_before_anything_runs(tmp_pat
     assert launched.wait(PATIENCE_S) == 1
     assert "rviz:=true needs rviz2" in log.read_text()
     assert of_session(launched.pid) == []
+    assert of_ours(log) == []

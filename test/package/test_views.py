@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import atexit
 import json
 import re
 import runpy
 import sys
 import types
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -127,15 +130,23 @@ def test_rviz_is_shown_where_it_is_wanted(wanted: str) -> None:
 
 
 @pytest.mark.usefixtures("launch")
-def test_the_demo_plays_the_recording_to_the_system() -> None:
+def test_the_demo_plays_the_recording_to_the_system(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("rclpy")
+    at_the_end: list[Callable[[], None]] = []
+    monkeypatch.setattr(
+        atexit, "register", lambda work, *args, **keywords: at_the_end.append(partial(work, *args, **keywords))
+    )
     found = described("demo.launch.py")
     defaults = {one.args[0]: one.keywords["default_value"] for one in found["DeclareLaunchArgument"]}
     included, played = found["OpaqueFunction"][0].keywords["function"](defaults)
     words = played.keywords["cmd"][1:]
     assert words[:2] == ["play", defaults["bag"]]
     arguments = dict(included.keywords["launch_arguments"])
-    assert Path(arguments["volume_file"]).stat().st_size > 100_000
+    surface = Path(arguments["volume_file"])
+    assert surface.stat().st_size > 100_000
     assert arguments["units"] == "mm"
+    for work in at_the_end:
+        work()
+    assert not surface.parent.exists()
     system = described("lasso_motion.launch.py")
     assert set(arguments) <= {one.args[0] for one in system["DeclareLaunchArgument"]}
