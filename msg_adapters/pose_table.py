@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.bounded_files import read_bounded
 from lasso_motion_ros.core.errors import RecordingError
 from lasso_motion_ros.geometry.transforms import quaternion_from_rotation
 from msg_adapters.poses import covariance_fault, transform_from
@@ -23,6 +24,8 @@ REQUIRED = ("stamp", *POSE)
 OPTIONAL = (*COVARIANCE, "state", "latency_ms")
 IDENTITY = "benchmark:"
 """Behind `#` in a line of its own: which benchmark the poses belong to."""
+
+MAX_FILE_BYTES = 256 * 1024 * 1024
 
 _LATEST_S = 1e11  # year 5138
 _QUATERNION_LENGTHS = (0.99, 1.01)
@@ -69,7 +72,7 @@ def read_pose_table(path: Path) -> PoseTable:
         RecordingError: it cannot be read, lacks a column or has one too many, or a value that is none; with the line.
     """
     try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        lines = read_bounded(path, MAX_FILE_BYTES).decode("utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"{path}: not a table of poses: {error}") from error
     comments = [line.lstrip("# ").strip() for line in lines if line.startswith("#")]

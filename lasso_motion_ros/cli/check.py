@@ -96,7 +96,7 @@ def _look_live(args: argparse.Namespace) -> tuple[Examination, Mapping[str, Topi
     with held_signals() as interrupted:
         examination, topics = examine(args.seconds, namespace, interrupted, _sources(args), offset=args.offset)
         if interrupted.is_set():
-            raise KeyboardInterrupt
+            raise interrupted.interrupt()
     return examination, topics, []
 
 

@@ -77,16 +77,35 @@ def _interrupt_behind(error: BaseException) -> KeyboardInterrupt | None:
     return cause
 
 
+class HeldSignal(threading.Event):
+    """Set by SIGINT or SIGTERM.
+
+    Attributes:
+        number: of the last one.
+    """
+
+    number: int = signal.SIGINT
+
+    def come(self, number: int) -> None:
+        """Take note of one."""
+        self.number = number
+        self.set()
+
+    def interrupt(self) -> KeyboardInterrupt:
+        """What to raise of it."""
+        return Terminated() if self.number == signal.SIGTERM else KeyboardInterrupt()
+
+
 @contextmanager
-def held_signals() -> Iterator[threading.Event]:
+def held_signals() -> Iterator[HeldSignal]:
     """SIGINT and SIGTERM as an event, to be looked at where it is safe to stop.
 
     A KeyboardInterrupt may come between the start of a child and the note that it exists, or while children are being
     stopped; either would leave a process behind.
     """
-    interrupted = threading.Event()
+    interrupted = HeldSignal()
     numbers = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, lambda *_: interrupted.set()) for number in numbers]
+    before = [signal.signal(number, lambda number, _: interrupted.come(number)) for number in numbers]
     try:
         yield interrupted
     finally:

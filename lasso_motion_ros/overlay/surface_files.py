@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.bounded_files import read_bounded
 from lasso_motion_ros.core.errors import SurfaceError
 from lasso_motion_ros.overlay.triangle_mesh import MAX_TRIANGLES, TriangleMesh, clean_mesh
 
@@ -54,7 +55,7 @@ def read_surface(path: str | Path, units: str, axes: str = "") -> TriangleMesh:
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise SurfaceError(f"{path}: {size / 2**20:.0f} MiB, at most {MAX_FILE_BYTES // 2**20} MiB are read")
-        data = path.read_bytes()
+        data = read_bounded(path, MAX_FILE_BYTES)
     except OSError as error:
         raise SurfaceError(f"{path}: cannot be read: {error.strerror}") from error
     announced = 0 if suffix in VTK_SUFFIXES else _announced_triangles(data, suffix)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.bounded_files import read_bounded
 from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.geometry.transforms import rotation_from_quaternion
 
 RIGID_TOLERANCE = 1e-3
+MAX_FILE_BYTES = 64 * 1024
 
 
 def read_registration(text: str) -> npt.NDArray[np.float64]:
@@ -22,12 +23,12 @@ def read_registration(text: str) -> npt.NDArray[np.float64]:
             out.
 
     Raises:
-        ConfigurationError: as `parse_registration`, or the file cannot be read.
+        ConfigurationError: as `parse_registration`, or the file cannot be read, or is too long to be one.
     """
     if len(text.replace(",", " ").split()) != 1 and not os.path.isfile(text):  # noqa: PTH113 - of any length
         return parse_registration(text)
     try:
-        lines = Path(text).read_text(encoding="utf-8").splitlines()
+        lines = read_bounded(text, MAX_FILE_BYTES).decode().splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"registration: {text}: neither numbers nor a readable file") from error
     try:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
 from lasso_motion_ros.core.errors import LassoMotionError
-from lasso_motion_ros.core.signals import held_signals
+from lasso_motion_ros.core.signals import HeldSignal, held_signals
 from lasso_motion_ros.tools.processes import Processes
 
 START_WAIT_S = 60.0
@@ -34,7 +33,7 @@ class ChildGraph(Processes):
         interrupted: set when this process is asked to end.
     """
 
-    def __init__(self, domain: int, logs: Path, interrupted: threading.Event) -> None:
+    def __init__(self, domain: int, logs: Path, interrupted: HeldSignal) -> None:
         super().__init__({"ROS_DOMAIN_ID": str(domain)}, logs)
         self.interrupted = interrupted
 
@@ -86,7 +85,7 @@ class ChildGraph(Processes):
             if deadline_s is not None and time.monotonic() > deadline_s:
                 raise TooLateError(otherwise if isinstance(otherwise, str) else otherwise())
             if self.interrupted.wait(LOOK_PERIOD_S):
-                raise KeyboardInterrupt
+                raise self.interrupted.interrupt()
 
 
 @contextmanager

@@ -54,7 +54,8 @@ def test_a_recording_is_played_tracked_overlaid_and_judged(tmp_path: Path) -> No
 
 
 @pytest.mark.ros
-def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path, number: signal.Signals, status: int) -> None:
     bag = write_input(tmp_path / "ring.mcap", MOTIONS_MM * 4)
     with subprocess.Popen(
         command("--bag", bag, "--out", tmp_path / "out"),
@@ -69,8 +70,8 @@ def test_an_interrupted_demonstration_leaves_no_process(tmp_path: Path) -> None:
             pytest.fail(f"it ended before it played: {demo.stderr.read()}")
         children = children_of(demo.pid)
         assert len(children) >= 2
-        demo.send_signal(signal.SIGINT)
-        assert demo.wait(60) == 130
+        demo.send_signal(number)
+        assert demo.wait(60) == status
         assert demo.stderr.read() == "lasso-motion demo: interrupted\n"
         assert not any(is_running(child) for child in children)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["logs"]

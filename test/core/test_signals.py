@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from lasso_motion_ros.core.signals import Terminated, deferred, interruptible
+from lasso_motion_ros.core.signals import Terminated, deferred, held_signals, interruptible
 
 PATIENCE_S = 20.0
 
@@ -97,3 +97,13 @@ def test_a_deferred_signal_comes_after_the_block(number: signal.Signals, raised:
 def test_what_a_deferred_block_raises_is_raised() -> None:
     with pytest.raises(ValueError, match="its own"), deferred():
         raise ValueError("its own")
+
+
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_held_signal_says_later_which_it_was(number: signal.Signals, kind: type[KeyboardInterrupt]) -> None:
+    """So that the exit status says it."""
+    with held_signals() as held:
+        assert not held.is_set()
+        signal.raise_signal(number)
+        assert held.is_set()
+        assert type(held.interrupt()) is kind

@@ -9,7 +9,7 @@ from support.rendering_inputs import ellipsoid_mesh, is_closed
 
 from lasso_motion_ros.core.errors import SurfaceError
 from lasso_motion_ros.overlay import surface_files as surface_module
-from lasso_motion_ros.overlay.surface_files import read_surface, write_stl
+from lasso_motion_ros.overlay.surface_files import SUFFIXES, read_surface, write_stl
 from lasso_motion_ros.overlay.triangle_mesh import clean_mesh
 
 pytest.importorskip("trimesh", reason="pip install 'lasso_motion_ros[overlay]'")
@@ -140,6 +140,16 @@ def test_a_huge_file_is_not_even_read(tmp_path, monkeypatch):
     path = tmp_path / "a.stl"
     path.write_bytes(binary_stl())
     with pytest.raises(SurfaceError, match="at most"):
+        read_surface(path, "mm")
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_has_no_size_and_no_end_is_read_no_further_than_a_file_may_be_long(suffix, tmp_path, monkeypatch):
+    """Before, it took all of the machine's memory."""
+    monkeypatch.setattr(surface_module, "MAX_FILE_BYTES", 100_000)
+    path = tmp_path / f"a{suffix}"
+    path.symlink_to("/dev/zero")
+    with pytest.raises(SurfaceError, match=r"cannot be read: it has more than 100000 bytes$"):
         read_surface(path, "mm")
 
 

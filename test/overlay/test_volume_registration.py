@@ -60,6 +60,11 @@ def test_a_file_that_is_none_and_one_with_bad_numbers_are_named(tmp_path: Path) 
         read_registration(str(path))
 
 
+def test_what_has_no_end_is_no_registration() -> None:
+    with pytest.raises(ConfigurationError, match="/dev/zero: neither numbers nor a readable file"):
+        read_registration("/dev/zero")
+
+
 def test_a_matrix_with_all_its_digits_is_no_path():
     numbers = " ".join(f"{value:.17e}" for value in np.eye(4).ravel())
     assert len(numbers) > 255  # longer than any name of a file

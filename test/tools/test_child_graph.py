@@ -11,6 +11,7 @@ import pytest
 from support.child_processes import children_of
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.signals import Terminated
 from lasso_motion_ros.tools.child_graph import ChildGraph, TooLateError, child_graph
 
 DOMAIN = 7
@@ -51,7 +52,9 @@ def test_what_does_not_happen_in_time_is_said(graph: ChildGraph) -> None:
         graph.wait_until(lambda: False, 0.0, lambda: "nothing came")
 
 
-def test_a_signal_ends_the_wait(graph: ChildGraph) -> None:
-    os.kill(os.getpid(), signal.SIGINT)
-    with pytest.raises(KeyboardInterrupt):
+@pytest.mark.parametrize(("number", "kind"), [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, Terminated)])
+def test_a_signal_ends_the_wait(graph: ChildGraph, number: signal.Signals, kind: type[KeyboardInterrupt]) -> None:
+    os.kill(os.getpid(), number)
+    with pytest.raises(KeyboardInterrupt) as raised:
         graph.wait_until(lambda: False, 60.0)
+    assert raised.type is kind
