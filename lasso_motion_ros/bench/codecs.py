@@ -1,16 +1,18 @@
-"""Messages to CDR bytes and back, by the serialiser of what is measured."""
+"""CDR bytes to messages, by the deserialiser of what is measured."""
 
 from __future__ import annotations
 
 import importlib
 from typing import Any, Protocol
 
+from msg_adapters.image_bytes import read_image
 from msg_adapters.messages import MessageFactory, RosMessages
 from msg_adapters.recorded_messages import RecordedMessages, jazzy_types
+from msg_adapters.topics import IMAGE_TYPE
 
 
 class Codec(Protocol):
-    """Messages to bytes and back, as the node's middleware or the offline command does it."""
+    """Bytes to messages, as the node or the offline command takes them."""
 
     name: str
     factory: MessageFactory
@@ -18,12 +20,9 @@ class Codec(Protocol):
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message in CDR bytes."""
 
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-
 
 class RosCodec:
-    """What rclpy does for the node."""
+    """What rclpy and `read_image` do for the node."""
 
     name = "rclpy"
 
@@ -36,14 +35,12 @@ class RosCodec:
 
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message in CDR bytes."""
+        if type_name == IMAGE_TYPE:
+            return read_image(data)
         if type_name not in self._classes:
             package, _, name = type_name.partition("/msg/")
             self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), name)
         return self._serialization.deserialize_message(data, self._classes[type_name])
-
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-        return bytes(self._serialization.serialize_message(message))
 
 
 class RecordedCodec:
@@ -57,11 +54,9 @@ class RecordedCodec:
 
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message in CDR bytes."""
+        if type_name == IMAGE_TYPE:
+            return read_image(data)
         return self._types.deserialize_cdr(data, type_name)
-
-    def encode(self, message: Any, type_name: str) -> bytes:
-        """CDR bytes of a message."""
-        return bytes(self._types.serialize_cdr(message, type_name))
 
 
 def available_codec() -> Codec:

@@ -6,11 +6,11 @@ import importlib
 import platform
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version as installed_version
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
@@ -27,13 +27,11 @@ from lasso_motion_ros.stream.topic_handlers import topic_handlers
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.stages import Stage, Stages
 from lasso_motion_ros.tracking.tracker import Tracker
-from msg_adapters.messages import MessageFactory
 from msg_adapters.recordings.reader import RawMessage
 from msg_adapters.topics import MOTION_RAW
 
 OUTER_STAGES = ("deserialise", "decode and pair", "tracking", "serialise")
-MESSAGES = "messages"  # making the answers, but for their bytes
-INNER_STAGES = (*get_args(Stage), MESSAGES)  # of tracking
+INNER_STAGES = get_args(Stage)  # of tracking
 REST = "all else"  # of tracking: so that the parts add up
 
 TrackerFactory = Callable[[TrackerConfig, Stages], Tracker]
@@ -101,7 +99,7 @@ class Benchmark:
         p99_ms: 99th percentile of that.
         processor_per_wall: processor time by wall time; more than 1.05 would mean more than one thread.
         stages_ms: mean wall time a pair, by stage, in order; the indented ones are tracking's parts, and add up to it.
-        messages: who serialised.
+        messages: who deserialised.
         recording: the recording's name.
         configuration: the configuration's name.
         machine: processor architecture, Python and library versions.
@@ -149,7 +147,7 @@ def measure(
 
     def play(clock: Clock, pairs: int) -> None:
         tracker = make_tracker(config, clock)
-        _play(TrackingPipeline(config, _TimedMessages(codec.factory, clock), tracker), messages, codec, clock, pairs)
+        _play(TrackingPipeline(config, tracker), messages, codec, clock, pairs)
 
     play(Clock(), pairs=3)  # libraries load and caches fill outside of the measurement
     clock = Clock(timer)
@@ -177,7 +175,7 @@ def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Cod
         with clock("decode and pair"):
             tasks = handlers[raw.topic](message)
         for task in tasks:
-            has_pose, answered = _answer(pipeline.session, task, codec, clock)
+            has_pose, answered = _answer(pipeline.session, task, clock)
             now, processor_now = time.perf_counter(), time.process_time()
             if tracked:
                 clock.keep(answered - wall, now - answered, processor_now - processor)
@@ -188,32 +186,19 @@ def _play(pipeline: TrackingPipeline, messages: Sequence[RawMessage], codec: Cod
             wall, processor = now, processor_now
 
 
-def _answer(session: TrackingSession, task: PairTask, codec: Codec, clock: Clock) -> tuple[bool, float]:
+def _answer(session: TrackingSession, task: PairTask, clock: Clock) -> tuple[bool, float]:
     """Answer a pair; returns whether it has a pose, and when (`time.perf_counter`) its last answer was there."""
     answers, has_pose, answered = session.answers(task), False, time.perf_counter()
     while True:
         with clock("tracking"):
             outputs = next(answers, None)
-            made = [(output.message, output.topic.type_name) for output in outputs or ()]
         if outputs is None:
             return has_pose, answered
         with clock("serialise"):
-            for message, type_name in made:
-                codec.encode(message, type_name)
+            for output in outputs:
+                output.data  # noqa: B018 - made when it is asked for
         has_pose = has_pose or any(output.topic is MOTION_RAW for output in outputs)
         answered = time.perf_counter()
-
-
-class _TimedMessages:
-    """Another factory's messages, with the time to make them measured."""
-
-    def __init__(self, factory: MessageFactory, clock: Clock) -> None:
-        self._factory, self._clock = factory, clock
-
-    def make(self, type_name: str, fields: Mapping[str, Any]) -> Any:
-        """A message of a type."""
-        with self._clock(MESSAGES):
-            return self._factory.make(type_name, fields)
 
 
 def summarise(clock: Clock, codec: Codec, recording: str, configuration: str) -> Benchmark:

@@ -15,6 +15,7 @@ from sensor_msgs.msg import CompressedImage, Image
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.qos import offered_reliably, qos
 from lasso_motion_ros.nodes.steady_timer import steady_timer
+from msg_adapters.image_bytes import read_image
 from msg_adapters.topics import compressed_image_topic, image_topic
 
 DISCOVERY_PERIOD_S = 0.1
@@ -29,7 +30,7 @@ class OfferedSubscription:
 
     Args:
         node: the node.
-        message_type: class of the messages.
+        message_type: class of the messages. An Image comes as a `ReadImage`, which is its bytes.
         topic: name, relative or absolute, before remapping.
         callback: called with each message.
         reliability: `auto`, or `reliable` or `best_effort` to have it fixed and at once.
@@ -116,10 +117,14 @@ class OfferedSubscription:
         self._topic, self._reliable = topic, reliable
         # What asks for what is offered is never told that it asks for too much: see `topic_publisher`.
         events = SubscriptionEventCallbacks(use_default_callbacks=not self._by_offer)
-        profile = qos(depth=self._depth, reliable=reliable)
+        profile, kind = qos(depth=self._depth, reliable=reliable), self._types[topic]
+        as_bytes = kind is Image
         self._subscription = self._node.create_subscription(
-            self._types[topic], topic, self._callback, profile, event_callbacks=events
+            kind, topic, self._take_bytes if as_bytes else self._callback, profile, event_callbacks=events, raw=as_bytes
         )
+
+    def _take_bytes(self, image: bytes) -> None:
+        self._callback(read_image(image))
 
 
 def image_subscription(
@@ -130,7 +135,7 @@ def image_subscription(
     Args:
         node: the node.
         plane: `a` or `b`.
-        callback: called with each Image or CompressedImage.
+        callback: called with each image, as `ReadImage` or CompressedImage.
         reliability: as for `OfferedSubscription`.
         depth: of the queue.
     """

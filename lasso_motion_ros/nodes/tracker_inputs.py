@@ -9,7 +9,7 @@ from functools import partial
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
@@ -17,6 +17,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, SeedSubscription, image_subscription
 from lasso_motion_ros.nodes.watch import Offer
+from msg_adapters.image_bytes import ReadImage
 from msg_adapters.topics import R_PEAK, camera_info_topic, click_topic, seed_topic
 
 CALIBRATION_DEPTH = 32
@@ -26,7 +27,7 @@ CALIBRATION_DEPTH = 32
 class InputCallbacks:
     """What is called with each message; all but `r_peak` get the plane first, `camera_info` whether it is latched."""
 
-    image: Callable[[Plane, Image | CompressedImage], None]
+    image: Callable[[Plane, ReadImage | CompressedImage], None]
     camera_info: Callable[[Plane, CameraInfo, bool], None]
     seed: Callable[[Plane, PolygonStamped], None]
     click: Callable[[Plane, Point], None]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
@@ -40,6 +40,7 @@ from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import dry_run, warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
+from msg_adapters.image_bytes import ReadImage
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, camera_info_topic, image_topic, seed_topic
@@ -174,7 +175,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self.get_logger().info(f"arithmetic: {arithmetic()}")
             warm_up(config, self.messages)
             self._warm = True
-        self._pipeline = TrackingPipeline(config, self.messages, extrinsics=tf_extrinsics(self, config.world_frame))
+        self._pipeline = TrackingPipeline(config, extrinsics=tf_extrinsics(self, config.world_frame))
 
     def _activate(self) -> None:
         pipeline, config = self._pipeline, self._live.config
@@ -227,7 +228,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._pipeline = None
 
     @guarded
-    def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
+    def _on_image(self, plane: Plane, message: ReadImage | CompressedImage) -> None:
         self._view.name_frame(plane, message.header.frame_id)
         if self._by_arrival:
             message.header.stamp = self.get_clock().now().to_msg()

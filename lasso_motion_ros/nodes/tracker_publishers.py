@@ -113,12 +113,12 @@ class TrackerPublishers:
         with self._publishing:
             for output in outputs:
                 if output.topic is STATE:
-                    changed = changed or output.message.data != self.state
-                    self.state = output.message.data
+                    changed = changed or output.fields["data"] != self.state
+                    self.state = output.fields["data"]
                     self._stated_s = time.monotonic()
-                self._publishers[output.topic.name].publish(output.message)
+                self._publishers[output.topic.name].publish(output.data)
                 if output.topic is MOTION and self._transforms.is_active:
-                    transform = decode_pose(output.message)
+                    transform = decode_pose(self._messages.make(MOTION.type_name, output.fields))
                     self._transforms.publish(output.stamp_ns, self._world_frame, self._atrium_frame, transform)
         if changed:
             self._on_change()
@@ -135,7 +135,7 @@ class TrackerPublishers:
                 self.publish([self._state_output(self.state)])
 
     def _state_output(self, state: str) -> Output:
-        return Output(STATE, lambda: self._messages.make(STATE.type_name, {"data": state}), 0)
+        return Output(STATE, lambda: {"data": state}, 0)
 
     def publish_fields(self, topic: Topic, fields: dict[str, Any]) -> None:
         """Publish a message of any of the topics."""

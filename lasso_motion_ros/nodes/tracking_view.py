@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CompressedImage
 
 from lasso_motion_ros.core.errors import MessageError
 from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane, UncalibratedFrame
@@ -13,6 +13,7 @@ from lasso_motion_ros.nodes.state_watch import StateWatch
 from lasso_motion_ros.nodes.state_words import last_pose_words
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
+from msg_adapters.image_bytes import ReadImage
 from msg_adapters.images import decode_image
 from msg_adapters.messages import stamp_to_ns
 
@@ -35,7 +36,7 @@ class TrackingView:
         """Take note of a plane's frame, before an image of it can be drawn."""
         self._frame_ids[plane] = frame_id
 
-    def add_image(self, pipeline: TrackingPipeline, plane: Plane, message: Image | CompressedImage) -> None:
+    def add_image(self, pipeline: TrackingPipeline, plane: Plane, message: ReadImage | CompressedImage) -> None:
         """Take note of an image that has come; one without a calibration is drawn as it is.
 
         So whoever sets the system up sees that it arrives.
@@ -64,7 +65,9 @@ class TrackingView:
         remark = f"last good pose {age}" if age else ""
         self._publishers.show(TrackingPicture(frames, loop, told.state, told.reason, clicks, ids, held, remark))
 
-    def _show_uncalibrated(self, pipeline: TrackingPipeline, plane: Plane, message: Image | CompressedImage) -> None:
+    def _show_uncalibrated(
+        self, pipeline: TrackingPipeline, plane: Plane, message: ReadImage | CompressedImage
+    ) -> None:
         with contextlib.suppress(MessageError):  # the intake has complained about it
             source = pipeline.intake.sources[plane]
             stamp = source.exposure_ns(stamp_to_ns(message.header.stamp))

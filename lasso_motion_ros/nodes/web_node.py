@@ -25,6 +25,7 @@ from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live_stream import LiveStream
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
+from msg_adapters.image_bytes import ReadImage
 from msg_adapters.sync.plane_source import plane_sources
 from msg_adapters.topics import (
     CATHETER,
@@ -157,7 +158,7 @@ class WebNode(ConfiguredNode[WebConfig]):
     # What comes in.
 
     @guarded
-    def _on_image(self, plane: Plane, message: Image | CompressedImage) -> None:
+    def _on_image(self, plane: Plane, message: ReadImage | CompressedImage) -> None:
         self._complain(plane, self._stream.add_image(plane, message))
         self._clicks.look_at_run()
         self._changed()

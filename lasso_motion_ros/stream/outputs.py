@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatStatus
 from lasso_motion_ros.tracking.tracker import Description, RingMotion, TrackerState
+from msg_adapters.answer_bytes import answer_bytes
 from msg_adapters.sync.calibrated_frames import CalibrationCounts
 from msg_adapters.sync.pairing import PlaneCounts
 from msg_adapters.topics import Topic
@@ -21,18 +22,23 @@ class Output:
 
     Attributes:
         topic: where.
-        make: makes it by the message factory.
+        make_fields: makes its fields.
         stamp_ns: plane A's stamp of the pair it answers; 0 where it answers none.
     """
 
     topic: Topic
-    make: Callable[[], Any]
+    make_fields: Callable[[], Mapping[str, Any]]
     stamp_ns: int
 
     @cached_property
-    def message(self) -> Any:
-        """The message."""
-        return self.make()
+    def fields(self) -> Mapping[str, Any]:
+        """The message's fields."""
+        return self.make_fields()
+
+    @cached_property
+    def data(self) -> bytes:
+        """The message as it goes over the wire (CDR)."""
+        return answer_bytes(self.topic.type_name, self.fields)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,6 @@ from lasso_motion_ros.stream.session import SEED_PROBLEMS, TrackingSession
 from lasso_motion_ros.stream.tracker_factory import create_tracker
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState
 from msg_adapters.calibrations import Extrinsics
-from msg_adapters.messages import MessageFactory
 from msg_adapters.topics import seed_topic
 
 
@@ -26,7 +25,6 @@ class TrackingPipeline:
 
     Args:
         config: parameters of tracker and stream.
-        messages: makes the messages put out.
         tracker: the method; by default the one that `config` names.
         extrinsics: where the pose of a plain camera matrix comes from; without it such calibrations are refused.
 
@@ -39,7 +37,6 @@ class TrackingPipeline:
     def __init__(
         self,
         config: StreamConfig,
-        messages: MessageFactory,
         tracker: Tracker | None = None,
         extrinsics: Extrinsics | None = None,
     ) -> None:
@@ -48,7 +45,6 @@ class TrackingPipeline:
         self.session = TrackingSession(
             config,
             create_tracker(config) if tracker is None else tracker,
-            messages,
             phases=self.intake.phases,
             promised=self.intake.promised,
             problems=self.problems,

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from lasso_motion_ros.stream.heartbeat_separation import PublishedMotion
 from lasso_motion_ros.stream.outputs import Output
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
 from msg_adapters.markers import encode_delete, encode_line_strip
-from msg_adapters.messages import MessageFactory, header_fields
+from msg_adapters.messages import header_fields
 from msg_adapters.poses import encode_pose_stamped, encode_pose_with_covariance_stamped
-from msg_adapters.topics import CATHETER, MOTION, MOTION_RAW, MOTION_WITH_COVARIANCE, REFERENCE, STATE, Topic
+from msg_adapters.topics import CATHETER, MOTION, MOTION_RAW, MOTION_WITH_COVARIANCE, REFERENCE, STATE
 
 _CATHETER_NAMESPACE = "catheter"
 
@@ -21,19 +19,17 @@ class ResultMessages:
     """Makes the published messages, and remembers what consumers know: the reference, and whether a loop is shown.
 
     Args:
-        messages: makes the messages.
         world_frame: frame of poses and loop.
     """
 
-    def __init__(self, messages: MessageFactory, world_frame: str) -> None:
-        self._messages = messages
+    def __init__(self, world_frame: str) -> None:
         self._world_frame = world_frame
         self._shown = False
         self.reference_ns: int | None = None
 
     def of_state(self, state: TrackerState, stamp_ns: int) -> Output:
         """The state alone, at a pair's stamp; 0 where no pair brought it."""
-        return self._output(STATE, lambda: {"data": state.value}, stamp_ns)
+        return Output(STATE, lambda: {"data": state.value}, stamp_ns)
 
     def of_loss(self) -> list[Output]:
         """LOST, and no loop, where no pair brought it; what consumers know of the next pair's does not change."""
@@ -55,18 +51,18 @@ class ResultMessages:
         if is_new or result.reference_stamp_ns != self.reference_ns:
             self.reference_ns = result.reference_stamp_ns
             reference = header_fields(result.reference_stamp_ns, self._world_frame)
-            outputs.append(self._output(REFERENCE, lambda: reference, stamp))
+            outputs.append(Output(REFERENCE, lambda: reference, stamp))
         outputs.append(self.of_state(result.state, stamp))
         if published is not None:
-            outputs.append(self._output(MOTION, partial(encode_pose_stamped, published.motion, header), stamp))
+            outputs.append(Output(MOTION, partial(encode_pose_stamped, published.motion, header), stamp))
         if result.state.has_pose and result.motion is not None:
-            outputs.append(self._output(MOTION_RAW, partial(encode_pose_stamped, result.motion, header), stamp))
+            outputs.append(Output(MOTION_RAW, partial(encode_pose_stamped, result.motion, header), stamp))
         if published is not None and published.covariance is not None:
             fields = partial(encode_pose_with_covariance_stamped, published.motion, published.covariance, header)
-            outputs.append(self._output(MOTION_WITH_COVARIANCE, fields, stamp))
+            outputs.append(Output(MOTION_WITH_COVARIANCE, fields, stamp))
         if result.loop is not None:
             fields = partial(encode_line_strip, result.loop, header, _CATHETER_NAMESPACE)
-            outputs.append(self._output(CATHETER, fields, stamp))
+            outputs.append(Output(CATHETER, fields, stamp))
         else:
             # Sent for every such pair: it is the only stamped message of a pair without a pose.
             outputs.append(self._delete_output(stamp))
@@ -82,7 +78,4 @@ class ResultMessages:
 
     def _delete_output(self, stamp_ns: int) -> Output:
         header = header_fields(stamp_ns, self._world_frame)
-        return self._output(CATHETER, partial(encode_delete, header, _CATHETER_NAMESPACE), stamp_ns)
-
-    def _output(self, topic: Topic, fields: Callable[[], dict[str, Any]], stamp_ns: int) -> Output:
-        return Output(topic, lambda: self._messages.make(topic.type_name, fields()), stamp_ns)
+        return Output(CATHETER, partial(encode_delete, header, _CATHETER_NAMESPACE), stamp_ns)

@@ -19,7 +19,6 @@ from lasso_motion_ros.stream.pair_task import FOLLOWED_NS, PairTask, PromisedTas
 from lasso_motion_ros.stream.problem_log import ProblemLog
 from lasso_motion_ros.stream.result_messages import ResultMessages
 from lasso_motion_ros.tracking.tracker import Tracker, TrackerState, TrackResult
-from msg_adapters.messages import MessageFactory
 
 SEED_PROBLEMS = "seed"  # what clicks of both planes together are refused for
 _TOLD_PAIRS = 3  # of those left out: the last three successive images tell a filter over time, and its state
@@ -36,7 +35,6 @@ class TrackingSession:
     Args:
         config: what is published, and how.
         tracker: the method.
-        messages: makes the messages put out.
         phases: the heart's phase at each pair.
         promised: tasks to be made up for where they were skipped.
         problems: takes what the tracker could not do.
@@ -56,7 +54,6 @@ class TrackingSession:
         self,
         config: StreamConfig,
         tracker: Tracker,
-        messages: MessageFactory,
         *,
         phases: HeartPhases,
         promised: PromisedTasks,
@@ -64,7 +61,7 @@ class TrackingSession:
     ) -> None:
         self._lock = threading.Lock()
         self._tracker = tracker
-        self._messages = ResultMessages(messages, config.world_frame)
+        self._messages = ResultMessages(config.world_frame)
         self._promised = promised
         self._problems = problems
         self._has_model = False

@@ -55,12 +55,12 @@ def dry_run(config: StreamConfig, messages: MessageFactory) -> list[Output]:
 
     Args:
         config: the parameters that will be tracked with.
-        messages: makes the messages.
+        messages: makes the messages that come in.
 
     Returns:
         What would have been published, for a test to look at.
     """
-    pipeline = TrackingPipeline(config, messages)
+    pipeline = TrackingPipeline(config)
     generator = np.random.default_rng(0)
     seed = ring_seed(DRY_RUN.side_px)
     outputs: list[Output] = []

@@ -148,7 +148,7 @@ def track_recording(
     if given_seeds is None and not automatic:
         _check_seeds(reader)
     messages = RecordedMessages()
-    pipeline = TrackingPipeline(config, messages, tracker)
+    pipeline = TrackingPipeline(config, tracker)
     for raw, compressed in unused_compressed_topics(reader.topics):
         pipeline.problems.remark(compressed, f"not used: {raw} is there, which has lost nothing")
     with RecordingWriter(output, overwrite=overwrite, whole=True) as writer:
@@ -233,10 +233,10 @@ class _Run:
 
     def _write_one(self, output: Output) -> None:
         topic = output.topic
-        self._writer.write(
+        self._writer.write_raw(
             topic.recorded_name,
             topic.type_name,
-            output.message,
+            output.data,
             output.stamp_ns or self._time_ns,
             latched=topic.latched,
         )

@@ -9,7 +9,9 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.core.errors import RecordingError
+from msg_adapters.image_bytes import read_image
 from msg_adapters.recorded_messages import jazzy_types
+from msg_adapters.topics import IMAGE_TYPE
 
 
 class CdrDecoder:
@@ -31,7 +33,7 @@ class CdrDecoder:
             self._learn(schema)
             self._checked.add(schema.name)
         try:
-            return self._types.deserialize_cdr(data, schema.name)
+            return read_image(data) if schema.name == IMAGE_TYPE else self._types.deserialize_cdr(data, schema.name)
         except Exception:  # whatever the deserialiser raises: the bytes are not such a message
             return None
 

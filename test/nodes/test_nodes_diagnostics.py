@@ -6,7 +6,7 @@ import dataclasses
 from typing import Any
 
 import pytest
-from support.message_inputs import MESSAGES, FakeTracker
+from support.message_inputs import FakeTracker
 
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
@@ -18,7 +18,7 @@ from lasso_motion_ros.tracking.tracker import TrackerState
 
 
 def statistics(**values: Any) -> PipelineStatistics:
-    return TrackingPipeline(configuration_from_values(StreamConfig, values), MESSAGES, FakeTracker()).statistics()
+    return TrackingPipeline(configuration_from_values(StreamConfig, values), FakeTracker()).statistics()
 
 
 def test_nothing_is_said_of_a_heartbeat_that_is_left_in() -> None:

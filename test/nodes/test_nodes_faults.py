@@ -109,6 +109,12 @@ def test_a_bad_image_is_named(stream: RingStream, fault: str) -> None:
     stream.said(message)
 
 
+def test_bytes_that_are_no_image_are_named(stream: RingStream) -> None:
+    stream.publishers["plane_a/image_raw"].publish(b"\x00\x01\x00\x00" + bytes(20))
+    stream.said("input: an image of 24 bytes that is cut short or corrupt")
+    stream.expect(stream.pairs(2))
+
+
 def test_big_endian_images_are_tracked(stream: RingStream) -> None:
     def swapped(fields: dict[str, Any]) -> dict[str, Any]:
         data = np.frombuffer(bytes(fields["data"]), "<u2").astype(">u2").tobytes()

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 from support.message_inputs import MESSAGES, PERIOD_NS, FakeTracker, camera_info, image, seed, stamp, stream
-from support.pipeline_inputs import give, names, pipeline, poses, run, states
+from support.pipeline_inputs import give, message, names, pipeline, poses, run, states
 
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair, Seed
@@ -28,14 +28,14 @@ def test_the_first_seeded_pair_gives_reference_state_and_identity_in_this_order(
     ]  # fmt: skip
     assert states(outputs) == ["WAITING_FOR_SEED", "TRACKING", "TRACKING"]
     assert poses(outputs) == {stamp(0): 0.0, stamp(1): 1.0}
-    reference = outputs[1].message
+    reference = message(outputs[1])
     assert stamp_to_ns(reference.stamp) == stamp(0)
-    motion = outputs[3].message
+    motion = message(outputs[3])
     assert motion.header.frame_id == "patient_table"
     assert np.array_equal(decode_pose(motion), np.eye(4))
-    assert np.array_equal(outputs[5].message.pose.covariance, (np.eye(6) * 1e-8).reshape(-1))
-    assert outputs[6].message.action == ADD
-    assert len(outputs[6].message.points) >= 64
+    assert np.array_equal(message(outputs[5]).pose.covariance, (np.eye(6) * 1e-8).reshape(-1))
+    assert message(outputs[6]).action == ADD
+    assert len(message(outputs[6]).points) >= 64
     assert [output.stamp_ns for output in outputs] == [stamp(0)] * 7 + [stamp(1)] * 5
 
 
@@ -122,7 +122,7 @@ def test_a_model_from_before_the_start_is_lost_until_a_pair_comes() -> None:
     again = line.session.initial_outputs()
     assert names(again) == ["state", "catheter"]
     assert states(again) == ["LOST"]
-    assert again[1].message.action == DELETE
+    assert message(again[1]).action == DELETE
     assert line.statistics().reason == "no pair since activation"
     assert states(run(line, stream(1, seeded=None, start=2))) == ["TRACKING"]
 
@@ -150,7 +150,7 @@ def test_a_missing_plane_is_answered_without_a_pose() -> None:
     assert sorted(poses(outputs)) == [stamp(0), stamp(1), stamp(3), stamp(4)]
     lost = [output for output in outputs if output.stamp_ns == stamp(2)]
     assert names(lost) == ["state", "catheter"]
-    assert lost[1].message.action == DELETE
+    assert message(lost[1]).action == DELETE
     assert line.statistics().half_pairs == 1
 
 
@@ -265,7 +265,7 @@ def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_non
 def test_filtered_motion_differs_from_raw_motion_only_where_the_heart_can_be_told() -> None:
     line = pipeline(**{"heartbeat.mode": "filter"})
     outputs = run(line, stream(8))
-    raw = [output.message for output in outputs if output.topic.name == "motion_raw"]
+    raw = [message(output) for output in outputs if output.topic.name == "motion_raw"]
     assert [decode_pose(one)[0, 3] for one in raw] == [1e-3 * x for x in poses(outputs).values()]
     heartbeat = line.statistics().heartbeat
     assert heartbeat is not None
@@ -281,11 +281,11 @@ def test_images_are_released() -> None:
 
     line = pipeline(seed_buffer_pairs=4)
     kept = []
-    for topic, _, message, _ in stream(40, offset_ns=PERIOD_NS // 2):
-        for ready in give(line, topic, message):
+    for topic, _, given, _ in stream(40, offset_ns=PERIOD_NS // 2):
+        for ready in give(line, topic, given):
             line.session.process(ready)
             kept.append(weakref.ref(ready.pair))
-        del message
+        del given
     del ready
     gc.collect()
     assert sum(pair() is not None for pair in kept) <= 5

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from support.message_inputs import MESSAGES, FakeTracker, image, seed, stamp, stream
+from support.message_inputs import FakeTracker, image, seed, stamp, stream
+from support.pipeline_inputs import message
 
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
@@ -18,14 +19,14 @@ SEED = Seed(np.zeros((6, 2)), np.zeros((6, 2)))
 
 def pipeline(tracker: FakeTracker) -> TrackingPipeline:
     config = configuration_from_values(StreamConfig, {"seed_buffer_pairs": 3})
-    return TrackingPipeline(config, MESSAGES, tracker)
+    return TrackingPipeline(config, tracker)
 
 
 def feed(line: TrackingPipeline, start: int, pairs: int) -> None:
-    for topic, _, message, _ in stream(pairs, seeded=None, start=start):
+    for topic, _, given, _ in stream(pairs, seeded=None, start=start):
         plane = topic[7]
         add = line.intake.add_image if "image" in topic else line.intake.add_camera_info
-        for task in add(plane, message):
+        for task in add(plane, given):
             line.session.process(task)
 
 
@@ -38,7 +39,7 @@ def test_a_pair_that_the_buffer_has_lost_is_seeded_while_it_is_held() -> None:
     ready = line.intake.seed_frozen(SEED)
     assert ready.pair.stamp_ns == stamp(1)
     assert [pair.stamp_ns for pair in ready.later] == [stamp(5), stamp(6), stamp(7)]
-    motions = [stamp_to_ns(o.message.header.stamp) for o in line.session.process(ready) if o.topic.name == "motion"]
+    motions = [stamp_to_ns(message(o).header.stamp) for o in line.session.process(ready) if o.topic.name == "motion"]
     assert motions == [stamp(1), stamp(5), stamp(6), stamp(7)]
     assert line.session.last_refusal == ""
 

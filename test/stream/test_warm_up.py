@@ -19,7 +19,7 @@ def test_every_pair_is_tracked(method: str) -> None:
     finally:
         gc.unfreeze()
     assert [output.topic for output in outputs].count(MOTION) == DRY_RUN.pairs
-    assert {output.message.data for output in outputs if output.topic is STATE} <= {
+    assert {output.fields["data"] for output in outputs if output.topic is STATE} <= {
         "WAITING_FOR_SEED",
         "TRACKING",
         "DEGRADED",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from support.message_inputs import MESSAGES, FakeTracker
+from support.message_inputs import FakeTracker
 
 from lasso_motion_ros.config.parameters import configuration_from_values
 from lasso_motion_ros.config.stream import StreamConfig
@@ -14,11 +14,12 @@ from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from msg_adapters.messages import stamp_to_ns
 from msg_adapters.poses import decode_pose
+from msg_adapters.recorded_messages import jazzy_types
 
 
 def pipeline(tracker: FakeTracker | None = None, **values: Any) -> TrackingPipeline:
     config = configuration_from_values(StreamConfig, values)
-    return TrackingPipeline(config, MESSAGES, tracker or FakeTracker())
+    return TrackingPipeline(config, tracker or FakeTracker())
 
 
 def give(line: TrackingPipeline, topic: str, message: Any) -> list[PairTask]:
@@ -35,15 +36,20 @@ def run(line: TrackingPipeline, messages: Any) -> list[Output]:
     return outputs
 
 
+def message(output: Output) -> Any:
+    """What is read from the bytes that are published."""
+    return jazzy_types().deserialize_cdr(output.data, output.topic.type_name)
+
+
 def names(outputs: list[Output]) -> list[str]:
     return [output.topic.name for output in outputs]
 
 
 def poses(outputs: list[Output]) -> dict[int, float]:
     """x of each `motion`, mm, by stamp."""
-    found = [output.message for output in outputs if output.topic.name == "motion"]
+    found = [message(output) for output in outputs if output.topic.name == "motion"]
     return {stamp_to_ns(m.header.stamp): round(1e3 * float(decode_pose(m)[0, 3]), 6) for m in found}
 
 
 def states(outputs: list[Output]) -> list[str]:
-    return [output.message.data for output in outputs if output.topic.name == "state"]
+    return [message(output).data for output in outputs if output.topic.name == "state"]
