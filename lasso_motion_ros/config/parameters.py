@@ -106,8 +106,8 @@ class ParameterSpec:
             value = float(value)
         if type(value) is not kind:
             raise ConfigurationError(f"{self.name} must be a {kind.__name__}, found {value!r}")
-        if isinstance(value, float) and math.isnan(value):
-            raise ConfigurationError(f"{self.name} must be a number, found nan")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise ConfigurationError(f"{self.name} must be a finite number, found {value}")
         if isinstance(value, int | float):
             for limit, words, broken in (
                 (self.minimum, "at least", self.minimum is not None and value < self.minimum),

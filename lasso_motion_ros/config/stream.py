@@ -13,12 +13,18 @@ class SyncConfig:
     """How the images of the two planes are paired, by their stamps."""
 
     jitter_s: float = parameter(
-        0.005, "an image of B stamped up to this much before its A still belongs to it", unit="s", minimum=0.0
+        0.005,
+        "an image of B stamped up to this much before its A still belongs to it",
+        unit="s",
+        minimum=0.0,
+        maximum=10.0,
     )
     plane_b_offset_s: float = parameter(
         -1.0,
         "time from A's to B's exposure where it is known; negative: unknown, B follows its A by at most half a period",
         unit="s",
+        minimum=-10.0,
+        maximum=10.0,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,12 @@ class _PlainLoader(yaml.SafeLoader):
             line = alias.start_mark.line + 1
             raise yaml.YAMLError(f"line {line}: the alias *{alias.anchor} is not supported; write the value itself")
         return super().compose_node(parent, index)
+
+
+# 1e-3 is a number for ROS, as in YAML 1.2; to PyYAML, which asks for a point and a sign, it is text.
+_PlainLoader.add_implicit_resolver(
+    "tag:yaml.org,2002:float", re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)[eE][-+]?[0-9]+$"), list("-+.0123456789")
+)
 
 
 def parse_plain_yaml(text: str) -> Any:

@@ -162,7 +162,8 @@ def test_an_integer_serves_as_a_number():
         ({"group.count": 10}, "group.count must be at most 9, found 10"),
         ({"group.share": -0.1}, "group.share must be at least 0.0 mm, found -0.1"),
         ({"group.share": 1.1}, "group.share must be at most 1.0 mm, found 1.1"),
-        ({"group.share": float("nan")}, "group.share must be .*, found nan"),
+        ({"group.share": float("nan")}, "group.share must be a finite number, found nan"),
+        ({"group.share": float("inf")}, "group.share must be a finite number, found inf"),
         ({"name": "three"}, "name must be one of one, two, found 'three'"),
     ],
 )

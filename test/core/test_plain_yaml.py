@@ -17,6 +17,15 @@ def test_values_are_read() -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "value"),
+    [("1e-3", 1e-3), ("-2E3", -2e3), ("5e+1", 50.0), (".5e1", 5.0), ("1.5e2", 150.0), ("1e", "1e"), ("1e3x", "1e3x")],
+)
+def test_a_number_is_one_for_the_commands_where_it_is_one_for_ros(text: str, value: float | str) -> None:
+    """The same file serves the node, whose parser is another."""
+    assert parse_plain_yaml(f"a: {text}") == {"a": value}
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("a: &p [1]\nb: *p\n", "line 2: the alias *p is not supported; write the value itself"),
