@@ -11,6 +11,8 @@ from contextlib import contextmanager
 
 AGAIN_S = 0.02
 """After which a Ctrl-C that Python could not raise comes once more."""
+LOOK_S = 0.2
+"""Between two looks of who waits for a signal."""
 
 
 def end_at_once() -> None:
@@ -20,6 +22,16 @@ def end_at_once() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def wait_until_set(event: threading.Event) -> None:
+    """Wait in the main thread for an event that a signal sets.
+
+    Again and again: of a signal that came while the process was stopped (Ctrl-Z, then `kill %1`) the kernel may tell
+    another thread, and a wait without a limit would go on.
+    """
+    while not event.wait(LOOK_S):
+        pass
 
 
 class Terminated(KeyboardInterrupt):

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
 from lasso_motion_ros.core.errors import LassoMotionError
+from lasso_motion_ros.core.signals import wait_until_set
 from lasso_motion_ros.nodes.ros_start import require_ros, ros_problem, start_ros
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -240,7 +241,7 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
             with stop.at_once():
                 node.start()
             spinning.start()
-            stop.stopped.wait()
+            wait_until_set(stop.stopped)
             return EXIT_DONE
         except KeyboardInterrupt:
             return EXIT_DONE

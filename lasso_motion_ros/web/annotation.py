@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import MessageError, RecordingError
-from lasso_motion_ros.core.signals import held_signals
+from lasso_motion_ros.core.signals import held_signals, wait_until_set
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.server import WebServer
@@ -211,7 +211,7 @@ def annotate(
         server.start()
         try:
             print(f"the page is at {server.url} – Ctrl-C ends it", flush=True)  # noqa: T201 - the command's own output
-            stopped.wait()
+            wait_until_set(stopped)
         finally:
             server.stop()
     if source.unsaved:

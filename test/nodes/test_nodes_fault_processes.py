@@ -18,6 +18,7 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from std_srvs.srv import SetBool, Trigger
+from support.child_processes import signal_while_stopped
 from support.node_harness import Graph
 from support.ring_stream import HEARD, SIDE, RingStream, diagnosed, displacement_mm, stamp, start_tracker
 
@@ -51,6 +52,17 @@ def test_a_tracker_that_is_killed_and_restarted_waits_for_a_seed(tmp_path: Path)
         assert len(graph.heard.messages["reference"]) == before["reference"]
         stream.seeded()
         stream.nothing_wrong()
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_that_comes_while_the_process_is_stopped_ends_it(tmp_path: Path, number: signal.Signals) -> None:
+    """Ctrl-Z, then `kill %1`: the shell sends SIGTERM, then SIGCONT."""
+    with Graph(HEARD, tmp_path) as graph:
+        child = graph.processes.start_node("tracker", "lasso_tracker")
+        graph.heard.wait_for(lambda: len(graph.heard.messages["state"]) > 2)  # it is up, and its main thread waits
+        signal_while_stopped(child, number)
+        assert graph.wait_for_end("tracker", 20.0) == 0
+        graph.heard.wait_for(lambda: graph.heard.messages["state"][-1].data == "INACTIVE")
 
 
 def test_a_publisher_that_is_killed_and_comes_again(tmp_path: Path) -> None:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
 from pathlib import Path
+from typing import Any
 
 
 def children_of(pid: int) -> list[int]:
@@ -24,3 +28,11 @@ def is_running(pid: int) -> bool:
         return (Path("/proc") / str(pid) / "stat").read_text().rsplit(")", 1)[1].split()[0] != "Z"
     except OSError:
         return False
+
+
+def signal_while_stopped(child: subprocess.Popen[Any], number: signal.Signals) -> None:
+    """Stop a child, as Ctrl-Z does, send it a signal, and let it go on."""
+    child.send_signal(signal.SIGSTOP)
+    os.waitpid(child.pid, os.WUNTRACED)
+    child.send_signal(number)
+    child.send_signal(signal.SIGCONT)
