@@ -89,6 +89,7 @@ class PageClicks:
         self._sent: dict[Plane, tuple[int, Any]] = {}
         self._waits_for_answer = False
         self._taken = False
+        self._taken_in_run = 0
         self._again = False
         self._runs = 0
 
@@ -99,7 +100,8 @@ class PageClicks:
             "held": holder == page,
             "held_elsewhere": holder not in (None, page),
             "sent": self._waits_for_answer,
-            "taken": self._taken,
+            # Else a tracker that waits again has been restarted, or reset elsewhere: it knows nothing of the clicks.
+            "hold_for_rounds": self._taken and self._stream.new_runs != self._taken_in_run,
             "has_clicks": bool(self._sent),
             "clicks": MINIMUM_CLICKS,
         }
@@ -227,7 +229,8 @@ class PageClicks:
     def answered(self) -> None:
         """The tracker has a pose: clicks that were sent are taken."""
         self._waits_for_answer = False
-        self._taken = bool(self._sent)
+        if not self._taken:
+            self._taken, self._taken_in_run = bool(self._sent), self._stream.new_runs
 
     def look(self) -> None:
         """Now and then: have the tracker let its pair go, once clicks are no longer on their way."""

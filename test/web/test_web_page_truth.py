@@ -166,4 +166,7 @@ def test_the_tracker_is_killed_and_another_is_started_in_mid_stream(stage: Stage
     stage.page.wait_for_state("WAITING FOR SEED")
     assert stage.page.text("pose-age") == "No pose yet"
     assert stage.page.text("alarm") == ""
+    # It knows nothing of the clicks that the first one has taken.
+    assert "Press S" in stage.page.text("detail")
+    assert not any(word in stage.page.text("reason") for word in ("anew", "sent"))
     assert not [sample for sample in claims.taken() if sample["state"] in POSE or sample["loop"]]

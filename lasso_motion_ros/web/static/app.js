@@ -248,7 +248,7 @@ function announce(words) {
 }
 
 function reasonWords() {
-  if (status.state === "WAITING_FOR_SEED" && status.taken) return "The recording has begun anew.";
+  if (status.state === "WAITING_FOR_SEED" && status.hold_for_rounds) return "The recording has begun anew.";
   if (status.state === "WAITING_FOR_SEED" && status.sent) return "Clicks sent, waiting for the tracker …";
   if (status.proposed > 1) return `${status.proposed} rings are found: is this one the lasso?`;
   if (status.proposed) return "A ring is found: is it the lasso?";
@@ -264,7 +264,7 @@ function detailWords() {
   if (status.held) return "The stream goes on behind the held picture; Esc shows it again.";
   if (status.held_elsewhere) return "Somebody is setting clicks in another window.";
   if (status.state === "WAITING_FOR_SEED") {
-    if (status.taken) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
+    if (status.hold_for_rounds) return "The clicks hold for every round: the loop is followed from the clicked picture on.";
     if (status.proposed && !status.sent)
       return `Press Enter to take it,${status.proposed > 1 ? " N for the next," : ""} or S to set clicks.`;
     return status.sent ? "If nothing follows, press S and click again." : "Press S: the picture is held while you click.";
