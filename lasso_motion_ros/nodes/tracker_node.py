@@ -55,6 +55,8 @@ class _Tuning:
         behind_s: a tracker that has had no rest for so long is too slow for the stream, and goes on with the newest
             pair from which the motion can be followed. To build a model, and answer the pairs that came meanwhile in
             their order, takes less.
+        late_s: so does one that lets a pair wait for so long while a model is built. On a machine that keeps up none
+            waits for half of this.
         stand_back_s: how long callbacks wait at most for the answer to a pair that has come, so as not to take turns
             with the tracker at Python's lock.
         rest_s: they do where the tracker had so long a rest before.
@@ -66,6 +68,7 @@ class _Tuning:
 
     waiting_pairs: int = 12
     behind_s: float = 2.0
+    late_s: float = 0.5
     stand_back_s: float = 0.02
     rest_s: float = 0.01
     look_s: float = 0.1
@@ -191,6 +194,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             name="tracker",
             idle=self._use_rest,
             behind_s=_TUNING.behind_s,
+            late_s=_TUNING.late_s,
             may_skip=PairTask.is_followed_by,
             is_whole=lambda task: task.is_whole,
             left_out=self._leave_out,

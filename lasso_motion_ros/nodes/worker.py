@@ -17,9 +17,9 @@ class Worker(Generic[Item]):
 
     When the queue is full, everything that waits is dropped in favour of what comes in: under lasting overload waiting
     items are stale, and their age must not grow. A single item may take long; until it is done and the queue is empty
-    again, the queue may grow to the larger bound. A worker that has not been idle for a while is behind for good: until
-    it is idle again the newest item is the next, as far as those between may be left out; of these the newest that is
-    whole, where there is one.
+    again, the queue may grow to the larger bound. A worker that has not been idle for a while, or lets items wait for
+    long behind one that takes long, is behind: until it is idle again the newest item is the next, as far as those
+    between may be left out; of these the newest that is whole, where there is one.
 
     Args:
         work: called in the worker's thread with each item. What it raises goes to `on_error`; the thread lives on.
@@ -31,6 +31,7 @@ class Worker(Generic[Item]):
         idle: called in the worker's thread while nothing waits, again and again while it returns True. An item that
             comes in waits until it has returned.
         behind_s: after so long without having been idle it is behind.
+        late_s: so is it where an item has waited for so long behind one that takes long.
         may_skip: whether what lies between an item that was worked on and another may be left out, if it is behind.
         is_whole: whether an item tells all that it could. Else one that tells less, being the newest each time, would
             keep all others from their turn.
@@ -50,6 +51,7 @@ class Worker(Generic[Item]):
         name: str,
         idle: Callable[[], bool] = lambda: False,
         behind_s: float = math.inf,
+        late_s: float = math.inf,
         may_skip: Callable[[Item, Item], bool] = lambda last, other: True,
         is_whole: Callable[[Item], bool] = lambda item: True,
         left_out: Callable[[Sequence[Item]], None] = lambda items: None,
@@ -61,11 +63,13 @@ class Worker(Generic[Item]):
         self._capacity = capacity
         self._burst_capacity = burst_capacity
         self._burst = False
-        self._behind_s, self._clock = behind_s, clock
+        self._behind_s, self._late_s, self._clock = behind_s, late_s, clock
         self._may_skip, self._is_whole, self._left_out = may_skip, is_whole, left_out
         self._busy_since_s = math.inf
+        self._is_late = False
         self._last: Item | None = None
         self._waiting: deque[Item] = deque()
+        self._came_s: deque[float] = deque()  # when each of them did
         self._changed = threading.Condition()
         self._stopping = False
         self._dropped = 0
@@ -95,8 +99,10 @@ class Worker(Generic[Item]):
             self._burst = self._burst or any(map(self._takes_long, items))
             if len(self._waiting) + len(items) > (self._burst_capacity if self._burst else self._capacity):
                 self._drop(len(self._waiting))
+            now_s = self._clock()
             self._waiting.extend(items)
-            self._rested_s = max(0.0, self._clock() - self._resting_since_s)
+            self._came_s.extend(now_s for _ in items)
+            self._rested_s = max(0.0, now_s - self._resting_since_s)
             self._resting_since_s = math.inf
             self._changed.notify_all()
 
@@ -115,6 +121,7 @@ class Worker(Generic[Item]):
         """Forget what waits, without counting it as dropped."""
         with self._changed:
             self._waiting.clear()
+            self._came_s.clear()
             self._untold.clear()
 
     def stop(self, patience_s: float | None = None) -> bool:
@@ -129,6 +136,7 @@ class Worker(Generic[Item]):
         with self._changed:
             self._stopping = True
             self._waiting.clear()
+            self._came_s.clear()
             self._changed.notify_all()
         if self._thread is not threading.current_thread():
             self._thread.join(patience_s)
@@ -153,7 +161,7 @@ class Worker(Generic[Item]):
         """The next item, or none where none waits, and those dropped for it; None where the thread is to end."""
         with self._changed:
             if not self._waiting:
-                self._busy_since_s = math.inf
+                self._busy_since_s, self._is_late = math.inf, False
                 if self._resting_since_s == math.inf:
                     self._resting_since_s = self._clock()
                     self._changed.notify_all()
@@ -165,9 +173,11 @@ class Worker(Generic[Item]):
                 return [], []
             now_s = self._clock()
             self._busy_since_s = min(self._busy_since_s, now_s)
-            if now_s - self._busy_since_s > self._behind_s:
+            self._is_late = self._is_late or (self._burst and now_s - self._came_s[0] > self._late_s)
+            if self._is_late or now_s - self._busy_since_s > self._behind_s:
                 self._skip()
             item = self._last = self._waiting.popleft()
+            self._came_s.popleft()
             self._burst = self._takes_long(item) or (self._burst and bool(self._waiting))
             dropped, self._untold = self._untold, []
             return [item], dropped
@@ -188,4 +198,6 @@ class Worker(Generic[Item]):
     def _drop(self, count: int) -> None:
         """Drop those that have waited longest."""
         self._untold += [self._waiting.popleft() for _ in range(count)]
+        for _ in range(count):
+            self._came_s.popleft()
         self._dropped += count

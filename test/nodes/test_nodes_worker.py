@@ -216,6 +216,54 @@ def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
     assert gate.done == [0, 1, 2, 3, 4, 5, 7]
 
 
+@pytest.mark.parametrize(
+    ("waited_s", "expected"),
+    [
+        (0.4, [100, 1, 2, 3, 4, 5]),  # in their order
+        (0.6, [100, 2, 4, 5]),  # the newest that may be the next, until there is a rest
+    ],
+)
+def test_what_has_waited_for_long_behind_a_long_one_gives_way_to_the_newest(
+    waited_s: float, expected: list[int]
+) -> None:
+    gate, now_s, rested = Gate(), 0.0, threading.Event()
+
+    def rest() -> bool:
+        rested.set()
+        return False
+
+    worker: Worker[int] = Worker(
+        gate,
+        capacity=9,
+        burst_capacity=9,
+        takes_long=lambda item: item == 100,
+        on_error=lambda _: None,
+        name="test",
+        idle=rest,
+        behind_s=1000.0,
+        late_s=0.5,
+        may_skip=lambda last, other: other - last % 100 <= 2,
+        clock=lambda: now_s,
+    )
+    worker.put([100])
+    assert gate.begun.acquire(timeout=10)
+    worker.put([1, 2, 3, 4, 5])
+    now_s += waited_s
+    rested.clear()
+    gate.let(len(expected))
+    for _ in expected[1:]:
+        assert gate.begun.acquire(timeout=10)
+    assert rested.wait(10)
+    assert gate.done == expected
+    worker.put([10, 11, 12])  # after its rest, and behind nothing that takes long
+    now_s += 0.6
+    gate.let(3)
+    for _ in range(3):
+        assert gate.begun.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [*expected, 10, 11, 12]
+
+
 def test_clear_forgets_without_counting() -> None:
     gate = Gate()
     worker = make(gate)

@@ -19,7 +19,8 @@ from lasso_motion_ros.nodes.executables import main
 def run() -> int:
     """Run the node so; returns its exit status."""
     tracker_node.warm_up = lambda *_: []
-    tracker_node._TUNING = dataclasses.replace(tracker_node._TUNING, behind_s=math.inf, waiting_pairs=1000)
+    patient = {"behind_s": math.inf, "late_s": math.inf, "waiting_pairs": 1000}
+    tracker_node._TUNING = dataclasses.replace(tracker_node._TUNING, **patient)
     return main(sys.argv[1:])
 
 
