@@ -13,6 +13,7 @@ import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
+from glob import escape
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,8 @@ class UnfinishedFile:
         self._final = path
         self._place = None if is_device(path) else Path(os.path.realpath(path))
         self.path = path if self._place is None else _unfinished(self._place)
+        if self._place is not None:
+            _remove_abandoned(self._place)
         # An interrupt may come before whoever writes it could see to it.
         self._removal = weakref.finalize(self, _remove, self.path, os.getpid()) if self._place is not None else None
 
@@ -152,7 +155,7 @@ def whole_directory(path: Path, owned: Sequence[str] = ()) -> Iterator[Path]:
     """
     made: list[Path] = []
     staged = _unfinished(path / "files")
-    _remove_abandoned(path)
+    _remove_abandoned(path / "files")
     try:
         made = [parent for parent in (path, *path.parents) if not parent.exists()]
         make_directory(path)
@@ -213,13 +216,17 @@ def is_device(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def _remove_abandoned(path: Path) -> None:
-    """Take away what processes that were killed had begun to write into a directory."""
-    for staged in path.glob(STAGED):
+def _remove_abandoned(place: Path) -> None:
+    """Take away what processes that were killed had begun to write in a place's stead."""
+    for staged in place.parent.glob(f".{escape(place.name)}.*.unfinished"):
         try:
-            os.kill(int(staged.name.split(".")[2]), 0)
+            os.kill(int(staged.name.split(".")[-2]), 0)
         except ProcessLookupError:
-            shutil.rmtree(staged, ignore_errors=True)
+            if staged.is_dir():
+                shutil.rmtree(staged, ignore_errors=True)
+            else:
+                with suppress(OSError):
+                    staged.unlink()
         except (OSError, ValueError, OverflowError):
             continue
 

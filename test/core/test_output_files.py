@@ -111,6 +111,21 @@ def test_what_a_killed_process_had_begun_is_no_loss_and_is_taken_away(tmp_path: 
     assert sorted(path.name for path in directory.iterdir()) == [at_work.name, "page"]
 
 
+def test_a_file_that_a_killed_process_had_begun_is_taken_away(tmp_path: Path) -> None:
+    path = tmp_path / "result[1].mcap"
+    words = f"with whole_file(Path({str(path)!r})) as begun: begun.write_text('half'); os._exit(0)"
+    code = f"import os; from pathlib import Path; from lasso_motion_ros.core.output_files import whole_file\n{words}"
+    subprocess.run([sys.executable, "-c", code], check=True)
+    (left,) = tmp_path.iterdir()
+    at_work, other = tmp_path / f".{path.name}.{os.getppid()}.unfinished", tmp_path / ".other.mcap.0.unfinished"
+    at_work.touch()
+    other.touch()
+    with whole_file(path) as begun:
+        begun.write_text("whole")
+    assert not left.exists()
+    assert sorted(one.name for one in tmp_path.iterdir()) == sorted([at_work.name, other.name, path.name])
+
+
 def test_a_file_of_a_directory_that_cannot_be_replaced_leaves_all_as_they_were(tmp_path: Path) -> None:
     for name in ("a.txt", "old.txt"):
         (tmp_path / name).write_text(name)

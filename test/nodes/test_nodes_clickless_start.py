@@ -100,6 +100,7 @@ def test_a_ring_that_was_moved_is_proposed_after_a_while_and_is_its_own_referenc
     answered(stream, LONG_NS // PERIOD_NS + 10, aside_mm=ASIDE_MM)
     graph.heard.wait_for(lambda: len(shown) > 0 and shown[-1].action == ADD, PATIENCE_S)
     stream.await_state("DISPLACED")
+    stream.said("state: DISPLACED: ")
     assert stream.references() == before
     taken = graph.call(Trigger, "/lasso_tracker/accept", Trigger.Request())
     assert taken.success, taken.message
