@@ -7,11 +7,10 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Mapping
-from itertools import chain
-from operator import itemgetter
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import MessageError
 
@@ -19,7 +18,6 @@ Fields = Mapping[str, Any]
 
 _LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # the encapsulation's header, from behind which alignment counts
 _NOTHING: Fields = {}
-_X_Y_Z = itemgetter("x", "y", "z")
 
 
 def answer_bytes(type_name: str, fields: Fields) -> bytes:
@@ -27,7 +25,8 @@ def answer_bytes(type_name: str, fields: Fields) -> bytes:
 
     Args:
         type_name: `package/msg/Name`, of one of the types that the tracker answers with.
-        fields: as a `MessageFactory` takes them; of a `Marker` no textures, meshes and colours of single points.
+        fields: as a `MessageFactory` takes them; of a `Marker` points as an array (N, 3), and no textures, meshes and
+            colours of single points.
 
     Raises:
         MessageError: another type.
@@ -49,14 +48,23 @@ class _Written:
     def add(self, code: str, *values: float) -> None:
         """Numbers of one kind, by the letter that `struct` has for it."""
         if values:
-            self.data += bytes((len(_LITTLE_ENDIAN) - len(self.data)) % struct.calcsize(code))
+            self._align(struct.calcsize(code))
             self.data += struct.pack(f"<{len(values)}{code}", *values)
+
+    def add_array(self, values: npt.NDArray[np.float64]) -> None:
+        """Numbers of eight bytes, of any shape."""
+        if values.size:
+            self._align(8)
+            self.data += values.astype("<f8").tobytes()
 
     def add_text(self, text: str) -> None:
         """A string."""
         encoded = text.encode("utf-8") + b"\x00"
         self.add("I", len(encoded))
         self.data += encoded
+
+    def _align(self, size: int) -> None:
+        self.data += bytes((len(_LITTLE_ENDIAN) - len(self.data)) % size)
 
 
 def _add_string(written: _Written, fields: Fields) -> None:
@@ -81,7 +89,7 @@ def _add_pose_stamped(written: _Written, fields: Fields) -> None:
 def _add_pose_with_covariance_stamped(written: _Written, fields: Fields) -> None:
     _add_header(written, fields["header"])
     _add_pose(written, fields["pose"]["pose"])
-    written.add("d", *np.asarray(fields["pose"]["covariance"], dtype=np.float64).tolist())
+    written.add_array(fields["pose"]["covariance"])
 
 
 def _add_marker(written: _Written, fields: Fields) -> None:
@@ -93,9 +101,9 @@ def _add_marker(written: _Written, fields: Fields) -> None:
     written.add("f", *_values(fields.get("color", _NOTHING), "rgba"))
     written.add("i", 0, 0)  # lifetime
     written.add("B", 0)  # frame_locked
-    points = fields.get("points", ())
+    points = np.asarray(fields.get("points", ()), dtype=np.float64)
     written.add("I", len(points))
-    written.add("d", *chain.from_iterable(map(_X_Y_Z, points)))
+    written.add_array(points)
     _add_appearance(written)
 
 

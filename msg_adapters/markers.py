@@ -19,10 +19,6 @@ ADD, DELETE = 0, 2
 _IDENTITY = np.eye(4)
 
 
-def _points(points: npt.ArrayLike) -> list[dict[str, float]]:
-    return [{"x": x, "y": y, "z": z} for x, y, z in np.asarray(points, dtype=np.float64).tolist()]
-
-
 def _marker(
     kind: int,
     namespace: str,
@@ -42,7 +38,7 @@ def _marker(
         "pose": encode_pose(_IDENTITY),
         "scale": size,
         "color": {"r": red, "g": green, "b": blue, "a": alpha},
-        "points": _points(points),
+        "points": np.asarray(points, dtype=np.float64).reshape(-1, 3),
     }
 
 

@@ -42,7 +42,8 @@ class MessageFactory(Protocol):
         Args:
             type_name: the message type.
             fields: values by field name; nested messages as mappings, arrays as sequences, bytes or NumPy
-                arrays. A field that is not named keeps its default.
+                arrays, of nested messages too: their rows hold the fields in order. A field that is not named keeps
+                its default.
 
         Raises:
             MessageError: an unknown type or field.
@@ -146,6 +147,8 @@ def _array(code: str, value: Any) -> Any:
 def _ros_items(type_name: str, values: Any) -> list[Any]:
     message_class, items = _ros_class(type_name), []
     converters = _converters(message_class)
+    if isinstance(values, np.ndarray):
+        return [message_class(**dict(zip(converters, row, strict=True))) for row in values.tolist()]
     for value in values:
         if type(value) is dict or isinstance(value, Mapping):  # the first is asked at once, a hundred times a curve
             message = message_class()

@@ -61,18 +61,19 @@ class RecordedMessages:
         item, length = detail
         count = length if kind == Nodetype.ARRAY else 0
         if item[0] == Nodetype.NAME or item[1][0] == "string":
-            return partial(_recorded_items, self._converter(item), count)
+            return partial(self._items, item, self._converter(item), count)
         dtype = np.dtype("uint8" if item[1][0] in ("octet", "byte", "char") else item[1][0])
         return partial(_recorded_array, dtype, count, kind == Nodetype.ARRAY)
+
+    def _items(self, item: Any, convert: _Convert, count: int, values: Any) -> list[Any]:
+        if isinstance(values, np.ndarray):
+            return [self._types.types[item[1]](*row) for row in values.tolist()]
+        return [convert(value) for value in (values if values is not None else [None] * count)]
 
     def _nested(self, type_name: str, value: Any) -> Any:
         if type(value) is dict or value is None or isinstance(value, Mapping):  # the first is asked at once
             return self._made(type_name, value or {})
         return value
-
-
-def _recorded_items(convert: _Convert, count: int, values: Any) -> list[Any]:
-    return [convert(value) for value in (values if values is not None else [None] * count)]
 
 
 def _recorded_array(dtype: np.dtype[Any], length: int, is_fixed: bool, value: Any) -> Any:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import importlib
 from typing import Any, Protocol
 
-from msg_adapters.image_bytes import read_image
+from msg_adapters.input_bytes import READERS
 from msg_adapters.messages import MessageFactory, RosMessages
 from msg_adapters.recorded_messages import RecordedMessages, jazzy_types
-from msg_adapters.topics import IMAGE_TYPE
 
 
 class Codec(Protocol):
@@ -22,7 +21,7 @@ class Codec(Protocol):
 
 
 class RosCodec:
-    """What rclpy and `read_image` do for the node."""
+    """What rclpy does for the node, but for images and calibrations."""
 
     name = "rclpy"
 
@@ -35,8 +34,8 @@ class RosCodec:
 
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message in CDR bytes."""
-        if type_name == IMAGE_TYPE:
-            return read_image(data)
+        if type_name in READERS:
+            return READERS[type_name](data)
         if type_name not in self._classes:
             package, _, name = type_name.partition("/msg/")
             self._classes[type_name] = getattr(importlib.import_module(f"{package}.msg"), name)
@@ -54,8 +53,8 @@ class RecordedCodec:
 
     def decode(self, data: bytes, type_name: str) -> Any:
         """The message in CDR bytes."""
-        if type_name == IMAGE_TYPE:
-            return read_image(data)
+        if type_name in READERS:
+            return READERS[type_name](data)
         return self._types.deserialize_cdr(data, type_name)
 
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CameraInfo, CompressedImage
+from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker
 
@@ -28,8 +28,8 @@ from lasso_motion_ros.overlay.motion_history import Choice, MotionHistory
 from lasso_motion_ros.overlay.painter import OverlayPainter
 from lasso_motion_ros.overlay.reference_anatomy import read_reference_anatomy
 from lasso_motion_ros.overlay.style import overlay_style
-from msg_adapters.image_bytes import ReadImage
 from msg_adapters.images import encode_image
+from msg_adapters.input_bytes import ReadCameraInfo, ReadImage
 from msg_adapters.markers import DELETE, decode_points, encode_delete, encode_triangles
 from msg_adapters.messages import header_fields, stamp_to_ns
 from msg_adapters.poses import decode_covariance, decode_pose, encode_pose
@@ -186,7 +186,7 @@ class OverlayNode(ConfiguredNode[OverlayConfig]):
             self._changed.notify()
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
+    def _on_camera_info(self, plane: Plane, message: ReadCameraInfo, latched: bool) -> None:
         self._take(plane, self._frames[plane].add_camera_info(message, latched=latched))
 
     @guarded

@@ -9,13 +9,14 @@ from typing import Any
 
 from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import CompressedImage, Image
 
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.nodes.qos import offered_reliably, qos
 from lasso_motion_ros.nodes.steady_timer import steady_timer
-from msg_adapters.image_bytes import read_image
+from msg_adapters.input_bytes import READERS
 from msg_adapters.topics import compressed_image_topic, image_topic
 
 DISCOVERY_PERIOD_S = 0.1
@@ -30,7 +31,7 @@ class OfferedSubscription:
 
     Args:
         node: the node.
-        message_type: class of the messages. An Image comes as a `ReadImage`, which is its bytes.
+        message_type: class of the messages. Images and calibrations come as `ReadImage` and `ReadCameraInfo`.
         topic: name, relative or absolute, before remapping.
         callback: called with each message.
         reliability: `auto`, or `reliable` or `best_effort` to have it fixed and at once.
@@ -84,8 +85,7 @@ class OfferedSubscription:
             self._node.destroy_subscription(self._subscription)
 
     def _offers(self, topic: str) -> list[Any]:
-        kind = self._types[topic]
-        type_name = f"{kind.__module__.partition('.')[0]}/msg/{kind.__name__}"
+        type_name = _type_name(self._types[topic])
         offers = self._node.get_publishers_info_by_topic(self._node.resolve_topic_name(topic))
         return [offer for offer in offers if offer.topic_type == type_name]
 
@@ -118,13 +118,30 @@ class OfferedSubscription:
         # What asks for what is offered is never told that it asks for too much: see `topic_publisher`.
         events = SubscriptionEventCallbacks(use_default_callbacks=not self._by_offer)
         profile, kind = qos(depth=self._depth, reliable=reliable), self._types[topic]
-        as_bytes = kind is Image
-        self._subscription = self._node.create_subscription(
-            kind, topic, self._take_bytes if as_bytes else self._callback, profile, event_callbacks=events, raw=as_bytes
-        )
+        self._subscription = _subscribed(self._node, kind, topic, self._callback, profile, events)
 
-    def _take_bytes(self, image: bytes) -> None:
-        self._callback(read_image(image))
+
+def _subscribed(
+    node: Node,
+    message_type: type,
+    topic: str,
+    callback: Callable[[Any], None],
+    profile: QoSProfile,
+    events: SubscriptionEventCallbacks,
+) -> Subscription:
+    """A subscription; images and calibrations are taken as bytes, and read without rclpy's copies."""
+    read = READERS.get(_type_name(message_type))
+    if read is None:
+        return node.create_subscription(message_type, topic, callback, profile, event_callbacks=events)
+
+    def take(data: bytes) -> None:
+        callback(read(data))
+
+    return node.create_subscription(message_type, topic, take, profile, event_callbacks=events, raw=True)
+
+
+def _type_name(message_type: type) -> str:
+    return f"{message_type.__module__.partition('.')[0]}/msg/{message_type.__name__}"
 
 
 def image_subscription(
@@ -170,12 +187,13 @@ class CalibrationSubscription:
             node, message_type, topic, lambda message: callback(message, False), reliability="auto", depth=depth
         )
         # It is meant not to match a volatile publisher: no warning about that.
-        self._latched = node.create_subscription(
+        self._latched = _subscribed(
+            node,
             message_type,
             topic,
             lambda message: callback(message, True),
             qos(depth=depth, latched=True),
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            SubscriptionEventCallbacks(use_default_callbacks=False),
         )
 
     def destroy(self) -> None:

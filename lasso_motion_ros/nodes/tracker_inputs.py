@@ -17,7 +17,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, SeedSubscription, image_subscription
 from lasso_motion_ros.nodes.watch import Offer
-from msg_adapters.image_bytes import ReadImage
+from msg_adapters.input_bytes import ReadCameraInfo, ReadImage
 from msg_adapters.topics import R_PEAK, camera_info_topic, click_topic, seed_topic
 
 CALIBRATION_DEPTH = 32
@@ -28,7 +28,7 @@ class InputCallbacks:
     """What is called with each message; all but `r_peak` get the plane first, `camera_info` whether it is latched."""
 
     image: Callable[[Plane, ReadImage | CompressedImage], None]
-    camera_info: Callable[[Plane, CameraInfo, bool], None]
+    camera_info: Callable[[Plane, ReadCameraInfo, bool], None]
     seed: Callable[[Plane, PolygonStamped], None]
     click: Callable[[Plane, Point], None]
     r_peak: Callable[[Header], None]

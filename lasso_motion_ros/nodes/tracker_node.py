@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from geometry_msgs.msg import Point, PolygonStamped
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
-from sensor_msgs.msg import CameraInfo, CompressedImage
+from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
@@ -40,7 +40,7 @@ from lasso_motion_ros.stream.pair_task import PairTask
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
 from lasso_motion_ros.stream.warm_up import dry_run, warm_up
 from lasso_motion_ros.tracking.tracker import TrackerState
-from msg_adapters.image_bytes import ReadImage
+from msg_adapters.input_bytes import ReadCameraInfo, ReadImage
 from msg_adapters.messages import NANOSECONDS, stamp_to_ns
 from msg_adapters.seeds import read_seeds_file
 from msg_adapters.topics import DIAGNOSTICS, camera_info_topic, image_topic, seed_topic
@@ -249,7 +249,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._view.add_image(pipeline, plane, message)
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
+    def _on_camera_info(self, plane: Plane, message: ReadCameraInfo, latched: bool) -> None:
         if self._by_arrival:
             message.header.stamp.sec = message.header.stamp.nanosec = 0  # holds until the next
         pipeline = self._active()

@@ -13,8 +13,8 @@ from lasso_motion_ros.nodes.state_watch import StateWatch
 from lasso_motion_ros.nodes.state_words import last_pose_words
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.stream.pipeline import TrackingPipeline
-from msg_adapters.image_bytes import ReadImage
 from msg_adapters.images import decode_image
+from msg_adapters.input_bytes import ReadImage
 from msg_adapters.messages import stamp_to_ns
 
 

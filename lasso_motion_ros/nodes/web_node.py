@@ -7,7 +7,7 @@ from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from sensor_msgs.msg import CameraInfo, CompressedImage, Image
+from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import Header, String
 from visualization_msgs.msg import Marker
 
@@ -25,7 +25,7 @@ from lasso_motion_ros.web import protocol
 from lasso_motion_ros.web.live_stream import LiveStream
 from lasso_motion_ros.web.server import WebServer
 from lasso_motion_ros.web.source import PageView, Picture, TracePoint
-from msg_adapters.image_bytes import ReadImage
+from msg_adapters.input_bytes import ReadCameraInfo, ReadImage
 from msg_adapters.sync.plane_source import plane_sources
 from msg_adapters.topics import (
     CATHETER,
@@ -164,7 +164,7 @@ class WebNode(ConfiguredNode[WebConfig]):
         self._changed()
 
     @guarded
-    def _on_camera_info(self, plane: Plane, message: CameraInfo, latched: bool) -> None:
+    def _on_camera_info(self, plane: Plane, message: ReadCameraInfo, latched: bool) -> None:
         self._complain(plane, self._stream.add_camera_info(plane, message, latched=latched))
         self._changed()
 

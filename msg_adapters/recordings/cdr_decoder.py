@@ -9,9 +9,8 @@ from rosbags.typesys import get_types_from_msg
 from rosbags.typesys.store import Typestore
 
 from lasso_motion_ros.core.errors import RecordingError
-from msg_adapters.image_bytes import read_image
+from msg_adapters.input_bytes import READERS
 from msg_adapters.recorded_messages import jazzy_types
-from msg_adapters.topics import IMAGE_TYPE
 
 
 class CdrDecoder:
@@ -33,7 +32,8 @@ class CdrDecoder:
             self._learn(schema)
             self._checked.add(schema.name)
         try:
-            return read_image(data) if schema.name == IMAGE_TYPE else self._types.deserialize_cdr(data, schema.name)
+            read = READERS.get(schema.name)
+            return self._types.deserialize_cdr(data, schema.name) if read is None else read(data)
         except Exception:  # whatever the deserialiser raises: the bytes are not such a message
             return None
 

@@ -39,7 +39,9 @@ def shows_the_same(before: Pixels, now: Pixels) -> bool:
     if before.shape != now.shape or before.dtype != now.dtype:
         return False
     step = _TUNING.row_step
-    if np.count_nonzero(before[::step] != now[::step]) > _TUNING.sampled * now[::step].size:
+    limit = _TUNING.sampled * now[::step].size
+    # Of these a quarter tells nearly always.
+    if any(np.count_nonzero(before[::row] != now[::row]) > limit for row in (4 * step, step)):
         return False
     rows = np.flatnonzero((_words(before) != _words(now)).any(axis=1))
     if not rows.size:

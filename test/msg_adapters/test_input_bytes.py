@@ -1,7 +1,9 @@
-"""Images read from their bytes: as a deserialiser reads them, without a copy, and what is refused."""
+"""Images and calibrations read from their bytes: as a deserialiser reads them, without a copy; what is refused."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,10 +13,12 @@ from hypothesis import strategies as st
 from support.message_inputs import MESSAGES
 
 from lasso_motion_ros.core.errors import MessageError
-from msg_adapters.image_bytes import read_image
 from msg_adapters.images import decode_image
+from msg_adapters.input_bytes import READERS, read_camera_info, read_image
 from msg_adapters.recorded_messages import jazzy_types
 from msg_adapters.topics import IMAGE_TYPE
+
+CALIBRATION_TYPE = "sensor_msgs/msg/CameraInfo"
 
 
 def serialised(*, little_endian: bool = True, **fields: Any) -> bytes:
@@ -30,6 +34,12 @@ def serialised(*, little_endian: bool = True, **fields: Any) -> bytes:
     }
     made = MESSAGES.make(IMAGE_TYPE, standard | fields)
     return bytes(jazzy_types().serialize_cdr(made, IMAGE_TYPE, little_endian=little_endian))
+
+
+def calibration(fields: Mapping[str, Any], *, little_endian: bool = True) -> bytes:
+    """Likewise a CameraInfo."""
+    made = MESSAGES.make(CALIBRATION_TYPE, fields)
+    return bytes(jazzy_types().serialize_cdr(made, CALIBRATION_TYPE, little_endian=little_endian))
 
 
 @given(
@@ -60,12 +70,41 @@ def test_pixels_are_not_copied() -> None:
     assert np.shares_memory(pixels, np.frombuffer(message, np.uint8))
 
 
+@given(st.booleans(), st.lists(st.floats(allow_nan=False), max_size=5), st.text("abü", max_size=9), st.booleans())
+def test_a_calibration_is_that_of_a_deserialiser(little: bool, d: list[float], model: str, rectified: bool) -> None:
+    fields = {
+        "header": {"stamp": {"sec": 7, "nanosec": 8}, "frame_id": model},
+        "height": 2,
+        "width": 3,
+        "distortion_model": model,
+        "d": d,
+        "k": np.arange(9.0),
+        "r": -np.arange(9.0),
+        "p": np.arange(12.0),
+        "binning_x": 4,
+        "binning_y": 5,
+        "roi": {"x_offset": 6, "y_offset": 7, "height": 8, "width": 9, "do_rectify": rectified},
+    }
+    message = calibration(fields, little_endian=little)
+    read, expected = read_camera_info(message), jazzy_types().deserialize_cdr(message, CALIBRATION_TYPE)
+    assert vars(read.header.stamp) == {"sec": 7, "nanosec": 8}
+    assert read.header.frame_id == read.distortion_model == model
+    assert (read.height, read.width, read.binning_x, read.binning_y) == (2, 3, 4, 5)
+    assert vars(read.roi) == {name: getattr(expected.roi, name) for name in vars(read.roi)}
+    for name in "dkrp":
+        np.testing.assert_array_equal(getattr(read, name), getattr(expected, name))
+        assert getattr(read, name).dtype == np.float64
+
+
 @pytest.mark.parametrize("little_endian", [False, True])
-def test_what_is_cut_short_is_refused(little_endian: bool) -> None:
-    message = serialised(little_endian=little_endian)
+@pytest.mark.parametrize("type_name", READERS)
+def test_what_is_cut_short_is_refused(type_name: str, little_endian: bool) -> None:
+    made = {IMAGE_TYPE: serialised, CALIBRATION_TYPE: partial(calibration, {"d": np.zeros(5)})}
+    message = made[type_name](little_endian=little_endian)
+    READERS[type_name](message)
     for length in range(len(message)):
-        with pytest.raises(MessageError, match=r"^an image .*(cut short or corrupt|found)"):
-            read_image(message[:length])
+        with pytest.raises(MessageError, match=r"^an? \w+ (of \d+ bytes that is cut short|in CDR begins with)"):
+            READERS[type_name](message[:length])
 
 
 def test_another_encapsulation_is_refused() -> None:
