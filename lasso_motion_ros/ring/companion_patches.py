@@ -17,7 +17,7 @@ import numpy.typing as npt
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.ring.search import vertex
-from lasso_motion_ros.ring.working_image import CELL_PX, blur_taps, reduction_factor
+from lasso_motion_ros.ring.working_image import CELL_PX, blur_taps, grey_logarithms, reduction_factor
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
@@ -172,6 +172,7 @@ def _found(
             part,
             blur_taps(_FINE_CELLS, fine),
             blur_taps(2 * reach + 1, coarse),
+            grey_logarithms(),
         )
         return place
     shown = np.maximum(_devices(frame, grid, tuning, part), np.float32(patch.lowest))

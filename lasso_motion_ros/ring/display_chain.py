@@ -165,8 +165,8 @@ class PlaneChain:
             self._period_ns = 0
             return self._kept(frame, frame.pixels, sample, 0, None)
         # The blocks' means tell nearly always that it is another image.
-        is_like = np.array_equal(sample.grey, self._sample.grey) and np.array_equal(sample.values, self._sample.values)
-        if is_like and np.array_equal(frame.pixels, last.pixels):
+        is_like = sample.grey.tobytes() == self._sample.grey.tobytes()
+        if is_like and np.array_equal(sample.values, self._sample.values) and np.array_equal(frame.pixels, last.pixels):
             # The last image once more: no step of the filter.
             return frame if self._shown is last.pixels else replace(frame, pixels=self._shown)
         interval_ns = frame.stamp_ns - last.stamp_ns
@@ -200,9 +200,10 @@ class PlaneChain:
             return False
         if frame.pixels.dtype != last.pixels.dtype:
             return False
-        now, then = frame.projection.matrix, last.projection.matrix  # of the same scale: Projection sees to that
-        if np.abs(now - then).max() > self._tuning.projection_step * math.sqrt(float(then[0, :3] @ then[0, :3])):
-            return False
+        if frame.projection is not last.projection:
+            now, then = frame.projection.matrix, last.projection.matrix  # of the same scale: Projection sees to that
+            if np.abs(now - then).max() > self._tuning.projection_step * math.sqrt(float(then[0, :3] @ then[0, :3])):
+                return False
         return abs(grey_change(sample, before)) <= self._tuning.grey_step
 
     def _periods(self, interval_ns: int) -> int:
@@ -322,7 +323,7 @@ def sampled(pixels: Pixels, tuning: DisplayChainTuning) -> Sample:
     if has_kernels():
         from lasso_motion_ros.ring.kernels import display as kernels
 
-        return Sample(*kernels.sampled(pixels, size, most))
+        return Sample(*kernels.sampled(np.ascontiguousarray(pixels), size, most))
     down, right = (max(1, side // size // most) for side in pixels.shape)
     rows, columns = pixels.shape[0] // (size * down), pixels.shape[1] // (size * right)
     whole = pixels[: rows * down * size, : columns * right * size]

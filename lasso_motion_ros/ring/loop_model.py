@@ -5,6 +5,7 @@ A real loop is no ellipse: it is open or overlaps itself, is slightly helical an
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -109,7 +110,7 @@ def offsets_of(
 
 def _pixels_per_metre(projection: Projection, centre: Array) -> Array:
     """(2,) along the image's rows and columns; with unequal binning they differ."""
-    return np.asarray(np.linalg.norm(projection.jacobian(centre), axis=1))
+    return np.array([math.hypot(*row) for row in projection.jacobian(centre).tolist()])
 
 
 def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:

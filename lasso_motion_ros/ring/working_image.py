@@ -17,6 +17,7 @@ from lasso_motion_ros.geometry.projection import Projection
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
+Grey = npt.NDArray[np.uint16]
 
 # The grid that search and alignment share. Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm
 # long.
@@ -63,14 +64,14 @@ class WorkingImage:
             follows from that division.
         projection: world metres to *these* pixels.
         noise: (h, w) float32, the local root mean square by which was divided, grey values.
-        grey: (h, w) the reduced image.
+        grey: (h, w) uint16, the reduced image.
         bright: whether the catheter is brighter than its background.
     """
 
     values: Image
     projection: Projection
     noise: Image
-    grey: npt.NDArray[np.uint8 | np.uint16]
+    grey: Grey
     bright: bool = False
 
     def evidence_at(self, pixels: Array) -> Image:
@@ -80,6 +81,14 @@ class WorkingImage:
         """
         if not np.isfinite(pixels).all():
             return np.zeros(len(pixels), dtype=np.float32)
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import band as kernels
+
+            shown: Image = kernels.evidence_at(
+                self.grey, pixels, CELL_PX, TUNING.evidence_reach_px, *_scales(self.bright)
+            )
+            if shown.size == len(pixels):
+                return shown
         evidence, corner = self.evidence_about(pixels)
         if evidence.size == 0:
             return np.zeros(len(pixels), dtype=np.float32)
@@ -94,7 +103,7 @@ class WorkingImage:
         grey, corner = self._grey_about(pixels)
         return (_evidence(grey, self.bright) if grey.size else np.zeros((0, 0), dtype=np.float32)), corner
 
-    def _grey_about(self, pixels: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Array]:
+    def _grey_about(self, pixels: Array) -> tuple[Grey, Array]:
         """The surroundings (h, w) of pixels (N, 2) on which their evidence rests, and the pixel (2,) of its corner."""
         height, width = self.grey.shape
         # Whole cells of the image's grid: a part of it shows what the whole does.
@@ -179,6 +188,7 @@ def working_image(
         )
     cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
     reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    reduced = reduced.astype(np.uint16, order="C", copy=False)  # whatever it came as, it is one kind from here on
     values, noise = _band_pass(reduced, bright)
     seen = projection.read_out(left, top, width * factor, height * factor, factor, factor)
     return WorkingImage(values, seen, noise, reduced, bright)
@@ -211,22 +221,24 @@ class WholeImages:
         return replace(made, projection=shifted.read_out(0, 0, width * factor, height * factor, factor, factor))
 
 
-def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tuple[Image, Image]:
+def _band_pass(reduced: Grey, bright: bool) -> tuple[Image, Image]:
     """What is as fine as a catheter, relative to the local noise, and that noise.
 
     In few buffers, since fresh memory costs more time than the arithmetic on it.
     """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import band as kernels
+
+        taps = blur_taps(TUNING.fine_kernel_px[0], TUNING.fine_sigma_px)
+        cells_taps = blur_taps(TUNING.coarse_kernel_cells[0], TUNING.coarse_sigma_cells)
+        made: tuple[Image, Image] = kernels.band_passed(reduced, taps, cells_taps, bright, TUNING.clip)
+        return made
     grey = reduced.astype(np.float32)
     size = reduced.shape[::-1]
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
     floor = 1e-6 * max(1.0, float(reduced.max()))
-    fine = _blurred(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
-    slow = _blurred(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels import band as kernels
-
-        power = kernels.local_mean(kernels.subtracted(fine, slow, bright))
-        return fine, kernels.divided(fine, power, floor, TUNING.clip)
+    fine = cv2.GaussianBlur(grey, TUNING.fine_kernel_px, TUNING.fine_sigma_px)
+    slow = cv2.GaussianBlur(in_cells(grey), TUNING.coarse_kernel_cells, TUNING.coarse_sigma_cells)
     coarse = cv2.resize(slow, size, dst=grey, interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = cv2.blur(
@@ -237,18 +249,18 @@ def _band_pass(reduced: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> tupl
     return _clipped(band, -TUNING.clip, TUNING.clip), np.asarray(noise)
 
 
-def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
+def _evidence(grey: Grey, bright: bool) -> Image:
     """(h, w) attenuation as wide as an electrode, relative to its local root mean square.
 
     In the logarithm of the grey values attenuation adds up and the dose is a constant. The clip holds every device to
     what an electrode may count: a bigger or denser one is no better an electrode.
     """
-    fine, slow = _log_scales(grey)
     if has_kernels() and min(grey.shape) > TUNING.evidence_window_px[0] // 2:
         from lasso_motion_ros.ring.kernels import band as kernels
 
-        shown: Image = kernels.evidence(fine, slow, bright, TUNING.evidence_floor, *TUNING.evidence_range)
+        shown: Image = kernels.evidence(grey, *_scales(bright))
         return shown
+    fine, slow = _log_scales(grey)
     coarse = cv2.resize(slow, grey.shape[::-1], interpolation=cv2.INTER_LINEAR)
     band = cv2.subtract(fine, coarse, dst=fine) if bright else cv2.subtract(coarse, fine, dst=fine)
     power = cv2.blur(cv2.multiply(band, band, dst=coarse), TUNING.evidence_window_px, borderType=cv2.BORDER_REFLECT)
@@ -256,23 +268,29 @@ def _evidence(grey: npt.NDArray[np.uint8 | np.uint16], bright: bool) -> Image:
     return _clipped(np.divide(band, noise, out=band), *TUNING.evidence_range)
 
 
-def _log_scales(grey: npt.NDArray[np.uint8 | np.uint16]) -> tuple[Image, Image]:
+def _scales(bright: bool) -> tuple[Image, Image, Image, bool, float, float, float]:
+    """What the compiled evidence is told besides the image."""
+    fine = blur_taps(TUNING.evidence_fine_kernel_px[0], TUNING.evidence_fine_px)
+    coarse = blur_taps(TUNING.evidence_coarse_kernel_cells[0], TUNING.evidence_coarse_cells)
+    return grey_logarithms(), fine, coarse, bright, TUNING.evidence_floor, *TUNING.evidence_range
+
+
+@cache
+def grey_logarithms() -> Image:
+    """(2^16,) the logarithm of each grey value that an image may have; of 0 that of 1."""
+    greys = np.arange(1 << 16, dtype=np.float32)
+    logarithms: Image = cv2.log(np.maximum(greys, np.float32(1.0))).reshape(-1)
+    logarithms.flags.writeable = False
+    return logarithms
+
+
+def _log_scales(grey: Grey) -> tuple[Image, Image]:
     """Logarithm of grey values (h, w), blurred to an electrode's width; and in cells (h // 2, w // 2), blurred more."""
     values = grey.astype(np.float32)
     logarithm = cv2.log(cv2.max(values, 1.0, dst=values), dst=values)
-    fine = _blurred(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
-    slow = _blurred(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
+    fine = cv2.GaussianBlur(logarithm, TUNING.evidence_fine_kernel_px, TUNING.evidence_fine_px)
+    slow = cv2.GaussianBlur(in_cells(logarithm), TUNING.evidence_coarse_kernel_cells, TUNING.evidence_coarse_cells)
     return fine, slow
-
-
-def _blurred(values: Image, kernel_px: tuple[int, int], sigma_px: float) -> Image:
-    """Values (h, w), blurred by a Gaussian."""
-    reach = kernel_px[0] // 2
-    if has_kernels() and min(values.shape) > reach:
-        from lasso_motion_ros.ring.kernels.blur import BY_REACH
-
-        return BY_REACH[reach](values, blur_taps(kernel_px[0], sigma_px))
-    return np.asarray(cv2.GaussianBlur(values, kernel_px, sigma_px))
 
 
 @cache
@@ -299,4 +317,4 @@ def _blank(projection: Projection, factor: int) -> WorkingImage:
     size = 2 * NOISE_WINDOW_PX
     nothing = np.zeros((size, size), dtype=np.float32)
     seen = projection.read_out(0, 0, size * factor, size * factor, factor, factor)
-    return WorkingImage(nothing, seen, nothing, nothing.astype(np.uint8))
+    return WorkingImage(nothing, seen, nothing, nothing.astype(np.uint16))

@@ -235,7 +235,7 @@ def test_evidence_rests_on_the_surroundings_only():
     reach = TUNING.evidence_reach_px + 4
     is_near = (columns > low[0] - reach) & (columns < high[0] + reach) & (rows > low[1] - reach)
     is_near &= rows < high[1] + reach
-    other = dataclasses.replace(image, grey=np.where(is_near, image.grey, 7).astype(np.uint8))
+    other = dataclasses.replace(image, grey=np.where(is_near, image.grey, 7).astype(np.uint16))
     np.testing.assert_allclose(other.evidence_at(pixels), together, atol=1e-4)
 
 

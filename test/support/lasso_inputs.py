@@ -68,7 +68,7 @@ def noisy(image: np.ndarray, seed: int | list[int], sigma: float = NOISE) -> np.
 
 def bare(values: np.ndarray, projection: Projection) -> WorkingImage:
     """A working image of given values, whose noise and grey nobody asks for."""
-    return WorkingImage(values, projection, np.ones_like(values), np.ones(values.shape, np.uint8))
+    return WorkingImage(values, projection, np.ones_like(values), np.ones(values.shape, np.uint16))
 
 
 @cache

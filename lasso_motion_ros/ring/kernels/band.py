@@ -6,16 +6,37 @@ pixels, and is interpolated between their centres.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import compiled
+from lasso_motion_ros.ring.kernels.blur import BY_REACH
 
 Image = npt.NDArray[np.float32]
+Array = npt.NDArray[np.float64]
+Grey = npt.NDArray[np.uint16]
 
-_QUARTER, _MOST = np.float32(0.25), np.float32(0.75)
+_ONE, _QUARTER, _MOST = np.float32(1.0), np.float32(0.25), np.float32(0.75)
 MEAN_CELLS = 31  # over which `local_mean` goes, along rows and columns
 WINDOW_PX = 33  # in which `evidence` tells the noise
+# Blurs of pixels, and of cells: of the band, and of evidence.
+_FINE_BAND, _COARSE_BAND, _FINE, _COARSE = BY_REACH[2], BY_REACH[4], BY_REACH[5], BY_REACH[8]
+_FAR = 1e9  # pixels: what lies further off is outside as well
+_TAPS = "Array(float32, 1, 'C', readonly=True)"
+_EVIDENCE = f"{_TAPS}, {_TAPS}, {_TAPS}, boolean, float32, float32, float32"
+
+
+@compiled("float32[:, ::1](float32[:, ::1])", is_exact=True)
+def _in_cells(values: Image) -> Image:
+    """Means (h // 2, w // 2) of values (h, w): `working_image.in_cells`, to the last bit."""
+    cells = np.empty((values.shape[0] // 2, values.shape[1] // 2), np.float32)
+    for i in range(cells.shape[0]):
+        above, below, own = values[2 * i], values[2 * i + 1], cells[i]
+        for j in range(cells.shape[1]):
+            own[j] = _QUARTER * ((above[2 * j] + above[2 * j + 1]) + (below[2 * j] + below[2 * j + 1]))
+    return cells
 
 
 @compiled("void(float32[:, ::1], int64, float32[::1], float32[::1])")
@@ -144,8 +165,8 @@ def divided(band: Image, power: Image, floor: float, clip: float) -> Image:
 
 
 @compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean, float32, float32, float32)")
-def evidence(fine: Image, slow: Image, bright: bool, floor: float, lowest: float, highest: float) -> Image:
-    """What is as wide as an electrode, relative to its local noise: `working_image._evidence`.
+def _relative(fine: Image, slow: Image, bright: bool, floor: float, lowest: float, highest: float) -> Image:
+    """What is as wide as an electrode, relative to its local noise.
 
     Args:
         fine: (2 h, 2 w) logarithm of the grey values, blurred a little; overwritten.
@@ -198,4 +219,134 @@ def evidence(fine: Image, slow: Image, bright: bool, floor: float, lowest: float
             after, first = after if after < height else 2 * height - 1 - after, first if first >= 0 else -first - 1
             for j in range(width):
                 columns[j] += fine[after, j] * fine[after, j] - fine[first, j] * fine[first, j]
+    return made
+
+
+@compiled(f"UniTuple(float32[:, ::1], 2)(Array(uint16, 2, 'C', readonly=True), {_TAPS}, {_TAPS}, boolean, float32)")
+def band_passed(grey: Grey, fine: Image, coarse: Image, bright: bool, clip: float) -> tuple[Image, Image]:
+    """What is as fine as a catheter, relative to the local noise, and that noise: `working_image._band_pass`.
+
+    Args:
+        grey: (2 h, 2 w), h and w larger than `MEAN_CELLS`.
+        fine: taps of the blur of pixels, from the middle one on.
+        coarse: of cells.
+        bright: whether what is brighter is positive.
+        clip: of the result, either way.
+
+    Returns:
+        (2 h, 2 w) each.
+    """
+    height, width = grey.shape
+    values, most = np.empty((height, width), np.float32), 1
+    for i in range(height):
+        row, own = grey[i], values[i]
+        for j in range(width):
+            own[j] = row[j]
+        for j in range(width):
+            most = max(most, row[j])
+    band = _FINE_BAND(values, fine)
+    power = local_mean(subtracted(band, _COARSE_BAND(_in_cells(values), coarse), bright))
+    # A constant area (collimator, saturation) has no noise to divide by and stays zero.
+    return band, divided(band, power, 1e-6 * most, clip)
+
+
+@compiled(f"float32[:, ::1](Array(uint16, 2, 'A', readonly=True), {_EVIDENCE})")
+def evidence(
+    grey: Grey,
+    logarithms: Image,
+    fine: Image,
+    coarse: Image,
+    bright: bool,
+    floor: float,
+    lowest: float,
+    highest: float,
+) -> Image:
+    """What is as wide as an electrode, relative to its local noise: `working_image._evidence`.
+
+    Args:
+        grey: (h, w), both larger than half of `WINDOW_PX`.
+        logarithms: of each grey value.
+        fine: taps of the blur of pixels, from the middle one on.
+        coarse: of cells.
+        bright: whether what is brighter is positive.
+        floor: of the mean square in the window about a pixel.
+        lowest: of the evidence.
+        highest: likewise.
+
+    Returns:
+        (h, w).
+    """
+    height, width = grey.shape
+    logarithm = np.empty((height, width), np.float32)
+    for i in range(height):
+        for j in range(width):
+            logarithm[i, j] = logarithms[grey[i, j]]
+    return _relative(_FINE(logarithm, fine), _COARSE(_in_cells(logarithm), coarse), bright, floor, lowest, highest)
+
+
+@compiled("float32(float32[:, ::1], int64, int64)")
+def _inside(values: Image, row: int, column: int) -> np.float32:
+    """A value of an image (h, w), and zero outside it."""
+    height, width = values.shape
+    is_inside = 0 <= row < height and 0 <= column < width
+    return np.float32(values[row, column] if is_inside else 0.0)
+
+
+@compiled(
+    "float32[::1](Array(uint16, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True), int64, int64,"
+    f" {_EVIDENCE})"
+)
+def evidence_at(
+    grey: Grey,
+    pixels: Array,
+    cell: int,
+    reach: int,
+    logarithms: Image,
+    fine: Image,
+    coarse: Image,
+    bright: bool,
+    floor: float,
+    lowest: float,
+    highest: float,
+) -> Image:
+    """(N,) the same at pixels (N, 2), finite, of an image (H, W): `WorkingImage.evidence_at`.
+
+    Args:
+        grey: (H, W).
+        pixels: (N, 2) x, y.
+        cell: pixels on a side of a cell, of which the surroundings are whole ones.
+        reach: of the surroundings of the pixels, pixels.
+        logarithms: as for `evidence`, and so on.
+        fine: likewise.
+        coarse: likewise.
+        bright: likewise.
+        floor: likewise.
+        lowest: likewise.
+        highest: likewise.
+
+    Returns:
+        None of them, (0,), where the surroundings are too small for it.
+    """
+    first_x = first_y = _FAR
+    last_x = last_y = -_FAR
+    for n in range(pixels.shape[0]):
+        x, y = min(max(pixels[n, 0], -_FAR), _FAR), min(max(pixels[n, 1], -_FAR), _FAR)
+        first_x, last_x, first_y, last_y = min(first_x, x), max(last_x, x), min(first_y, y), max(last_y, y)
+    left = max(0, math.floor((first_x - reach) / cell) * cell)
+    top = max(0, math.floor((first_y - reach) / cell) * cell)
+    right = min(grey.shape[1], math.ceil((last_x + reach + 1) / cell) * cell)
+    bottom = min(grey.shape[0], math.ceil((last_y + reach + 1) / cell) * cell)
+    if min(right - left, bottom - top) <= WINDOW_PX // 2:
+        return np.empty(0, np.float32)
+    values = evidence(grey[top:bottom, left:right], logarithms, fine, coarse, bright, floor, lowest, highest)
+    made = np.empty(pixels.shape[0], np.float32)
+    for n in range(made.size):
+        x = np.float32(min(max(pixels[n, 0], -_FAR), _FAR) - left)
+        y = np.float32(min(max(pixels[n, 1], -_FAR), _FAR) - top)
+        column, row = math.floor(x), math.floor(y)
+        right_share, lower_share = x - np.float32(column), y - np.float32(row)
+        upper = _inside(values, row, column) * (_ONE - right_share) + _inside(values, row, column + 1) * right_share
+        lower = _inside(values, row + 1, column) * (_ONE - right_share)
+        lower += _inside(values, row + 1, column + 1) * right_share
+        made[n] = upper * (_ONE - lower_share) + lower * lower_share
     return made

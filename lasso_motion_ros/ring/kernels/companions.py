@@ -14,7 +14,6 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 Pixels = npt.NDArray[np.uint8 | np.uint16]
 
-_ONE = np.float32(1.0)
 # Columns of a patch that are multiplied at a time: their sum is read and written once for all of them.
 _TAPS = 8
 
@@ -24,25 +23,50 @@ def _of_either(signature: str) -> tuple[str, str]:
     return signature.format("uint8"), signature.format("uint16")
 
 
-@compiled(*_of_either("float32[:, ::1](Array({}, 2, 'C', readonly=True), int64, int64, int64, int64, int64)"))
-def _logarithms(pixels: Pixels, cell: int, left: int, top: int, right: int, bottom: int) -> Image:
-    """(bottom - top, right - left) logarithms of the grey values in cells of an image, one at least."""
+_CELLS = (
+    "float32[:, ::1](Array({}, 2, 'C', readonly=True), int64, int64, int64, int64, int64,"
+    " Array(float32, 1, 'C', readonly=True))"
+)
+
+
+@compiled(*_of_either(_CELLS))
+def _logarithms(pixels: Pixels, cell: int, left: int, top: int, right: int, bottom: int, known: Image) -> Image:
+    """(bottom - top, right - left) logarithms of the grey values in cells of an image, one at least.
+
+    Args:
+        pixels: (H, W).
+        cell: pixels on a side of a cell.
+        left: the first column of cells.
+        top: the first row of them.
+        right: behind the last column.
+        bottom: behind the last row.
+        known: `working_image.grey_logarithms`.
+    """
     columns, width = right - left, (right - left) * cell
-    sums, made = np.empty(width, np.int32), np.empty((bottom - top, columns), np.float32)
-    share = np.float32(1.0 / (cell * cell))
+    sums, cells = np.empty(width, np.float32), np.empty(columns, np.float32)  # of whole numbers: exact
+    made, share = np.empty((bottom - top, columns), np.float32), np.float32(1.0 / (cell * cell))
     for i in range(bottom - top):
-        sums[:] = 0
+        sums[:] = 0.0
         for k in range(cell):
             row = pixels[(top + i) * cell + k, left * cell : right * cell]
             for j in range(width):
-                sums[j] += row[j]
+                sums[j] += np.float32(row[j])
+        own = made[i]
+        # To whole grey values, as `cv2.resize` rounds them. (With a fixed number of terms vectors are made.)
+        if cell == 2:
+            for j in range(columns):
+                cells[j] = np.floor(share * (sums[2 * j] + sums[2 * j + 1]) + np.float32(0.5))
+        elif cell == 4:
+            for j in range(columns):
+                cells[j] = np.rint(share * (sums[4 * j] + sums[4 * j + 1] + sums[4 * j + 2] + sums[4 * j + 3]))
+        else:
+            for j in range(columns):
+                total = np.float32(0.0)
+                for k in range(cell):
+                    total += sums[j * cell + k]
+                cells[j] = np.rint(share * total)
         for j in range(columns):
-            total = 0
-            for k in range(cell):
-                total += sums[j * cell + k]
-            # To whole grey values, as `cv2.resize` rounds them.
-            grey = np.float32((total + 2) // 4) if cell == 2 else np.rint(np.float32(total) * share)
-            made[i, j] = math.log(max(grey, _ONE))
+            own[j] = known[np.int32(cells[j])]
     return made
 
 
@@ -151,7 +175,8 @@ def _likeness(shown: Image, values: Image) -> Image:
 
 _FOUND = (
     "UniTuple(float64, 3)(Array({}, 2, 'C', readonly=True), Array(float32, 2, 'C', readonly=True), float32, boolean,"
-    " int64, UniTuple(int64, 4), Array(float32, 1, 'C', readonly=True), Array(float32, 1, 'C', readonly=True))"
+    " int64, UniTuple(int64, 4), Array(float32, 1, 'C', readonly=True), Array(float32, 1, 'C', readonly=True),"
+    " Array(float32, 1, 'C', readonly=True))"
 )
 
 
@@ -165,6 +190,7 @@ def found(
     part: tuple[int, int, int, int],
     fine: Image,
     coarse: Image,
+    known: Image,
 ) -> tuple[float, float, float]:
     """Where a part of an image is most like a patch: `companion_patches._found`.
 
@@ -177,6 +203,7 @@ def found(
         part: where the patch is looked for, cells (left, top, right, bottom).
         fine: taps of the narrower blur, from the middle one on.
         coarse: of the wider one, at least as many.
+        known: `working_image.grey_logarithms`.
 
     Returns:
         The cell x, y of the patch's first there, to a fraction; and the correlation.
@@ -188,7 +215,7 @@ def found(
         min(right + reach, pixels.shape[1] // cell),
         min(bottom + reach, pixels.shape[0] // cell),
     )
-    logarithm = _logarithms(pixels, cell, outer_left, outer_top, outer_right, outer_bottom)
+    logarithm = _logarithms(pixels, cell, outer_left, outer_top, outer_right, outer_bottom, known)
     fast, slow = _blurred(logarithm, fine), _blurred(logarithm, coarse)
     shown, sign = np.empty((bottom - top, right - left), np.float32), np.float32(1.0 if bright else -1.0)
     for i in range(bottom - top):

@@ -11,12 +11,12 @@ from lasso_motion_ros.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
-Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
+Pixels = npt.NDArray[np.uint8 | np.uint16]
 
 
 @compiled(
-    "Tuple((float32[:, ::1], float32[::1]))(Array(uint8, 2, 'A', readonly=True), int64, int64)",
-    "Tuple((float32[:, ::1], float32[::1]))(Array(uint16, 2, 'A', readonly=True), int64, int64)",
+    "Tuple((float32[:, ::1], float32[::1]))(Array(uint8, 2, 'C', readonly=True), int64, int64)",
+    "Tuple((float32[:, ::1], float32[::1]))(Array(uint16, 2, 'C', readonly=True), int64, int64)",
 )
 def sampled(pixels: Pixels, size: int, most: int) -> tuple[Image, Image]:
     """Blocks from all over an image, side by side, and their means: `display_chain.sampled`.
@@ -35,24 +35,13 @@ def sampled(pixels: Pixels, size: int, most: int) -> tuple[Image, Image]:
             top, left = (r * down + down // 2) * size, (c * right + right // 2) * size
             total = 0
             for i in range(size):
+                row = pixels[top + i, left : left + size]
+                own = values[r * size + i, c * size : (c + 1) * size]
                 for j in range(size):
-                    value = int(pixels[top + i, left + j])
-                    values[r * size + i, c * size + j] = value
-                    total += value
+                    own[j] = row[j]
+                    total += row[j]
             grey[r * columns + c] = total / (size * size)
     return values, grey
-
-
-@compiled("void(float32[::1], float32[::1], float32[::1])")
-def _subtract(one: Image, other: Image, result: Image) -> None:
-    for j in range(result.size):
-        result[j] = one[j] - other[j]
-
-
-@compiled("void(float32[::1], float32[::1], float32[::1], float32[::1])")
-def _add_up(one: Image, two: Image, three: Image, result: Image) -> None:
-    for j in range(result.size):
-        result[j] = one[j] + two[j] + three[j]
 
 
 @compiled("void(float32[:, ::1], float32[:, ::1], float32[::1], float32[::1])")
@@ -85,29 +74,35 @@ def difference(values: Image, before: Image, size: int) -> tuple[Image, Image, I
     """
     height, width = values.shape
     rows, columns, cell = height // size, width // size, size // 4
-    fine, beside = np.empty((height, width), np.float32), np.zeros((height, width), np.float32)
+    fine, ninth = np.zeros((height, width), np.float32), np.float32(1.0 / 9.0)
     energy, moved = np.empty((rows, columns), np.float32), np.zeros((rows, columns), np.float32)
-    change, columns_sum = np.empty((height, width), np.float32), np.empty(width, np.float32)
-    third = np.float32(1.0 / 3.0)
-    # Whole rows at a time: these loops are what the compiler makes vectors of.
-    for i in range(height):
-        _subtract(values[i], before[i], change[i])
-        _add_up(change[i, :-2], change[i, 1:-1], change[i, 2:], beside[i, 1:-1])
-    for i in range(height):
-        if i % size in (0, size - 1):
-            fine[i] = 0.0
-            continue
-        _add_up(beside[i - 1], beside[i], beside[i + 1], fine[i])
-        row, own = fine[i], change[i]
-        for j in range(width):
-            row[j] = own[j] - third * third * row[j]
-        row[::size] = 0.0
-        row[size - 1 :: size] = 0.0
+    # Of a row of blocks at a time, which stays near the processor. Blocks' edges say nothing fine.
+    change, beside = np.empty((size, width), np.float32), np.zeros((size, width), np.float32)
+    inside, columns_sum = np.ones(width, np.float32), np.empty(width, np.float32)
+    inside[::size] = 0.0
+    inside[size - 1 :: size] = 0.0
     for r in range(rows):
-        _mean_of_products(fine[r * size : (r + 1) * size], fine[r * size : (r + 1) * size], columns_sum, energy[r])
+        for i in range(size):
+            now, then, own, sums = values[r * size + i], before[r * size + i], change[i], beside[i]
+            for j in range(width):
+                own[j] = now[j] - then[j]
+            for j in range(1, width - 1):
+                sums[j] = own[j - 1] + own[j] + own[j + 1]
+        columns_sum[:] = 0.0
+        for i in range(1, size - 1):
+            above, here, below, own, made = beside[i - 1], beside[i], beside[i + 1], change[i], fine[r * size + i]
+            for j in range(width):
+                made[j] = inside[j] * (own[j] - ninth * (above[j] + here[j] + below[j]))
+            for j in range(width):
+                columns_sum[j] += made[j] * made[j]
+        for k in range(columns):
+            total = np.float32(0.0)
+            for j in range(k * size, (k + 1) * size):
+                total += columns_sum[j]
+            energy[r, k] = total / np.float32(size * size)
         for part in range(4):
             columns_sum[:] = 0.0
-            for i in range(r * size + part * cell, r * size + (part + 1) * cell):
+            for i in range(part * cell, (part + 1) * cell):
                 row = change[i]
                 for j in range(width):
                     columns_sum[j] += row[j]
