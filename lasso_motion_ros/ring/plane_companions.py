@@ -160,7 +160,28 @@ class PlaneCompanions:
             sighting: of a ring that is believed to be in its place.
             least_step: log odds that may be taken away by it.
         """
-        tuning, at, ring = self._tuning, sighting.index, sighting.ring
+        at = sighting.index
+        step = np.maximum(self._steps(sighting), least_step)
+        self._odds[at] = np.minimum(self._odds[at] + step, self._tuning.most_odds)
+
+    def _steps(self, sighting: Sighting) -> Array:
+        """(C,) log odds by which those that a sighting saw are to be believed more."""
+        tuning, ring = self._tuning, sighting.ring
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import companions as kernels
+
+            steps: Array = kernels.steps(
+                sighting.off,
+                sighting.variance,
+                ring,
+                self._ring_sum,
+                self._ring_square,
+                self._ring_count,
+                tuning.explained_mm,
+                tuning.freedom,
+                tuning.most_step,
+            )
+            return steps
         mean = self._ring_sum / self._ring_count
         own = self._ring_square / self._ring_count - np.outer(mean, mean)
         least = np.maximum(sighting.variance, tuning.explained_mm**2)
@@ -168,8 +189,7 @@ class PlaneCompanions:
         spread = own + tuning.explained_mm**2 * _IDENTITY_2
         away = np.asarray(squared_mahalanobis(ring - mean, spread))
         alone = _student(away, inverses(spread)[1], tuning.freedom)
-        step = np.clip(with_it - alone, least_step, tuning.most_step)
-        self._odds[at] = np.minimum(self._odds[at] + step, tuning.most_odds)
+        return np.minimum(with_it - alone, tuning.most_step)
 
     def learn(self, time_s: float, sighting: Sighting) -> None:
         """Take in a sighting of a ring that is in its place."""
@@ -190,6 +210,13 @@ class PlaneCompanions:
 
     def _vouch(self, sighting: Sighting) -> None:
         at, places = sighting.index, sighting.places
+        self._learned += 1
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import companions as kernels
+
+            sums = self._square, self._product, self._rest, self._seen, self._lowest, self._highest
+            kernels.vouch(at, places, sighting.ring, *sums)
+            return
         rows = np.concatenate([places, np.ones((len(places), 1))], axis=1)
         beside = sighting.ring - places
         self._square[at] += rows[:, :, None] * rows[:, None]
@@ -198,7 +225,6 @@ class PlaneCompanions:
         self._seen[at] += 1.0
         self._lowest[at] = np.minimum(self._lowest[at], places)
         self._highest[at] = np.maximum(self._highest[at], places)
-        self._learned += 1
 
     def _fit(self) -> None:
         """Fit the ring's places to those of each companion, with the noise that the last fit left.
@@ -206,6 +232,16 @@ class PlaneCompanions:
         Noise and fit are found together, a round with each place that is learned.
         """
         tuning, noise = self._tuning, self._noise
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import companions as kernels
+
+            count = len(noise)
+            self._known, self._fitted = np.empty((count, 3, 3)), np.empty((count, 3, 2))
+            self._noise, self._unlike = noise.copy(), np.empty(count)
+            widths = tuning.linear, tuning.constant_mm, tuning.noise_mm, tuning.noise_weight, tuning.smallest_noise_mm
+            sums = self._square, self._product, self._rest, self._seen
+            kernels.fit(*sums, widths, self._known, self._fitted, self._noise, self._unlike)
+            return
         prior = np.diag([tuning.linear**-2, tuning.linear**-2, tuning.constant_mm**-2])
         self._known = np.linalg.inv(prior + self._square / noise[:, None, None])
         self._fitted = self._known @ (self._product / noise[:, None, None])

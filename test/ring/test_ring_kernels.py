@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
@@ -318,8 +319,19 @@ def test_companions_tell_the_same(seed: int) -> None:
             np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
         off, variance, _, odds = told
         sighting = Sighting(index, places, ring, off, variance, odds, None)
-        there.weigh(sighting, tuning.least_step)
-        there.learn(float(time_s), sighting)
+        # What is learned of it, too.
+        other = copy.deepcopy(there)
+        learned(there, time_s, sighting)
+        with plain():
+            learned(other, time_s, sighting)
+        for name, value in vars(there).items():
+            if isinstance(value, np.ndarray):
+                np.testing.assert_allclose(value, getattr(other, name), rtol=1e-9, atol=1e-12, err_msg=name)
+
+
+def learned(companions: PlaneCompanions, time_s: int, sighting: Sighting) -> None:
+    companions.weigh(sighting, CompanionTuning().least_step)
+    companions.learn(float(time_s), sighting)
 
 
 def follow() -> list[Any]:
