@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import dataclasses
 import socket
+import zlib
 from typing import Any
 
 import pytest
@@ -134,6 +135,42 @@ def test_a_message_that_is_too_long_ends_the_connection(server: WebServer, sourc
 
     talk(server, conversation)
     assert source.commands == []
+
+
+def frame(first: int, length: bytes, payload: bytes = b"") -> bytes:
+    """A client's WebSocket frame (RFC 6455, section 5.2): its first byte, its length as it claims, masked by zeros."""
+    return bytes([first]) + length + bytes(4) + payload
+
+
+FRAMES = {
+    "claims 2^62 bytes": frame(0x81, b"\xff" + (1 << 62).to_bytes(8, "big")),
+    "packed, though nobody offered that": frame(0xC1, b"\xfe\xff\xff", zlib.compress(bytes(60_000_000), 9)[2:]),
+    "a reserved bit": frame(0xF1, b"\x82", b"{}"),
+    "an opcode that is none": frame(0x85, b"\x80"),
+    "a ping that is too long": frame(0x89, b"\xfe\x00\xc8", bytes(200)),
+    "no text": frame(0x81, b"\x82", b"\xff\xfe"),
+}
+
+
+@pytest.mark.parametrize("sent", FRAMES.values(), ids=FRAMES)
+def test_what_is_no_frame_ends_its_connection_alone(
+    server: WebServer, caplog: pytest.LogCaptureFixture, sent: bytes
+) -> None:
+    host, port = server.url.split("/")[2].split(":")
+    asked = {
+        "Host": f"{host}:{port}", "Origin": server.url.rstrip("/"), "Upgrade": "websocket", "Connection": "Upgrade",
+        "Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": "AAAAAAAAAAAAAAAAAAAAAA==",
+    }  # fmt: skip
+    with socket.create_connection((host, int(port)), timeout=PATIENCE_S) as one:
+        lines = "".join(f"{name}: {value}\r\n" for name, value in asked.items())
+        one.sendall(f"GET /live HTTP/1.1\r\n{lines}\r\n".encode())
+        assert one.recv(1 << 16).startswith(b"HTTP/1.1 101 ")
+        with contextlib.suppress(ConnectionError):
+            one.sendall(sent)
+            while one.recv(1 << 16):
+                pass
+    assert not caplog.records
+    assert get(server)[0] == 200
 
 
 def test_the_server_speaks_at_least_once_a_second(server: WebServer) -> None:
