@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.logistic import logistic
 
 Array = npt.NDArray[np.float64]
@@ -112,6 +113,13 @@ class BreathingRotation:
         return Rotation(p * turned, p * known + unseen * prior + unexplained)
 
     def _regression(self) -> _Fit:
+        if has_kernels():
+            from lasso_motion_ros.motion.kernels import regression
+
+            axis, slope, slope_variance, log_odds = regression(
+                self._sums, self._count, PRIOR_SD, TUNING.own_turn_rad, TUNING.own_turn_pairs, TUNING.rounds
+            )
+            return _Fit(axis, slope, slope_variance * np.eye(3), logistic(log_odds))
         moments = self._sums[:5, :5]
         scatter = moments[1:4, 1:4] - np.outer(moments[0, 1:4], moments[0, 1:4]) / self._count
         axis = np.linalg.eigh(scatter)[1][:, -1]

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
@@ -177,6 +178,14 @@ class RingDetector:
 
     def _covers(self, frame: Frame, shift: Array, centre: Array) -> float:
         """Share of the ring's electrodes that lie inside an image, were its centre at a world point (3,) m."""
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels.search import covered
+
+            height, width = frame.pixels.shape
+            share: float = covered(
+                frame.projection.matrix, self._model.arms, centre, shift, self._template.weights, width, height
+            )
+            return share
         pixels = frame.projection.project(centre + self._model.arms) + shift
         size = np.array(frame.pixels.shape[::-1])
         inside = ((pixels >= 0.0) & (pixels <= size - 1.0)).all(axis=1)

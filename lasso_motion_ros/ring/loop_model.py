@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -48,6 +48,8 @@ class LoopModel:
     between: Observation | None
     depth_directions: tuple[Array, Array]
     normal: Array
+    # By plane, the last calibration that was asked for, and the shift: most C-arms stand still.
+    _shifts: dict[Plane, tuple[Projection, Array]] = field(default_factory=dict, init=False, repr=False)
 
     @cached_property
     def arms(self) -> Array:
@@ -56,7 +58,12 @@ class LoopModel:
 
     def shift(self, plane: Plane, projection: Projection) -> Array:
         """(2,) pixels by which a plane's images lie off a calibration of its: project, then add."""
-        return np.asarray(self.offsets[plane] * _pixels_per_metre(projection, self.centre))
+        known = self._shifts.get(plane)
+        if known is None or known[0] is not projection:
+            shift = np.asarray(self.offsets[plane] * _pixels_per_metre(projection, self.centre))
+            shift.flags.writeable = False
+            known = self._shifts[plane] = projection, shift
+        return known[1]
 
     @cached_property
     def radius_mm(self) -> float:

@@ -7,6 +7,7 @@ import pytest
 
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.motion import motion_model
+from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.motion_model import DISPLACEMENT, SINCE_B, SIZE, TUNING, Observation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
@@ -64,3 +65,22 @@ def test_a_ring_is_followed_alike() -> None:
     assert likelihood == pytest.approx(plain_likelihood, rel=1e-9)
     for one, other in zip(compiled, plainly, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_rotation_is_told_alike(seed: int) -> None:
+    generator = np.random.default_rng(seed)
+    rotation, plainly = BreathingRotation(), BreathingRotation()
+    way, slope = generator.normal(size=3), generator.normal(size=3) * (seed % 3)
+    for number in range(40):
+        displacement = 5e-3 * np.sin(number / 5.0) * way + generator.normal(size=3) * 1e-4
+        turn = slope * displacement[0] + generator.normal(size=3) * 1e-2
+        pair = 0.2 * number, displacement, turn, float(generator.normal() * 1e-2)
+        rotation.learn(*pair)
+        with plain():
+            plainly.learn(*pair)
+        assert rotation.probability == pytest.approx(plainly.probability, rel=1e-8)
+        there = generator.normal(size=3) * 1e-2
+        one, other = rotation.between(displacement, there), plainly.between(displacement, there)
+        np.testing.assert_allclose(one.vector, other.vector, rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-8, atol=1e-14)

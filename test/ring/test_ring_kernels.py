@@ -367,3 +367,19 @@ def test_it_is_followed_alike_whenever_the_kernels_come(monkeypatch: pytest.Monk
     generator = np.random.default_rng(8)
     monkeypatch.setattr(compiled, "_is_plain", lambda: bool(generator.random() < 0.5))
     assert_alike(follow(), plainly)
+
+
+def test_what_an_image_covers_is_the_same() -> None:
+    tracker = RingTracker(CONFIG)
+    tracker.initialise(pair(0), lasso_seed())
+    track = tracker.known
+    assert track is not None
+    generator, shares = np.random.default_rng(0), []
+    for frame in 20 * tuple(pair(0).frames.values()):
+        centre = track.model.centre + 0.08 * generator.normal(size=3)
+        shift = generator.normal(size=2)
+        share, plainly = both(lambda: track.detector._covers(frame, shift, centre))  # noqa: B023
+        assert share == pytest.approx(plainly, abs=1e-6)
+        shares.append(share)
+    assert min(shares) < 0.1
+    assert 0.1 < max(shares) <= 1.0

@@ -138,6 +138,36 @@ def laid_out(
     return made, column, row
 
 
+@compiled(
+    "float64(Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float32, 1, 'A', readonly=True), int64, int64)"
+)
+def covered(
+    projection: Array, arms: Array, centre: Array, shift: Array, weights: Image, width: int, height: int
+) -> float:
+    """Share of the ring's electrodes that lie inside an image: `RingDetector._covers`.
+
+    Args:
+        projection: (3, 4) to the image's pixels.
+        arms: (L, 3) the ring about its centre, metres.
+        centre: (3,) world metres.
+        shift: (2,) pixels by which the image lies off its calibration.
+        weights: (L,) of the ring's points: where its electrodes are.
+        width: of the image, pixels.
+        height: likewise.
+    """
+    share = 0.0
+    for n in range(arms.shape[0]):
+        x, y, z = centre[0] + arms[n, 0], centre[1] + arms[n, 1], centre[2] + arms[n, 2]
+        depth = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
+        u = (projection[0, 0] * x + projection[0, 1] * y + projection[0, 2] * z + projection[0, 3]) / depth + shift[0]
+        v = (projection[1, 0] * x + projection[1, 1] * y + projection[1, 2] * z + projection[1, 3]) / depth + shift[1]
+        if 0.0 <= u <= width - 1 and 0.0 <= v <= height - 1:
+            share += weights[n]
+    return share
+
+
 @compiled("float64(float32, float32, float32)")
 def vertex(before: float, at: float, after: float) -> float:
     """`search.vertex` of one value and its neighbours."""
