@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +14,7 @@ from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_curves import model_beside
 from lasso_motion_ros.ring.seed_images import SeedImages
+from lasso_motion_ros.seeding.loop_outline import TURN, angles_between
 
 Array = npt.NDArray[np.float64]
 
@@ -39,20 +39,17 @@ def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopM
     shifts = {plane: share * (jacobians[plane] @ lift) for plane, share in shares.items()}
     # Between the heights at which the planes see it, as far as plane A's images are taken to be off, too.
     between = share_of_a * lift
-    return model_beside(
-        replace(ellipse, centre=ellipse.centre + between),
-        images,
-        shifts,
-        shape=lambda angles: ring.beside_ellipse(0, angles) + between,
-    )
+    around = ring.beside_ellipse(0, angles_between(0.0, TURN)) + between
+    # It was found about as well as people click.
+    places = around[_evenly(len(around))]
+    a, b = (images.projections[plane].project(places) + shifts[plane] for plane in PLANES)
+    return model_beside(around, images, shifts, Seed(a, b))
 
 
 def clicks_along(model: LoopModel, projections: Mapping[Plane, Projection]) -> Seed:
     """Clicks along a ring in both planes, by their projections."""
-    places = np.linspace(0, len(model.points) - 1, CLICKS + 1).astype(int)[:-1]
-    a, b = (
-        projections[plane].project(model.points[places]) + model.shift(plane, projections[plane]) for plane in PLANES
-    )
+    places = model.points[_evenly(len(model.points))]
+    a, b = (projections[plane].project(places) + model.shift(plane, projections[plane]) for plane in PLANES)
     return Seed(a, b)
 
 
@@ -62,3 +59,8 @@ def places_along(model: LoopModel, images: SeedImages) -> dict[Plane, Array]:
         plane: view.project(model.points) * view.millimetres_per_pixel(model.centre)
         for plane, view in images.projections.items()
     }
+
+
+def _evenly(count: int) -> npt.NDArray[np.intp]:
+    """(CLICKS,) of so many points along a loop."""
+    return np.asarray(np.linspace(0, count - 1, CLICKS + 1).astype(np.intp)[:-1])

@@ -275,9 +275,7 @@ def _worth_following(
             ring = found.rings[k : k + 1]
             pair = closeups.of(ring, [by[k] for by in found.moved])
             whole = WholeImages(pair.frames)
-            images = SeedImages(
-                pair, bright=config.polarity == "bright", line_sigma_mm=config.path.line_sigma_mm, whole=whole
-            )
+            images = SeedImages(pair, bright=config.polarity == "bright", whole=whole)
             seen = _seen_along(ring, images, grid)
             if seen is None:
                 continue

@@ -1,197 +1,317 @@
-"""The loop's curve: an ellipse and a smooth offset from it, fitted to outlines in both planes, and snapped to lines."""
+"""The loop's curve: the one that both images, the clicks and the shape of a lasso make likeliest.
+
+A curve that follows the strongest line beside it follows the noise where there is more noise than wire. So no line is
+looked for: of all curves near a circle the one of highest posterior probability is taken. Three things speak:
+
+- *The images.* An electrode lies at one arc length in both planes. Each point of the arc is one with some probability;
+  then both planes are darker there by what electrodes are in that plane, else by nothing. Noise is one standard
+  deviation, since working images are given in units of it. So a faint ring pulls the curve faintly, and what one plane
+  alone shows pulls it hardly at all.
+- *The clicks*, as far as people set them beside the wire; some are far off (Student's distribution).
+- *The shape.* A lasso is a circle that its vein squeezes, open or longer than a turn: it leaves the circle by slow
+  waves, the faster the smaller, and by a screw and a spiral from end to end.
+
+The maximum is found by Gauss–Newton steps with damping (Levenberg and Marquardt), first on blurred images, then on
+sharp ones.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 
 import cv2
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import BSpline
 
-from lasso_motion_ros.core.compiled import has_kernels
-from lasso_motion_ros.geometry.curves import SMALLEST_SPACING, quarter_turn, slope
-from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.ring.line_map import LineMap
-from lasso_motion_ros.seeding.cones import Ellipse3D
-from lasso_motion_ros.seeding.loop_outline import on_ellipse
+from lasso_motion_ros.geometry.curves import quarter_turn
+from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
+from lasso_motion_ros.ring.loop_model import circle_centre
+from lasso_motion_ros.ring.seed_images import SeedImages
+from lasso_motion_ros.ring.working_image import Image, WorkingImage, reduction_factor
 
 Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class _Tuning:
-    """How smooth the curve is, and how far from it a line is looked for."""
+    """What electrodes, clicks and lassos are like, and how the steps are damped."""
 
-    knots_per_turn: int = 14
-    outline_sigma_mm: float = 0.15
-    bulge_sigma_mm: float = 1.0  # of the curve about its ellipse
-    bend_sigma_mm: float = 0.35  # of the spline coefficients' second differences
-    snap_reach_mm: float = 1.0
-    snap_step_mm: float = 0.1
-    wrong_match: float = 6.0  # an outline's distance, in its standard deviations, from which on it counts less
-    strong_quantile: float = (
-        0.95  # of the line filter's responses beside the curve: what is stronger is no better a line
-    )
-    off_curve: float = 0.15  # of a strong line's gain, that a line at the end of the reach has less
-    bend: float = 0.25  # of it, for each squared step aside from point to point
+    electrodes: float = 0.4  # of the arc
+    amplitudes: tuple[float, float] = (0.5, 3.0)  # of an electrode, in units of the noise
+    amplitude_quantile: float = 0.6  # of what the image shows along the curve
+    odds: tuple[float, float] = (0.05, 20.0)  # what one plane may say against or for an electrode
+    coarse_amplitude: float = 1.0  # in an image that is blurred to an electrode's width
+    coarse_independent_mm: float = 2.0  # values further apart along the arc have noise of their own
+    fine_independent_mm: float = 1.0
+    blurs_px: tuple[float, ...] = (2.0, 0.0)  # of the coarse image; with the last comes the fine one
+    click_sigma_mm: float = 0.5
+    click_freedom: float = 3.0  # of Student's distribution
+    # Standard deviations of the waves, from two a turn on, along the radius and along the axis.
+    radial_mm: tuple[float, ...] = (0.4, 0.18, 0.07, 0.04, 0.02)
+    axial_mm: tuple[float, ...] = (0.55, 0.22, 0.11, 0.07, 0.05)
+    ramp_mm: float = 0.8  # from end to end
+    free_mm: float = 100.0  # of what a circle is free in: place, tilt and size
+    shift_mm: float = 1.5  # of the planes against each other, beside what the clicks say
+    begin: float = 0.05  # of the shape's weight, when a start is described
+    margin_px: int = 8
+    beyond: float = 1.5  # of the circle's radius: how far its surroundings are looked at
+    steps: int = 12
+    largest_step_mm: float = 1.0
+    settled: float = 0.003  # of the logarithm of the probability
+    damping: tuple[float, float, float] = (1e-3, 0.1, 1e3)  # least, first, most
 
 
 TUNING = _Tuning()
-_OFFSETS_MM = np.arange(-TUNING.snap_reach_mm, TUNING.snap_reach_mm + 1e-9, TUNING.snap_step_mm)
 
 
-class LoopCurve:
-    """The ellipse plus a spline offset, a function of the eccentric angle.
+@dataclass(frozen=True, eq=False)
+class LikeliestCurve:
+    """What was found.
+
+    Attributes:
+        points: (N, 3) of the curve, world metres, one for each of the start's.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration.
+        log_odds: natural logarithm of how much likelier the images are with this curve than with none, less what its
+            shape and the clicks beside it cost.
+    """
+
+    points: Array
+    shifts: dict[Plane, Array]
+    log_odds: float
+
+
+def likeliest_curve(start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed) -> LikeliestCurve:
+    """The likeliest curve near a start.
 
     Args:
-        ellipse: the loop's, roughly, world metres.
-        knots: of the cubic spline, eccentric angles.
-        coefficients: (K, 3) of the spline, metres.
-        points: (N, 3) of the curve at the angles to which it was fitted.
+        start: (N, 3) world metres along a loop, in order, within a millimetre or two of it.
+        images: of the pair.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration, about.
+        clicks: a person's, or places that are known about as well.
+    """
+    fit = _Fit(start, images, shifts, clicks)
+    for blur_px in TUNING.blurs_px:
+        fit.look(blur_px, fine=blur_px == TUNING.blurs_px[-1])
+        fit.climb()
+    return fit.outcome()
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """One image of a plane, as it is looked at.
+
+    Attributes:
+        sampled: (h, w, 3) its values and their slopes in x and y.
+        corner: (2,) its first pixel, working pixels.
+        amplitude: of an electrode in it.
     """
 
-    def __init__(self, ellipse: Ellipse3D, knots: Array, coefficients: Array, points: Array) -> None:
-        self._ellipse, self._knots, self._coefficients, self.points = ellipse, knots, coefficients, points
-
-    def __call__(self, angles: Array) -> Array:
-        """(N, 3) world metres at eccentric angles (N,)."""
-        basis = _splines(angles.tobytes(), self._knots.tobytes())
-        return np.asarray(on_ellipse(self._ellipse, angles) + basis @ self._coefficients)
+    sampled: Image
+    corner: Array
+    amplitude: float
 
 
-@lru_cache(maxsize=8)
-def _splines(angles: bytes, knots: bytes) -> Array:
-    """(N, K) the cubic splines at angles (N,); many closed curves are asked for at the same ones."""
-    basis = BSpline.design_matrix(np.frombuffer(angles), np.frombuffer(knots), 3).toarray()
-    basis.setflags(write=False)
-    return np.asarray(basis)
-
-
-class CurveFit:
-    """Curves about one ellipse, fitted to points at the same eccentric angles again and again.
+class _View:
+    """One plane: its images, and how its pixels depend on the parameters.
 
     Args:
-        ellipse: the loop's, roughly, world metres.
-        angles: (N,) rising.
+        image: the working image.
+        base: (N, 3) of the circle, metres.
+        waves: (N, 3, P) metres by which each parameter moves a point.
+        around: (K, 3) world points that tell what is looked at.
+        clicks: (C, 2) working pixels.
+        unit: millimetres per working pixel.
     """
 
-    def __init__(self, ellipse: Ellipse3D, angles: Array) -> None:
-        count = max(6, round(TUNING.knots_per_turn * float(np.ptp(angles)) / (2.0 * np.pi)))
-        inner = np.linspace(angles[0], angles[-1], count)
-        spacing = inner[1] - inner[0]
-        before, after = inner[0] - spacing * np.arange(3, 0, -1), inner[-1] + spacing * np.arange(1, 4)
-        self._knots = np.concatenate([before, inner, after])
-        self._basis = BSpline.design_matrix(np.clip(angles, inner[0], inner[-1]), self._knots, 3).toarray()
-        size = self._basis.shape[1]
-        bends = np.diff(np.eye(size), 2, axis=0)
-        prior = np.eye(size) / TUNING.bulge_sigma_mm**2 + bends.T @ bends / TUNING.bend_sigma_mm**2
-        self._prior = np.kron(prior, np.eye(3)) * 1e6
-        self._ellipse, self._points = ellipse, on_ellipse(ellipse, angles)
+    def __init__(
+        self, image: WorkingImage, base: Array, waves: Array, around: Array, clicks: Array, unit: float
+    ) -> None:
+        matrix = image.projection.matrix
+        # Homogeneous pixels are linear in the parameters.
+        self._fixed = base @ matrix[:, :3].T + matrix[:, 3]
+        self._moving = np.einsum("ij,njp->nip", matrix[:, :3], waves)
+        self.clicks, self.unit = clicks, unit
+        seen = image.projection.project(around)
+        self._evidence, self._evidence_corner = image.evidence_about(seen)
+        height, width = image.values.shape
+        left, top = np.clip(np.floor(seen.min(axis=0)).astype(int) - TUNING.margin_px, 0, (width - 1, height - 1))
+        right, bottom = np.clip(np.ceil(seen.max(axis=0)).astype(int) + TUNING.margin_px, (left, top), (width, height))
+        self._fine, self._fine_corner = image.values[top : bottom + 1, left : right + 1], np.array([left, top], float)
 
-    def __call__(self, projections: dict[Plane, Projection], found: dict[Plane, Array]) -> LoopCurve:
-        """Regularised least squares of the distances, across the curve, to the outline in both planes.
+    def coarse(self, blur_px: float) -> _Layer:
+        """The image blurred to an electrode's width, and further."""
+        shown = self._evidence
+        if blur_px > 0.0:
+            # Noise is one standard deviation again.
+            shown = cv2.GaussianBlur(shown, (0, 0), blur_px) * np.float32(np.sqrt(1.0 + 0.6 * blur_px))
+        return _Layer(_with_slopes(shown), self._evidence_corner, TUNING.coarse_amplitude)
 
-        Args:
-            projections: world metres to pixels, per plane.
-            found: per plane, (N, 2) pixels of the outline at the angles; NaN where it does not reach.
-        """
-        size = self._basis.shape[1]
-        normal, right = self._prior.copy(), np.zeros(3 * size)
-        for plane in PLANES:
-            projection = projections[plane]
-            pixels = projection.project(self._points)
-            normals = _unit_normals(pixels)
-            offset = np.einsum("nj,nj->n", normals, found[plane] - pixels)
-            valid = np.isfinite(offset)
-            offset = np.where(valid, offset, 0.0)
-            scale = projection.millimetres_per_pixel(self._ellipse.centre) / TUNING.outline_sigma_mm
-            px_per_m = np.einsum("nj,njk->nk", normals, projection.jacobian(self._points))
-            # A point far off its outline is a wrong match (a neighbouring wire, the other side of the loop).
-            weight = np.where(valid, scale / np.sqrt(1.0 + (offset * scale / TUNING.wrong_match) ** 2), 0.0)
-            rows = (self._basis[:, :, None] * px_per_m[:, None, :] * weight[:, None, None]).reshape(len(offset), -1)
-            normal += rows.T @ rows
-            right += rows.T @ (offset * weight)
-        coefficients = np.linalg.solve(normal, right).reshape(size, 3)
-        return LoopCurve(self._ellipse, self._knots, coefficients, self._points + self._basis @ coefficients)
+    def fine(self, parameters: Array) -> _Layer:
+        """The working image itself; the amplitude is what it shows along the curve."""
+        layer = _Layer(_with_slopes(self._fine), self._fine_corner, 0.0)
+        shown, _ = self.shown(layer, self.pixels(parameters)[0])
+        amplitude = float(np.clip(np.quantile(shown, TUNING.amplitude_quantile), *TUNING.amplitudes))
+        return _Layer(layer.sampled, layer.corner, amplitude)
 
+    def pixels(self, parameters: Array) -> tuple[Array, Array]:
+        """(N, 2) working pixels of the curve, and (N, 2, P) how they depend on the parameters."""
+        seen = self._fixed + self._moving @ parameters
+        depth = seen[:, 2:]
+        pixels = seen[:, :2] / depth
+        slopes = (self._moving[:, :2] - pixels[:, :, None] * self._moving[:, 2:]) / depth[:, :, None]
+        return pixels, slopes
 
-def _unit_normals(pixels: Array) -> Array:
-    """(N, 2) unit normals of an open curve (N, 2) of pixels."""
-    normals = quarter_turn(slope(pixels, axis=0))
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), SMALLEST_SPACING))
-
-
-def snap(curve: Array, lines: dict[Plane, LineMap], projections: dict[Plane, Projection]) -> dict[Plane, Array]:
-    """Per plane, (N, 2) pixels of the line beside a projected curve (N, 3): the smoothest strong path in the strip."""
-    on_curve, across, gains = {}, {}, []
-    for plane, projection in projections.items():
-        pixels = projection.project(curve)
-        unit = projection.millimetres_per_pixel(curve.mean(axis=0))
-        offsets = _OFFSETS_MM / unit
-        normals = _unit_normals(pixels)
-        response, corner = lines[plane].about(pixels)
-        at = (pixels[:, None] + offsets[None, :, None] * normals[:, None] - corner).astype(np.float32)
-        strip = cv2.remap(response, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        strip = strip / max(_quantile(strip, TUNING.strong_quantile), 1e-6)
-        off = TUNING.off_curve * (offsets * unit / TUNING.snap_reach_mm) ** 2
-        gains.append(np.minimum(strip, 1.0).astype(np.float64) - off)
-        on_curve[plane], across[plane] = pixels, offsets[:, None, None] * normals
-    best = _ridge_paths(np.stack(gains))
-    points = np.arange(len(curve))
-    return {p: on_curve[p] + across[p][columns, points] for p, columns in zip(projections, best, strict=True)}
+    @staticmethod
+    def shown(layer: _Layer, pixels: Array) -> tuple[Array, Array]:
+        """(N,) values at pixels (N, 2), and (N, 2) their slopes; nothing outside."""
+        x, y = (pixels - layer.corner).astype(np.float32).T
+        sampled = cv2.remap(layer.sampled, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
+        sampled = sampled.reshape(-1, 3).astype(np.float64)
+        return sampled[:, 0], sampled[:, 1:]
 
 
-def _quantile(values: npt.NDArray[np.float32], share: float) -> float:
-    """What `np.quantile` gives, in a fifth of its time."""
-    place, rest = divmod(share * (values.size - 1), 1.0)
-    low, high = np.partition(values, (int(place), int(place) + 1), axis=None)[int(place) : int(place) + 2].tolist()
-    return float(low + rest * (high - low))
+class _Fit:
+    """The search for the maximum; arguments as of `likeliest_curve`."""
+
+    def __init__(self, start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed) -> None:
+        self._projections, self._shifts, self._share_of_a = images.projections, dict(shifts), images.share_of_a
+        self._centre = circle_centre(start)
+        axes = np.linalg.svd(start - start.mean(axis=0), full_matrices=False)[2]
+        flat = (start - self._centre) @ axes.T
+        angles = np.unwrap(np.arctan2(flat[:, 1], flat[:, 0]))
+        outward = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)]) @ axes
+        radius = float(np.linalg.norm(flat[:, :2], axis=1).mean())
+        base = self._centre + radius * outward
+        waves, radial, axial = _waves(angles)
+        self._normal = _epipolar_normal(images, self._centre)
+        moved = np.concatenate([waves[:, None] * outward[:, :, None], waves[:, None] * axes[2][:, None]], axis=2)
+        self._base, self._moved = base, 1e-3 * moved
+        self._precision = np.concatenate([radial, axial, [TUNING.shift_mm]]) ** -2.0
+        self._parameters = np.zeros(len(self._precision))
+        for part, (direction, sigmas) in enumerate(((outward, radial), (np.broadcast_to(axes[2], base.shape), axial))):
+            beside = 1e3 * np.einsum("nj,nj->n", start - base, direction)
+            normal = waves.T @ waves + np.diag((TUNING.begin / sigmas) ** 2)
+            first = part * waves.shape[1]
+            self._parameters[first : first + waves.shape[1]] = np.linalg.solve(normal, waves.T @ beside)
+        spacing = 1e3 * np.linalg.norm(np.gradient(start, axis=0), axis=1)
+        self._spacing = spacing
+        self._views = self._seen(
+            images, clicks, np.concatenate([base, self._centre + TUNING.beyond * radius * outward])
+        )
+        self._layers: list[tuple[float, list[_Layer]]] = []
+
+    def _seen(self, images: SeedImages, clicks: Seed, around: Array) -> list[_View]:
+        views = []
+        for plane, image in images.working(self._centre, self._shifts).items():
+            lift = 1e-3 * self._share(plane) * np.broadcast_to(self._normal[:, None], (len(self._base), 3, 1))
+            unit = image.projection.millimetres_per_pixel(self._centre)
+            factor = reduction_factor(images.frames[plane].projection.shifted(*self._shifts[plane]), self._centre)
+            seen = (clicks.points(plane) - 0.5 * (factor - 1)) / factor
+            views.append(_View(image, self._base, np.concatenate([self._moved, lift], axis=2), around, seen, unit))
+        return views
+
+    def _share(self, plane: Plane) -> float:
+        """What a plane's images take of a shift between the planes."""
+        return self._share_of_a if plane == PLANES[0] else self._share_of_a - 1.0
+
+    def look(self, blur_px: float, *, fine: bool) -> None:
+        """Look at the images, as sharp as that."""
+        self._layers = [(TUNING.coarse_independent_mm, [view.coarse(blur_px) for view in self._views])]
+        if fine:
+            self._layers.append((TUNING.fine_independent_mm, [view.fine(self._parameters) for view in self._views]))
+
+    def climb(self) -> None:
+        """Go to the maximum."""
+        least, damping, most = TUNING.damping
+        here, gradient, normal = self._probability(self._parameters)
+        for _ in range(TUNING.steps):
+            step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
+            longest_mm = 1e3 * float(np.linalg.norm(self._moved @ step[:-1], axis=1).max())
+            step *= min(1.0, TUNING.largest_step_mm / max(longest_mm, 1e-9))
+            there, its_gradient, its_normal = self._probability(self._parameters + step)
+            if there > here:
+                gained, here, gradient, normal = there - here, there, its_gradient, its_normal
+                self._parameters = self._parameters + step
+                damping = max(damping / 3.0, least)
+                if gained < TUNING.settled:
+                    break
+            elif (damping := 4.0 * damping) > most:
+                break
+
+    def outcome(self) -> LikeliestCurve:
+        """What the parameters mean."""
+        points = self._base + self._moved @ self._parameters[:-1]
+        shifts = {}
+        for plane, projection in self._projections.items():
+            lift = 1e-3 * self._share(plane) * self._parameters[-1] * self._normal
+            shifts[plane] = self._shifts[plane] + projection.jacobian(self._centre) @ lift
+        return LikeliestCurve(points, shifts, self._probability(self._parameters)[0])
+
+    def _probability(self, parameters: Array) -> tuple[float, Array, Array]:
+        """Logarithm of a curve's probability, (P,) its gradient, and (P, P) about its negative second derivatives."""
+        value = -0.5 * float(self._precision @ parameters**2)
+        gradient, normal = -self._precision * parameters, np.diag(self._precision)
+        seen = [view.pixels(parameters) for view in self._views]
+        for independent_mm, layers in self._layers:
+            odds, slopes = np.ones(len(self._base)), np.zeros((len(self._base), len(parameters)))
+            for view, layer, (pixels, along) in zip(self._views, layers, seen, strict=True):
+                shown, steep = view.shown(layer, pixels)
+                one = np.exp(layer.amplitude * (shown - 0.5 * layer.amplitude))
+                held = np.clip(one, *TUNING.odds)
+                odds = odds * held
+                rising = np.where(one == held, layer.amplitude, 0.0)[:, None] * steep
+                slopes += np.einsum("ni,nip->np", rising, along)
+            whole = 1.0 - TUNING.electrodes + TUNING.electrodes * odds
+            weight = self._spacing / independent_mm
+            value += float(weight @ np.log(whole))
+            slopes *= (TUNING.electrodes * odds / whole)[:, None]
+            gradient = gradient + weight @ slopes
+            normal = normal + (slopes * weight[:, None]).T @ slopes
+        for view, (pixels, along) in zip(self._views, seen, strict=True):
+            clicked = _of_clicks(view.clicks, view.unit, pixels, along)
+            value, gradient, normal = value + clicked[0], gradient + clicked[1], normal + clicked[2]
+        return value, gradient, normal
 
 
-def _ridge_paths(gains: Array) -> npt.NDArray[np.int64]:
-    """(P, N) column per row that maximises the gain (P, N, C) less a penalty per squared column step, strip by strip.
-
-    Dynamic programming from both ends at once, which meets in the middle row.
-    """
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels.seed import ridge_paths
-
-        best: npt.NDArray[np.int64] = ridge_paths(gains, TUNING.bend)
-        return best
-    strips, rows, columns = gains.shape
-    middle = rows // 2
-    upwards = gains[:, middle:][:, ::-1]
-    if rows % 2 == 0:  # a row that says nothing makes both halves equally long
-        upwards = np.concatenate([np.zeros((strips, 1, columns)), upwards], axis=1)
-    totals, choices = _best_ways(np.concatenate([gains[:, : middle + 1], upwards]))
-    meeting = (totals[:strips] + totals[strips:] - gains[:, middle]).argmax(axis=1).tolist()
-    paths = []
-    for strip, column in enumerate(meeting):
-        halves = []
-        for half in (strip, strips + strip):
-            path = [column]
-            for choice in reversed(choices[:, half].tolist()):
-                path.append(path[-1] + choice[path[-1]])
-            halves.append(path)
-        paths.append(halves[0][:0:-1] + halves[1][: rows - middle])
-    return np.array(paths, dtype=np.int64)
+def _of_clicks(clicks: Array, unit: float, pixels: Array, along: Array) -> tuple[float, Array, Array]:
+    """What clicks (C, 2) say of a curve (N, 2) of pixels, as `_Fit._probability` does."""
+    apart = clicks[:, None] - pixels
+    nearest = np.clip((apart**2).sum(axis=2).argmin(axis=1), 1, len(pixels) - 2)
+    tangents = pixels[nearest + 1] - pixels[nearest - 1]
+    normals = quarter_turn(tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9))
+    beside = unit * np.einsum("cj,cj->c", clicks - pixels[nearest], normals)
+    freedom, variance = TUNING.click_freedom, TUNING.click_sigma_mm**2
+    squared = beside**2 / variance
+    weight = (freedom + 1.0) / ((freedom + squared) * variance)
+    rows = unit * np.einsum("cj,cjp->cp", normals, along[nearest])
+    value = -0.5 * (freedom + 1.0) * float(np.log1p(squared / freedom).sum())
+    return value, rows.T @ (weight * beside), (rows * weight[:, None]).T @ rows
 
 
-def _best_ways(gains: Array) -> tuple[Array, npt.NDArray[np.int64]]:
-    """(P, C) the gain of the best way to each column of the last row, and (N - 1, P, C) the step into each column."""
-    strips, rows, columns = gains.shape
-    steps = np.arange(-3, 4)
-    penalty = TUNING.bend * (steps**2)[:, None, None]
-    padded = np.full((strips, columns + 6), -np.inf)
-    total = padded[:, 3:-3]
-    total[:] = gains[:, 0]
-    # By the step with which a column is reached, (steps, P, C): of the same memory.
-    before = np.lib.stride_tricks.sliding_window_view(padded, columns, axis=1).swapaxes(0, 1)
-    options = np.empty((rows, len(steps), strips, columns))
-    for row in range(1, rows):
-        np.subtract(before, penalty, out=options[row])
-        np.add(np.maximum.reduce(options[row]), gains[:, row], out=total)
-    return total, steps[options[1:].argmax(axis=1)]
+def _waves(angles: Array) -> tuple[Array, Array, Array]:
+    """(N, M) how a loop may leave its circle at angles (N,), of amplitude 1; (M,) mm, radially, and along the axis."""
+    columns, radial, axial = [np.ones_like(angles)], [TUNING.free_mm], [TUNING.free_mm]
+    sizes = [(TUNING.free_mm, TUNING.free_mm), *zip(TUNING.radial_mm, TUNING.axial_mm, strict=True)]
+    for count, (outward_mm, upward_mm) in enumerate(sizes, 1):
+        columns += [np.cos(count * angles), np.sin(count * angles)]
+        radial += [outward_mm] * 2
+        axial += [upward_mm] * 2
+    columns.append((angles - angles.mean()) / (2.0 * np.pi))
+    return np.column_stack(columns), np.array([*radial, TUNING.ramp_mm]), np.array([*axial, TUNING.ramp_mm])
+
+
+def _epipolar_normal(images: SeedImages, centre: Array) -> Array:
+    """(3,) unit normal of the epipolar plane through a point."""
+    a, b = (centre - images.projections[plane].source for plane in PLANES)
+    normal = np.cross(a, b)
+    return np.asarray(normal / np.linalg.norm(normal))
+
+
+def _with_slopes(values: Image) -> Image:
+    """(h, w, 3) values (h, w) and their slopes in x and y."""
+    if values.size == 0:
+        return np.zeros((1, 1, 3), np.float32)
+    across = cv2.Sobel(values, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
+    down = cv2.Sobel(values, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
+    return np.asarray(cv2.merge([values, across, down]))

@@ -98,7 +98,7 @@ def model_along(
 ) -> LoopModel:
     """The model of a curve (L, 3) and the planes' shifts, pixels."""
     views = shifted(projections, shifts)
-    centre = _circle_centre(points)
+    centre = circle_centre(points)
     ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (views["a"], views["b"]))
     normal = np.cross(ray_a, ray_b)
     normal /= np.linalg.norm(normal)
@@ -127,7 +127,7 @@ def _between(normal: Array, shift: Array, jacobian: Array) -> Observation:
     return Observation(normal[None], np.array([moved_m]), np.array([[BETWEEN_SIGMA_M**2]]))
 
 
-def _circle_centre(points: Array) -> Array:
+def circle_centre(points: Array) -> Array:
     """(3,) centre of the circle through points (N, 3), in their plane of least squares (Kåsa's fit)."""
     mean = points.mean(axis=0)
     _, _, directions = np.linalg.svd(points - mean, full_matrices=False)

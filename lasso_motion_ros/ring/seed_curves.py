@@ -1,12 +1,12 @@
 """All curves that the clicks lead to: from an ellipse to an open curve that follows the wire in both planes.
 
-The ellipse gives each plane's outline its place along the loop; a smooth curve is then fitted to both outlines at once,
-and once more to the lines found in the images beside it. Which of several curves is the right one, the images tell.
+The ellipse tells how far the outlines go round the loop. From it on, the likeliest curve is looked for (`loop_curve`).
+Which of several curves is the right one, the images tell.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import ReconstructionError, SeedError
 from lasso_motion_ros.geometry.curves import distance_to_curve, resample
 from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
-from lasso_motion_ros.ring.loop_curve import CurveFit, LoopCurve, snap
+from lasso_motion_ros.ring.loop_curve import LikeliestCurve, likeliest_curve
 from lasso_motion_ros.ring.loop_model import LoopModel, model_along, shifted
 from lasso_motion_ros.ring.seed_circle import seed_circles
 from lasso_motion_ros.ring.seed_images import SeedImages
@@ -42,15 +42,14 @@ POINTS = 120
 class _Tuning:
     """Which curves are tried, which of them is taken, and when the images show none."""
 
-    rounds: int = 3  # of snapping to the lines in the images
-    # Contrast along the model in units of the local noise (docs/constants.md).
-    smallest_contrast: float = 0.88  # together with what both planes show of electrodes, which counts for
-    in_common: float = 1.5  # times its evidence
-    doubtful_contrast: float = 1.0
+    # Logarithm of how much likelier the images and the clicks are with a curve than with none (docs/constants.md).
+    smallest_log_odds: float = 8.0
+    doubtful_log_odds: float = 20.0  # with less the other polarity is tried, too
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
     ellipses: int = 2  # that are tried at most, of each kind of outline,
     doubtful_misfit: float = 5.0  # and that fit worse than the best by less than this
     circles: int = 1  # that are tried, of those that clicks and images show best,
+    other_mm: float = 0.2  # mean distance from which on two curves are not the same
     search_penalty: float = 0.1  # and by how much they have to show more: ellipses from good clicks fit more finely
     roundness_spread: float = 0.15  # a lasso is round to about this
     shape_penalty: float = 0.05  # of what the planes have in common, for a model that is one spread less round
@@ -86,24 +85,22 @@ def build_loop_models(
     bright = is_bright(pair, seed, config)
 
     def images(bright: bool) -> SeedImages:
-        return SeedImages(pair, bright=bright, line_sigma_mm=config.path.line_sigma_mm, whole=whole)
+        return SeedImages(pair, bright=bright, whole=whole)
 
-    models, contrast, in_common = _build(images(bright), pair, seed, config, points)
-    if config.polarity == "auto" and contrast < TUNING.doubtful_contrast:
+    models, log_odds = _build(images(bright), pair, seed, config, points)
+    if config.polarity == "auto" and log_odds < TUNING.doubtful_log_odds:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            others, their_contrast, theirs = _build(images(not bright), pair, seed, config, points)
+            others, theirs = _build(images(not bright), pair, seed, config, points)
         except ReconstructionError:
             pass
         else:
-            if their_contrast > contrast:
-                models, contrast, in_common = others, their_contrast, theirs
-    # A faint wire with electrodes is a catheter; without, the path along the clicks may have snapped to noise.
-    expected = TUNING.smallest_contrast - TUNING.in_common * in_common
-    if contrast < expected:
+            if theirs > log_odds:
+                models, log_odds = others, theirs
+    if log_odds < TUNING.smallest_log_odds:
         raise SeedError(
-            f"no catheter is seen along the clicks: contrast {contrast:.2f} times the noise, "
-            f"expected at least {expected:.2f}"
+            f"no catheter is seen along the clicks: the logarithm of the odds for one is {log_odds:.1f}, "
+            f"expected at least {TUNING.smallest_log_odds:.0f}"
         )
     require_lasso_size(models[0].radius_mm)
     return models
@@ -126,31 +123,38 @@ def _contrasts(images: SeedImages, curve: Array, shifts: dict[Plane, Array]) -> 
 
 def _build(
     images: SeedImages, pair: FramePair, seed: Seed, config: TrackerConfig, count: int
-) -> tuple[list[LoopModel], float, float]:
+) -> tuple[list[LoopModel], float]:
     """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
 
-    And how far that one stands out from what lies beside it, mean of both planes, in units of local noise; and what its
-    planes have in common.
+    And the logarithm of the odds for that one.
 
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
     """
-    models: list[tuple[float, LoopModel]] = []
+    models: list[tuple[float, LoopModel, float]] = []
     starts, failure = _starts(images, pair, seed, config)
     for start in starts:
         try:
-            model = _around(start, images, count)
+            model, log_odds = _around(start, images, seed, count)
         except ReconstructionError as error:
             failure = failure or error
             continue
         # What the clicks alone lead to holds, unless the images plainly speak for a circle that was searched.
         worth = _worth(model, images, seed) - (TUNING.search_penalty if start.is_searched else 0.0)
-        models.append((worth, model))
+        models.append((worth, model, log_odds))
     if not models:
         raise failure or ReconstructionError("no 3-D loop explains the clicks")
-    best, *others = (model for _, model in sorted(models, key=lambda one: -one[0]))
-    contrast = float(_contrasts(images, best.points, _shifts(images, best)).mean())
-    return [best, *others], contrast, _in_common(images, best)
+    models.sort(key=lambda one: -one[0])
+    return _told_apart([model for _, model, _ in models]), models[0][2]
+
+
+def _told_apart(models: list[LoopModel]) -> list[LoopModel]:
+    """Of models, best first, those that are other curves than all before: most starts lead to the same one."""
+    told: list[LoopModel] = []
+    for model in models:
+        if all(1e3 * distance_to_curve(model.points, one.points).mean() > TUNING.other_mm for one in told):
+            told.append(model)
+    return told
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,87 +222,44 @@ def _in_common(images: SeedImages, model: LoopModel) -> float:
     return float(np.maximum(np.minimum(*shown), 0.0).mean())
 
 
-def _around(start: _Start, images: SeedImages, count: int) -> LoopModel:
-    """The model whose curve follows the wire in both planes, from an ellipse on."""
+def _around(start: _Start, images: SeedImages, seed: Seed, count: int) -> tuple[LoopModel, float]:
+    """The model whose curve follows the wire in both planes, from an ellipse on, and the logarithm of its odds."""
     outline = LoopOutline(start.ellipse, shifted(images.projections, start.shifts), start.paths)
 
-    def fitted(low: float, high: float) -> tuple[LoopCurve, dict[Plane, Array]]:
+    def likeliest(low: float, high: float) -> tuple[Array, LikeliestCurve]:
         angles = angles_between(low, high)
-        return _fitted(start.ellipse, angles, images, start.shifts, None if start.is_searched else outline.at(angles))
+        return angles, likeliest_curve(on_ellipse(start.ellipse, angles), images, start.shifts, seed)
 
     low, high = outline.extent
-    curve, moved = fitted(low, high)
+    angles, found = likeliest(low, high)
     if (gap := outline.gap) is not None and high - low <= TURN:
         # Nobody clicked there; where there is no wire either, the loop is open.
-        inside = _contrasts(images, curve(angles_between(*gap)), moved).mean()
-        whole = _contrasts(images, curve(angles_between(low, gap[0])), moved).mean()
-        if inside < TUNING.open_contrast * whole:
-            low, high = gap[1] - TURN, gap[0]
-            curve, moved = fitted(low, high)
-    return _along(curve, low, high, images, moved, count)
+        contrasts, is_inside = (
+            _contrasts(images, found.points, found.shifts),
+            (angles - gap[0]) % TURN < gap[1] - gap[0],
+        )
+        if contrasts[is_inside].mean() < TUNING.open_contrast * contrasts[~is_inside].mean():
+            _, found = likeliest(gap[1] - TURN, gap[0])
+    return _along(found, images, count), found.log_odds
 
 
-def _fitted(
-    ellipse: Ellipse3D,
-    angles: Array,
-    images: SeedImages,
-    shifts: dict[Plane, Array],
-    outlines: dict[Plane, Array] | None = None,
-) -> tuple[LoopCurve, dict[Plane, Array]]:
-    """The curve at eccentric angles (N,), and the planes' shifts that go with it.
-
-    Args:
-        ellipse: to begin with.
-        angles: rising.
-        images: of both planes.
-        shifts: per plane, (2,) pixels, to begin with.
-        outlines: per plane, (N, 2) pixels along the loop; None: where the ellipse lies.
-    """
-    moved, views = shifts, shifted(images.projections, shifts)
-    fit = CurveFit(ellipse, angles)
-    points = on_ellipse(ellipse, angles) if outlines is None else fit(views, outlines).points
-    for _ in range(TUNING.rounds):
-        found = snap(points, images.lines, views)
-        # The clicks' own outlines are a pixel or two off; the lines found in the images tell the shift better.
-        moved = epipolar_shift(images.projections, found, images.share_of_a)
-        views = shifted(images.projections, moved)
-        curve = fit(views, found)
-        points = curve.points
-    return curve, moved
-
-
-def _along(
-    curve: LoopCurve, low: float, high: float, images: SeedImages, shifts: dict[Plane, Array], count: int
-) -> LoopModel:
-    """The model of a curve between two eccentric angles."""
-    points = resample(curve(np.linspace(low, high, 8 * count)), count)
-    return model_along(points, images.bright, shifts, images.projections, simultaneous=images.share_of_a > 0.0)
+def _along(found: LikeliestCurve, images: SeedImages, count: int) -> LoopModel:
+    """The model of a curve."""
+    points = resample(found.points, count)
+    simultaneous = images.share_of_a > 0.0
+    return model_along(points, images.bright, found.shifts, images.projections, simultaneous=simultaneous)
 
 
 def model_beside(
-    ellipse: Ellipse3D,
-    images: SeedImages,
-    shifts: dict[Plane, Array],
-    points: int = POINTS,
-    *,
-    shape: Callable[[Array], Array] | None = None,
+    start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed, points: int = POINTS
 ) -> LoopModel:
-    """The model of a closed loop that follows the lines beside an ellipse in both planes, whoever drew it.
+    """The model of a loop that follows the wire near a curve in both planes, whoever drew it.
 
     Args:
-        ellipse: in space, world metres.
+        start: (N, 3) along the loop, world metres.
         images: of the pair.
-        shifts: per plane, (2,) pixels by which its images lie off their calibration, about.
-        points: of the curve.
-        shape: where the loop lies about, (N, 3) m at eccentric angles (N,) of the ellipse; None: on the ellipse.
-
-    Raises:
-        ReconstructionError: the two views are the same.
+        shifts: per plane, (2,) pixels by which its images lie off its calibration, about.
+        clicks: places along it in both planes, known about as well as people click.
+        points: of the model's curve.
     """
-    angles = angles_between(0.0, TURN)
-    outlines = None
-    if shape is not None:
-        about = shape(angles)
-        outlines = {plane: view.project(about) + shifts[plane] for plane, view in images.projections.items()}
-    curve, moved = _fitted(ellipse, angles, images, shifts, outlines)
-    return _along(curve, 0.0, TURN, images, moved, points)
+    return _along(likeliest_curve(start, images, shifts, clicks), images, points)

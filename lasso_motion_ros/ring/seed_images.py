@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import FramePair, Plane
-from lasso_motion_ros.ring.line_map import LineMap
 from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage
 from lasso_motion_ros.seeding.outlines import require_both_planes
 
@@ -21,14 +20,12 @@ class SeedImages:
     Args:
         pair: the clicked images.
         bright: whether the catheter is brighter than its background.
-        line_sigma_mm: scale of the line filter.
         whole: the pair's working images, where others ask for them, too.
 
     Attributes:
         frames: per plane, as clicked.
         projections: theirs.
         bright: as given.
-        lines: per plane, the line filter's response.
         share_of_a: what plane A's images take of a shift between the planes: half, or none where plane B is exposed
             later.
 
@@ -36,11 +33,8 @@ class SeedImages:
         SeedError: a plane is missing.
     """
 
-    def __init__(
-        self, pair: FramePair, *, bright: bool, line_sigma_mm: float, whole: WholeImages | None = None
-    ) -> None:
+    def __init__(self, pair: FramePair, *, bright: bool, whole: WholeImages | None = None) -> None:
         self.projections, self.frames, self.bright = require_both_planes(pair), pair.frames, bright
-        self.lines = {p: LineMap(frame, bright=bright, sigma_mm=line_sigma_mm) for p, frame in self.frames.items()}
         apart_ns = abs(self.frames["b"].stamp_ns - self.frames["a"].stamp_ns)
         self.share_of_a = 0.5 if apart_ns < _SIMULTANEOUS_NS else 0.0
         self._whole = whole or WholeImages(self.frames)

@@ -17,7 +17,7 @@ from lasso_motion_ros.core import compiled
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
+from lasso_motion_ros.ring import search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
@@ -240,14 +240,6 @@ def test_a_display_filter_is_seen_alike(shape: tuple[int, int], dtype: type) -> 
     np.testing.assert_allclose(groups, plain_groups, rtol=1e-4, atol=1e-3)
     compiled, plainly = both(lambda: filter_of(plain_groups))
     assert compiled == pytest.approx(plainly, rel=1e-9)
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_best_way_along_a_line_is_the_same(seed: int) -> None:
-    generator = np.random.default_rng(seed)
-    gains = np.minimum(generator.random((2, int(generator.integers(3, 120)), 21)), generator.choice([0.5, 1.0]))
-    compiled, plainly = both(lambda: loop_curve._ridge_paths(gains))
-    np.testing.assert_array_equal(compiled, plainly)
 
 
 @pytest.mark.parametrize("seed", range(5))

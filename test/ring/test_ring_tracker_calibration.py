@@ -61,6 +61,7 @@ def test_a_gantry_that_turns_without_its_matrices_is_noticed_within_two_pairs(tr
             "moved C-arm without a new calibration?",
             "the planes disagree by",
             "shows less of the lasso than it did",
+            "hardly shows the lasso",
             "other places look nearly as much like the lasso",
         )
         assert any(words in result.reason for words in said)
@@ -151,7 +152,7 @@ def variant(kind):
 
 @pytest.mark.parametrize(
     ("kind", "tolerance_mm"),
-    [("scaled", 1e-6), ("mirrored", 0.05), ("swapped", 0.05), ("bright", 0.01), ("deep", 0.01)],
+    [("scaled", 1e-6), ("mirrored", 0.05), ("swapped", 0.05), ("bright", 0.05), ("deep", 0.01)],
 )
 def test_the_description_of_the_input_means_nothing(kind, tolerance_mm):
     pairs, seed = variant(kind)

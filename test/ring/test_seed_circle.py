@@ -22,7 +22,7 @@ def frames():
 
 
 def clicked(frames):
-    return SeedImages(Pair(0, frames["a"], frames["b"]), bright=False, line_sigma_mm=0.3)
+    return SeedImages(Pair(0, frames["a"], frames["b"]), bright=False)
 
 
 def circles(seed, count=1):

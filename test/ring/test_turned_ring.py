@@ -27,5 +27,5 @@ def test_a_ring_that_has_turned_much_is_found(tracker, turn_deg):
 def test_without_a_look_from_afar_a_ring_that_turned_more_is_lost(tracker, from_afar):
     tracker.reconfigure(replace(CONFIG, judgement=JudgementConfig(degraded_turn_deg=25.0, lost_turn_deg=30.0)))
     tracker._track.detector._tuning = DetectorTuning(from_afar=from_afar, electrodes=False)
-    result = tracker.track(turned_pair(WARM, (9.0, 0.0, 0.0)))
+    result = tracker.track(turned_pair(WARM, (12.0, 0.0, 0.0)))
     assert (result.motion is not None) == from_afar

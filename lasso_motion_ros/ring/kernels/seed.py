@@ -1,4 +1,4 @@
-"""Circles beside clicks, and ways along lines, compiled: see `core/compiled.py`."""
+"""Circles beside clicks, compiled: see `core/compiled.py`."""
 
 from __future__ import annotations
 
@@ -70,58 +70,3 @@ def beside(pixels: Array, clicks: Array, unit: float, farthest: float) -> Array:
         for k in range(circles):
             mean[k] += min(unit * unit * nearest[k], farthest) / clicks.shape[0]
     return mean
-
-
-@compiled("void(Array(float64, 2, 'A', readonly=True), float64, float64[:, ::1])")
-def _best_ways(gains: Array, bend: float, total: Array) -> None:
-    """(N, C) the gain of the best way to each column of each row, written into `total`."""
-    rows, columns = gains.shape
-    for column in range(columns):
-        total[0, column] = gains[0, column]
-    for row in range(1, rows):
-        for column in range(columns):
-            best = -np.inf
-            for before in range(max(column - 3, 0), min(column + 4, columns)):
-                step = before - column
-                best = max(best, total[row - 1, before] - bend * (step * step))
-            total[row, column] = best + gains[row, column]
-
-
-@compiled("int64(float64[::1], int64, float64)")
-def _came_from(total: Array, column: int, bend: float) -> int:
-    """The column of the row before from which the best way leads to a column."""
-    best, place = -np.inf, column
-    for before in range(max(column - 3, 0), min(column + 4, total.size)):
-        step = before - column
-        value = total[before] - bend * (step * step)
-        if value > best:
-            best, place = value, before
-    return place
-
-
-@compiled("int64[:, ::1](Array(float64, 3, 'A', readonly=True), float64)")
-def ridge_paths(gains: Array, bend: float) -> npt.NDArray[np.int64]:
-    """(P, N) the column in each row of the best way along each strip: `loop_curve._ridge_paths`.
-
-    Args:
-        gains: (P, N, C).
-        bend: what a squared step aside costs.
-    """
-    strips, rows, columns = gains.shape
-    middle = rows // 2
-    paths = np.empty((strips, rows), np.int64)
-    # From both ends at once, which meet in the middle: of ways that are alike, the same as there.
-    down, up = np.empty((middle + 1, columns)), np.empty((rows - middle, columns))
-    for strip in range(strips):
-        _best_ways(gains[strip, : middle + 1], bend, down)
-        _best_ways(gains[strip, middle:][::-1], bend, up)
-        at = int(np.argmax(down[middle] + up[rows - middle - 1] - gains[strip, middle]))
-        paths[strip, middle] = at
-        for row in range(middle, 0, -1):
-            at = _came_from(down[row - 1], at, bend)
-            paths[strip, row - 1] = at
-        at = paths[strip, middle]
-        for row in range(rows - middle - 1, 0, -1):
-            at = _came_from(up[row - 1], at, bend)
-            paths[strip, rows - row] = at
-    return paths
