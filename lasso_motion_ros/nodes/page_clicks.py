@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from rclpy.event_handler import SubscriptionEventCallbacks
 from sensor_msgs.msg import Image
 
 from lasso_motion_ros.config.web import RoundsConfig, WebConfig
@@ -254,9 +255,13 @@ class PageClicks:
                 if len(stamps) == len(PLANES):
                     complete.set()
 
-        # Only the tracker's picture says which pair it holds.
+        # Only the tracker's picture says which pair it holds. No event is watched: the executor would stumble over that
+        # of a subscription that goes again while it waits.
+        unwatched = SubscriptionEventCallbacks(use_default_callbacks=False)
         listening = [
-            self._node.create_subscription(Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1))
+            self._node.create_subscription(
+                Image, tracking_topic(plane).name, partial(take, plane), qos(depth=1), event_callbacks=unwatched
+            )
             for plane in PLANES
         ]
         before = self._stream.whole_pairs()
