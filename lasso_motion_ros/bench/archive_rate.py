@@ -13,8 +13,8 @@ from lasso_motion_ros.core.worker_pool import LocalPool
 from lasso_motion_ros.tools.archive import run_archive
 from lasso_motion_ros.tools.archive_tracking import TrackingWork
 
-RECORDINGS_A_WORKER = 12
-"""So that starting a worker, a second or two, is a small part."""
+RECORDINGS_A_WORKER = 48
+"""So that starting a worker, which takes as long as seven recordings of 30 pairs, is a small part."""
 
 
 @dataclass(frozen=True)
