@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -287,6 +288,7 @@ def _type_hash(type_name: str) -> str:
     return types.hash_rihs01(type_name) if type_name in types.fielddefs else ""
 
 
+@cache
 def _qos(latched: bool, reliable: bool) -> str:
     """`offered_qos_profiles` of a topic: keep last; rmw's numbers."""
     profile = {
