@@ -258,6 +258,9 @@ def run_node(make_node: Callable[[], RunnableNode], arguments: list[str] | None 
             node.destroy_node()
     finally:
         rclpy.try_shutdown()
+        # One more (launch's, behind that of the terminal) would make a failure of this end: Python's own has handlers
+        # no more. SIGTERM still ends it.
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _spin(executor: Any, node: RunnableNode, stopped: threading.Event) -> None:

@@ -117,6 +117,22 @@ warm_up.warm_up = start_compiled
 """
 
 
+ONCE_MORE = """
+import os, signal
+class AtTheEnd:
+    def __del__(self, kill=os.kill, process=os.getpid(), number=signal.SIGINT):
+        kill(process, number)
+at_the_end = AtTheEnd()
+"""
+
+
+@pytest.mark.ros
+def test_one_more_ctrl_c_while_python_ends_is_no_failure() -> None:
+    """Launch sends one of its own where the player has ended by the terminal's."""
+    done = run(NODE, "lasso_tracker", {}, LONG_START + ONCE_MORE)
+    assert (done.returncode, done.stderr.count("Traceback")) == (0, 0), done.stderr
+
+
 @pytest.mark.ros
 @pytest.mark.parametrize("start", [LONG_START, LOST_IN_COMPILED_CODE], ids=["long", "compiled"])
 def test_a_signal_does_not_wait_for_a_start_that_takes_long(start: str) -> None:
