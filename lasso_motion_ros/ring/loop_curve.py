@@ -42,7 +42,9 @@ class _Tuning:
     amplitude_quantile: float = 0.6  # of what the image shows along the curve
     odds: tuple[float, float] = (0.05, 20.0)  # what one plane may say against or for an electrode
     coarse_amplitude: float = 1.0  # in an image that is blurred to an electrode's width
-    coarse_independent_mm: float = 2.0  # values further apart along the arc have noise of their own
+    # Values further apart along the arc have noise of their own, and, in the coarse image, of which the fine one knows
+    # nothing.
+    coarse_independent_mm: float = 4.0
     fine_independent_mm: float = 1.0
     blurs_px: tuple[float, ...] = (2.0, 0.0)  # of the coarse image; with the last comes the fine one
     click_sigma_mm: float = 0.5

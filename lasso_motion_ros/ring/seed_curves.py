@@ -43,7 +43,7 @@ class _Tuning:
     """Which curves are tried, which of them is taken, and when the images show none."""
 
     # Logarithm of how much likelier the images and the clicks are with a curve than with none (docs/constants.md).
-    smallest_log_odds: float = 8.0
+    smallest_log_odds: float = 6.0
     doubtful_log_odds: float = 20.0  # with less the other polarity is tried, too
     open_contrast: float = 0.5  # of the rest of the loop's: less of it where nobody clicked, and there is no wire
     ellipses: int = 2  # that are tried at most, of each kind of outline,

@@ -66,7 +66,7 @@ def test_from_beside_the_wire_it_is_found(offset_mm, waves_mm, sigma):
 def test_noise_alone_is_no_ring():
     for seed in range(8):
         found = likeliest_curve(start_beside(), images_of(dict.fromkeys("ab"), seed=seed), NO_SHIFT, lasso_seed())
-        assert found.log_odds < 8.0
+        assert found.log_odds < 6.0
         assert distance_to_curve(found.points, start_beside()).mean() < 0.7e-3
 
 
@@ -100,7 +100,7 @@ def test_planes_that_are_off_to_each_other_are_brought_together():
             @ (view.jacobian(LOOP.centre) @ normal)
             / np.sum((view.jacobian(LOOP.centre) @ normal) ** 2)
         )
-        assert 1e3 * moved_mm == pytest.approx(share, abs=0.08)
+        assert 1e3 * moved_mm == pytest.approx(share, abs=0.12)  # the clicks say none
 
 
 def test_a_click_far_off_changes_next_to_nothing():

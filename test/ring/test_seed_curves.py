@@ -239,7 +239,7 @@ def test_a_configured_polarity_is_not_doubted(polarity):
 @pytest.mark.parametrize("away_mm", [[20.0, 15.0, -30.0], [-30.0, 0.0, 20.0]])
 def test_clicks_beside_any_catheter_are_refused(away_mm):
     away = np.array(away_mm) * 1e-3
-    with pytest.raises(SeedError, match=r"odds for one is -?\d\.\d, expected at least 8"):
+    with pytest.raises(SeedError, match=r"odds for one is -?\d\.\d, expected at least 6"):
         build_loop_model(drawn(), clicks(lasso_curve(1.0) + away), CONFIG)
 
 
