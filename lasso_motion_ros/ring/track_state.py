@@ -8,11 +8,11 @@ makes it LOST or DEGRADED: `ring/validation.py`.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import gammaincc
 
 Array = npt.NDArray[np.float64]
 
@@ -37,15 +37,27 @@ class StateTuning:
     tracking: float = 0.97  # with less a pose is DEGRADED
     pose: float = 0.9  # with less there is none
     displaced: float = 0.6  # of being elsewhere
-    # Of the pose being off by more than this, along the direction known worst:
+    # Of the pose being off by more than this, in whichever direction:
     misleading_mm: float = 2.0
     misleads_tracking: float = 0.01  # with more a pose is DEGRADED,
     misleads_pose: float = 0.05  # and with more than this there is none: it is within that in 19 of 20 cases
 
 
-def probability_beyond(limit: float, sigma: float) -> float:
-    """Probability that a normal deviate of standard deviation `sigma` is off by more than a limit."""
-    return math.erfc(limit / (math.sqrt(2.0) * max(sigma, 1e-9)))
+def probability_beyond(limit: float, covariance: Array) -> float:
+    """Probability that a normal deviate in space is farther off than a limit.
+
+    The square of its length is taken for a gamma variable of the same mean and variance, which it is where all
+    directions are known as well, or one alone is not (Satterthwaite 1946, An approximate distribution of estimates of
+    variance components).
+
+    Args:
+        limit: of its length.
+        covariance: (3, 3), in units of the limit's square.
+    """
+    mean, half_variance = float(np.trace(covariance)), float(np.sum(covariance**2))
+    if half_variance <= 0.0:
+        return 0.0
+    return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit**2 * mean / half_variance))
 
 
 @dataclass(frozen=True)

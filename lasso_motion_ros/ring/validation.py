@@ -105,8 +105,9 @@ def misleading(
     limit_m = _limit_m(states)
     # A place far off is as wrong as can be, however far, and only as probable as it is: no normal deviate.
     elsewhere = 1.0 - best.believed
-    sigma_mm = 1e3 * largest_sigma(position - association.spread_beyond(limit_m))
-    vague, slid = probability_beyond(states.misleading_mm, sigma_mm), track.slide.beyond(limit_m)
+    near = position - association.spread_beyond(limit_m)
+    sigma_mm = 1e3 * largest_sigma(near)
+    vague, slid = probability_beyond(limit_m, near), track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions; where they have been lost since, what they last told still counts.

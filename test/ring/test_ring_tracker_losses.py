@@ -113,11 +113,11 @@ def test_a_pose_is_withheld_for_all_that_makes_it_uncertain(tracker):
     result = tracker.track(pair(WARM))
     assert_no_pose(result, LOST)
     assert result.reason == "its place is known to 1.3 mm only"
-    tracker.known.reference_covariance = 0.9e-3**2 * np.eye(3)
+    tracker.known.reference_covariance = 0.65e-3**2 * np.eye(3)
     result = tracker.track(pair(WARM + 1))
     assert result.state is DEGRADED
     spread = centre_covariance(result.covariance, LOOP.centre + moved(WARM + 1))
-    assert np.sqrt(np.linalg.eigvalsh(spread)[-1]) == pytest.approx(0.9e-3, rel=0.1)
+    assert np.sqrt(np.linalg.eigvalsh(spread)[-1]) == pytest.approx(0.65e-3, rel=0.1)
 
 
 def test_taken_out_it_stays_lost(tracker):
