@@ -44,13 +44,14 @@ def test_the_gradient_is_that_of_the_probability(fine):
     fit.look(1.0, fine=fine)
     parameters = fit._parameters + np.random.default_rng(2).normal(0.0, 0.05, len(fit._parameters))
     _, gradient, normal = fit._probability(parameters)
-    step = 1e-3
+    step = 0.05  # a fifth of a pixel: OpenCV before version 5 interpolates in steps of a thirty-second
     steps = step * np.eye(len(parameters))
     numeric = [
         (fit._probability(parameters + one)[0] - fit._probability(parameters - one)[0]) / (2.0 * step) for one in steps
     ]
     # Slopes of the image are those of a 3 × 3 neighbourhood, values those of its four pixels.
-    assert np.corrcoef(gradient, numeric)[0, 1] > 0.97
+    assert np.corrcoef(gradient, numeric)[0, 1] > 0.95
+    assert np.linalg.norm(gradient - numeric) < 0.3 * np.linalg.norm(numeric)
     assert (np.linalg.eigvalsh(normal) > 0.0).all()
 
 
