@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.curves import quarter_turn
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
-from lasso_motion_ros.ring.loop_model import circle_centre
+from lasso_motion_ros.ring.loop_model import circle_centre, epipolar_directions
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.working_image import Image, WorkingImage, reduction_factor
 
@@ -186,7 +186,7 @@ class _Fit:
         radius = float(np.linalg.norm(flat[:, :2], axis=1).mean())
         base = self._centre + radius * outward
         waves, radial, axial = _waves(angles)
-        self._normal = _epipolar_normal(images, self._centre)
+        self._normal = epipolar_directions(images.projections, self._centre)[2]
         moved = np.concatenate([waves[:, None] * outward[:, :, None], waves[:, None] * axes[2][:, None]], axis=2)
         self._base, self._moved = base, 1e-3 * moved
         self._precision = np.concatenate([radial, axial, [TUNING.shift_mm]]) ** -2.0
@@ -301,13 +301,6 @@ def _waves(angles: Array) -> tuple[Array, Array, Array]:
         axial += [upward_mm] * 2
     columns.append((angles - angles.mean()) / (2.0 * np.pi))
     return np.column_stack(columns), np.array([*radial, TUNING.ramp_mm]), np.array([*axial, TUNING.ramp_mm])
-
-
-def _epipolar_normal(images: SeedImages, centre: Array) -> Array:
-    """(3,) unit normal of the epipolar plane through a point."""
-    a, b = (centre - images.projections[plane].source for plane in PLANES)
-    normal = np.cross(a, b)
-    return np.asarray(normal / np.linalg.norm(normal))
 
 
 def _with_slopes(values: Image) -> Image:

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Observation
 
@@ -99,13 +99,19 @@ def model_along(
     """The model of a curve (L, 3) and the planes' shifts, pixels."""
     views = shifted(projections, shifts)
     centre = circle_centre(points)
-    ray_a, ray_b = ((centre - m.source) / np.linalg.norm(centre - m.source) for m in (views["a"], views["b"]))
-    normal = np.cross(ray_a, ray_b)
-    normal /= np.linalg.norm(normal)
+    ray_a, ray_b, normal = epipolar_directions(views, centre)
     lateral = np.cross(normal, ray_b)
     between = None if simultaneous else _between(normal, shifts["b"], projections["b"].jacobian(centre))
     offsets = offsets_of(shifts, projections, centre)
     return LoopModel(points, centre, bright, offsets, between, (ray_a, lateral), normal)
+
+
+def epipolar_directions(projections: Mapping[Plane, Projection], point: Array) -> tuple[Array, Array, Array]:
+    """(3,) unit vectors at a world point (3,) m: both planes' rays, A's first, and the epipolar plane's normal."""
+    ray_a, ray_b = (point - projections[plane].source for plane in PLANES)
+    ray_a, ray_b = ray_a / np.linalg.norm(ray_a), ray_b / np.linalg.norm(ray_b)
+    normal = np.cross(ray_a, ray_b)
+    return ray_a, ray_b, normal / np.linalg.norm(normal)
 
 
 def offsets_of(

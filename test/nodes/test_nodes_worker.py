@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -17,6 +18,12 @@ class Gate:
         self.begun = threading.Semaphore(0)
         self.released = threading.Semaphore(0)
         self.done: list[int] = []
+        self.rested = threading.Event()
+
+    def rest(self) -> bool:
+        """What a worker does while it is idle: nothing."""
+        self.rested.set()
+        return False
 
     def __call__(self, item: int) -> None:
         self.begun.release()
@@ -34,6 +41,21 @@ def make(gate: Gate, on_error: Callable[[Exception], None] = lambda error: None)
     """Three may wait; five, while an item of 100 or more is in work."""
     return Worker(
         gate, capacity=3, burst_capacity=5, takes_long=lambda item: item >= 100, on_error=on_error, name="test"
+    )
+
+
+def make_of(
+    gate: Gate, capacity: int = 9, takes_long: Callable[[int], bool] = lambda _: False, **options: Any
+) -> Worker[int]:
+    """As many may wait whatever is in work."""
+    return Worker(
+        gate,
+        capacity=capacity,
+        burst_capacity=capacity,
+        takes_long=takes_long,
+        on_error=lambda _: None,
+        name="test",
+        **options,
     )
 
 
@@ -98,13 +120,9 @@ def test_while_one_takes_long_more_may_wait_until_all_is_done() -> None:
 )
 def test_one_that_has_had_no_rest_goes_on_with_the_newest_that_it_may(step: int, expected: list[int]) -> None:
     gate = Gate()
-    worker: Worker[int] = Worker(
+    worker = make_of(
         gate,
-        capacity=9,
-        burst_capacity=9,
         takes_long=lambda item: item == 100,
-        on_error=lambda _: None,
-        name="test",
         behind_s=0.0,
         may_skip=lambda last, other: other - last <= step,
     )
@@ -130,13 +148,8 @@ def test_one_that_has_had_no_rest_goes_on_with_the_newest_that_it_may(step: int,
 def test_one_that_tells_less_does_not_take_the_turn_of_one_that_tells_all(step: int, expected: list[int]) -> None:
     """Odd ones lack a plane: where they are the newest each time, the tracker would never see both planes."""
     gate, left_out = Gate(), []
-    worker: Worker[int] = Worker(
+    worker = make_of(
         gate,
-        capacity=9,
-        burst_capacity=9,
-        takes_long=lambda _: False,
-        on_error=lambda _: None,
-        name="test",
         behind_s=0.0,
         may_skip=lambda last, other: other - last <= 2 * step,
         is_whole=lambda item: item % 2 == 0,
@@ -161,13 +174,9 @@ def test_one_that_tells_less_does_not_take_the_turn_of_one_that_tells_all(step: 
 
 def test_those_dropped_from_a_full_queue_are_told_before_the_next_is_worked_on() -> None:
     gate, told = Gate(), []
-    worker: Worker[int] = Worker(
+    worker = make_of(
         gate,
         capacity=2,
-        burst_capacity=2,
-        takes_long=lambda _: False,
-        on_error=lambda _: None,
-        name="test",
         left_out=lambda items: told.append((list(items), list(gate.done))),
     )
     worker.put([0])
@@ -182,28 +191,18 @@ def test_those_dropped_from_a_full_queue_are_told_before_the_next_is_worked_on()
 
 
 def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
-    gate, now_s, idle = Gate(), 0.0, threading.Event()
-
-    def rest() -> bool:
-        idle.set()
-        return False
-
-    worker: Worker[int] = Worker(
+    gate, now_s = Gate(), 0.0
+    worker = make_of(
         gate,
-        capacity=9,
-        burst_capacity=9,
-        takes_long=lambda _: False,
-        on_error=lambda _: None,
-        name="test",
-        idle=rest,
+        idle=gate.rest,
         behind_s=2.0,
         clock=lambda: now_s,
     )
     for items in ([0, 1, 2], [3, 4]):
-        idle.clear()
+        gate.rested.clear()
         worker.put(items)
         gate.let(len(items))
-        assert idle.wait(10)
+        assert gate.rested.wait(10)
         now_s += 10.0
     worker.put([5])
     for _ in range(6):
@@ -226,20 +225,11 @@ def test_one_that_was_idle_meanwhile_leaves_nothing_out() -> None:
 def test_what_has_waited_for_long_behind_a_long_one_gives_way_to_the_newest(
     waited_s: float, expected: list[int]
 ) -> None:
-    gate, now_s, rested = Gate(), 0.0, threading.Event()
-
-    def rest() -> bool:
-        rested.set()
-        return False
-
-    worker: Worker[int] = Worker(
+    gate, now_s = Gate(), 0.0
+    worker = make_of(
         gate,
-        capacity=9,
-        burst_capacity=9,
         takes_long=lambda item: item == 100,
-        on_error=lambda _: None,
-        name="test",
-        idle=rest,
+        idle=gate.rest,
         behind_s=1000.0,
         late_s=0.5,
         may_skip=lambda last, other: other - last % 100 <= 2,
@@ -249,11 +239,11 @@ def test_what_has_waited_for_long_behind_a_long_one_gives_way_to_the_newest(
     assert gate.begun.acquire(timeout=10)
     worker.put([1, 2, 3, 4, 5])
     now_s += waited_s
-    rested.clear()
+    gate.rested.clear()
     gate.let(len(expected))
     for _ in expected[1:]:
         assert gate.begun.acquire(timeout=10)
-    assert rested.wait(10)
+    assert gate.rested.wait(10)
     assert gate.done == expected
     worker.put([10, 11, 12])  # after its rest, and behind nothing that takes long
     now_s += 0.6

@@ -10,6 +10,7 @@ from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.ring import loop_curve
 from lasso_motion_ros.ring.loop_curve import likeliest_curve
+from lasso_motion_ros.ring.loop_model import epipolar_directions
 from lasso_motion_ros.ring.seed_images import SeedImages
 
 NO_SHIFT = {plane: np.zeros(2) for plane in "ab"}
@@ -90,7 +91,7 @@ def test_what_one_plane_alone_shows_pulls_it_less_than_what_both_show():
 def test_planes_that_are_off_to_each_other_are_brought_together():
     # Plane B's images lie 1 mm off along the normal of the epipolar plane; each plane takes half of it.
     images = images_of(dict.fromkeys("ab", CURVE))
-    normal = loop_curve._epipolar_normal(images, LOOP.centre)
+    normal = epipolar_directions(images.projections, LOOP.centre)[2]
     lifted = images_of({"a": CURVE, "b": CURVE + 1e-3 * normal})
     found = likeliest_curve(start_beside(), lifted, NO_SHIFT, lasso_seed())
     expected = {"a": -0.5, "b": 0.5}
