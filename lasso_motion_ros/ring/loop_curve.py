@@ -47,6 +47,7 @@ class _Tuning:
     coarse_independent_mm: float = 4.0
     fine_independent_mm: float = 1.0
     blurs_px: tuple[float, ...] = (2.0, 0.0)  # of the coarse image; with the last comes the fine one
+    blurred_gain: float = 1.483  # so that what is left of the noise is no more than one standard deviation
     click_sigma_mm: float = 0.5
     click_freedom: float = 3.0  # of Student's distribution
     # Standard deviations of the waves, from two a turn on, along the radius and along the axis.
@@ -145,8 +146,7 @@ class _View:
         """The image blurred to an electrode's width, and further."""
         shown = self._evidence
         if blur_px > 0.0:
-            # Noise is one standard deviation again.
-            shown = cv2.GaussianBlur(shown, (0, 0), blur_px) * np.float32(np.sqrt(1.0 + 0.6 * blur_px))
+            shown = cv2.GaussianBlur(shown, (0, 0), blur_px) * np.float32(TUNING.blurred_gain)
         return _Layer(_with_slopes(shown), self._evidence_corner, TUNING.coarse_amplitude)
 
     def fine(self, parameters: Array) -> _Layer:
@@ -196,8 +196,7 @@ class _Fit:
             normal = waves.T @ waves + np.diag((TUNING.begin / sigmas) ** 2)
             first = part * waves.shape[1]
             self._parameters[first : first + waves.shape[1]] = np.linalg.solve(normal, waves.T @ beside)
-        spacing = 1e3 * np.linalg.norm(np.gradient(start, axis=0), axis=1)
-        self._spacing = spacing
+        self._spacing_mm = 1e3 * np.linalg.norm(np.gradient(start, axis=0), axis=1)
         self._views = self._seen(
             images, clicks, np.concatenate([base, self._centre + TUNING.beyond * radius * outward])
         )
@@ -265,7 +264,7 @@ class _Fit:
                 rising = np.where(one == held, layer.amplitude, 0.0)[:, None] * steep
                 slopes += np.einsum("ni,nip->np", rising, along)
             whole = 1.0 - TUNING.electrodes + TUNING.electrodes * odds
-            weight = self._spacing / independent_mm
+            weight = self._spacing_mm / independent_mm
             value += float(weight @ np.log(whole))
             slopes *= (TUNING.electrodes * odds / whole)[:, None]
             gradient = gradient + weight @ slopes

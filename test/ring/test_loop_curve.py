@@ -131,3 +131,9 @@ def test_a_loop_that_reaches_out_of_the_picture_raises_nothing():
     found = likeliest_curve(start_beside(), halves, NO_SHIFT, lasso_seed())
     assert np.isfinite(found.points).all()
     assert np.isfinite(found.log_odds)
+
+
+def test_what_the_blur_leaves_of_the_noise_is_no_more_than_one_standard_deviation():
+    fit = loop_curve._Fit(start_beside(), images_of(dict.fromkeys("ab")), NO_SHIFT, lasso_seed())
+    sharp, blurred = (np.std(fit._views[0].coarse(px).sampled[:, :, 0]) for px in (0.0, loop_curve.TUNING.blurs_px[0]))
+    assert 0.8 * sharp < blurred < sharp
