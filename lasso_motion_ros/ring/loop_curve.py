@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import map_coordinates
 
 from lasso_motion_ros.geometry.curves import quarter_turn
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
@@ -105,7 +106,7 @@ class _Layer:
     """One image of a plane, as it is looked at.
 
     Attributes:
-        sampled: (h, w, 3) its values and their slopes in x and y.
+        sampled: (3, h, w) its values and their slopes in x and y.
         corner: (2,) its first pixel, working pixels.
         amplitude: of an electrode in it.
     """
@@ -167,10 +168,12 @@ class _View:
     @staticmethod
     def shown(layer: _Layer, pixels: Array) -> tuple[Array, Array]:
         """(N,) values at pixels (N, 2), and (N, 2) their slopes; nothing outside."""
-        x, y = (pixels - layer.corner).astype(np.float32).T
-        sampled = cv2.remap(layer.sampled, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        sampled = sampled.reshape(-1, 3).astype(np.float64)
-        return sampled[:, 0], sampled[:, 1:]
+        # `cv2.remap` goes in steps of a thirty-second of a pixel before OpenCV 5, on which a search gets stuck.
+        at = (pixels - layer.corner).T[::-1]
+        value, across, down = (
+            map_coordinates(channel, at, np.float64, order=1, mode="grid-constant") for channel in layer.sampled
+        )
+        return value, np.column_stack([across, down])
 
 
 class _Fit:
@@ -303,9 +306,9 @@ def _waves(angles: Array) -> tuple[Array, Array, Array]:
 
 
 def _with_slopes(values: Image) -> Image:
-    """(h, w, 3) values (h, w) and their slopes in x and y."""
+    """(3, h, w) values (h, w) and their slopes in x and y."""
     if values.size == 0:
-        return np.zeros((1, 1, 3), np.float32)
+        return np.zeros((3, 1, 1), np.float32)
     across = cv2.Sobel(values, cv2.CV_32F, 1, 0, ksize=3, scale=0.125)
     down = cv2.Sobel(values, cv2.CV_32F, 0, 1, ksize=3, scale=0.125)
-    return np.asarray(cv2.merge([values, across, down]))
+    return np.stack([values, across, down])
