@@ -1,24 +1,32 @@
-"""How far the ring has slid from what moves with the heart beside it: a filter over what each pair shows of that.
+"""How far the ring has slid from what moves with the heart beside it: two models of that, weighed by what pairs show.
 
-One pair tells it to half a millimetre or worse, by how unlike ring and companions beat and breathe; a slide lasts.
+One pair tells it to half a millimetre or worse, by how unlike ring and companions beat and breathe; a slide lasts. A
+filter that lets the ring wander follows a slide of half a millimetre a second a millimetre late, and is sure of it. So
+there are two: the ring *stands*, or it *slides* with a velocity of its own, which is learned from pair to pair; what
+each of them foretold tells how probable it is (interacting multiple models: Blom and Bar-Shalom, IEEE Transactions on
+Automatic Control 33(8), 1988).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import gammaincc
 
-from lasso_motion_ros.geometry.covariance import inverses, largest_sigma, squared_mahalanobis
+from lasso_motion_ros.core.logistic import logistic
+from lasso_motion_ros.geometry.covariance import inverses, largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.motion.motion_model import Observation
+from lasso_motion_ros.ring.slide import Slide
 
 Array = npt.NDArray[np.float64]
 
-_IDENTITY_3 = np.eye(3)
+STANDS, SLIDES = 0, 1
+PLACE, SPEED = slice(0, 3), slice(3, 6)
+_IDENTITY_2, _IDENTITY_3 = np.eye(2), np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -26,13 +34,36 @@ class CompanionSlideTuning:
     """How a ring slides, and what is known of that at first."""
 
     first_m: float = 1e-4  # standard deviation in the seed pair: it is where it was clicked
-    wander_m: float = 3e-4  # in a second, of a slide that is not foreseen
+    wander_m: float = 1.5e-4  # in a second, of what goes with the heart only nearly as the companions do
+    begins_per_s: float = 0.005  # chance that it begins to slide,
+    rests_per_s: float = 0.02  # and that it comes to rest
+    speed_m_s: float = 4e-4  # of a slide, standard deviation in each direction
     freedom: float = 4.0  # of Student's distribution of what one pair shows
+    spacing_s: float = 0.25  # pairs nearer in time share a heartbeat, and tell less each,
+    breath_s: float = 1.5  # and so near a way into the breath, on which companions are learned about as well or badly
     # What is so unlike what was known, twice: a hand has put it there, anywhere within a standard deviation of this.
     unlike: float = 25.0  # squared Mahalanobis distance, for each plane
     put_m: float = 7e-3
     known_m: float = 8e-4  # in every direction: then companions tell of a slide what the ring's own past cannot,
     known_for_s: float = 2.0  # for so long after both planes have shown some
+    own_m: float = 4e-4  # to which the ring's own past tells how far it has slid across its breathing
+
+
+@dataclass(frozen=True, eq=False)
+class SlideSight:
+    """How far the ring is from where companions have it, as a plane shows it.
+
+    Attributes:
+        across: (2, 3) unit vectors across its ray.
+        value: (2,) metres along them.
+        noise: m² along either, another one with each heartbeat.
+        learned: m² besides, by how far it is known where companions have it; the same for a part of a breath.
+    """
+
+    across: Array
+    value: Array
+    noise: float
+    learned: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,24 +72,38 @@ class CompanionSlide:
 
     Attributes:
         tuning: how a ring slides.
-        offset: (3,) from where they have it, metres.
-        covariance: (3, 3) m².
-        unseen_s: time since both planes have shown companions, seconds.
+        states: (2, 6) of a ring that stands, and of one that slides: from where they have it, metres, and m/s.
+        covariances: (2, 6, 6) m², m²/s and m²/s².
+        log_odds_of_slide: natural logarithm of the odds that it slides, or has.
+        since_s: time since a plane has shown companions, seconds; minus infinity where none has.
+        unseen_s: time since both planes have, seconds.
         was_unlike: whether the last pair that showed some was unlike what was known before.
     """
 
     tuning: CompanionSlideTuning
-    offset: Array = field(default_factory=lambda: np.zeros(3))
-    covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    states: Array
+    covariances: Array
+    log_odds_of_slide: float = -20.0
+    since_s: float = -math.inf
     unseen_s: float = math.inf
     was_unlike: bool = False
 
     @staticmethod
     def first(tuning: CompanionSlideTuning) -> CompanionSlide:
         """In the seed pair."""
-        return CompanionSlide(tuning, np.zeros(3), tuning.first_m**2 * _IDENTITY_3)
+        return CompanionSlide.at(tuning, np.zeros(3), tuning.first_m**2 * _IDENTITY_3)
 
-    def after(self, interval_s: float, shown: Sequence[Observation]) -> CompanionSlide:
+    @staticmethod
+    def at(
+        tuning: CompanionSlideTuning, offset: Array, covariance: Array, unseen_s: float = math.inf
+    ) -> CompanionSlide:
+        """At an offset (3,) m from where companions have it, known to a covariance (3, 3) m²."""
+        states, covariances = np.zeros((2, 6)), np.zeros((2, 6, 6))
+        states[:, PLACE], covariances[:, PLACE, PLACE] = offset, covariance
+        covariances[SLIDES, SPEED, SPEED] = tuning.speed_m_s**2 * _IDENTITY_3
+        return CompanionSlide(tuning, states, covariances, unseen_s=unseen_s)
+
+    def after(self, interval_s: float, shown: Sequence[SlideSight]) -> CompanionSlide:
         """After a pair.
 
         Args:
@@ -66,32 +111,104 @@ class CompanionSlide:
             shown: by each plane that shows companions, the ring's offset from where they have it.
         """
         unseen_s = 0.0 if len(shown) == len(PLANES) else self.unseen_s + interval_s
+        since_s = self.since_s + interval_s
         if not shown:  # what no plane shows is not less known than it was: it comes back by itself, or not at all
-            return replace(self, unseen_s=unseen_s)
+            return replace(self, since_s=since_s, unseen_s=unseen_s)
+        # What is told for the first time is told by what was learned until just before.
+        since_s = max(since_s, interval_s)
         tuning = self.tuning
-        across = shown[0].across
-        directions = _IDENTITY_3 if len(shown) == len(PLANES) else across.T @ across
-        offset, covariance = self.offset, self.covariance + tuning.wander_m**2 * interval_s * directions
-        distance = sum(
-            squared_mahalanobis(
-                one.value - one.across @ offset, one.across @ covariance @ one.across.T + one.covariance
-            )
-            for one in shown
-        )
-        is_unlike = distance > tuning.unlike * len(shown)
+        directions = _IDENTITY_3 if len(shown) == len(PLANES) else shown[0].across.T @ shown[0].across
+        states, covariances, log_odds = self._moved_on(since_s, directions)
+        # What is shared by several pairs counts as one: each of them tells less.
+        beat, breath = (max(1.0, time_s / max(since_s, 1e-3)) for time_s in (tuning.spacing_s, tuning.breath_s))
+        seen = [(one.across, one.value, (beat * one.noise + breath * one.learned) * _IDENTITY_2) for one in shown]
+        distance = sum(_innovation(states, covariances, *one)[2] for one in seen)
+        is_unlike = bool(np.min(distance) > tuning.unlike * len(shown))
         if is_unlike and self.was_unlike:
-            covariance = covariance + tuning.put_m**2 * directions
-        for one in shown:
-            innovation = one.value - one.across @ offset
-            expected = one.across @ covariance @ one.across.T
+            covariances[:, PLACE, PLACE] += tuning.put_m**2 * directions
+        for across, value, noise in seen:
+            innovation, expected, far, density = _innovation(states, covariances, across, value, noise)
+            likelihood = -0.5 * np.log(density) - 0.5 * (tuning.freedom + 2.0) * np.log1p(far / tuning.freedom)
+            log_odds += float(likelihood[SLIDES] - likelihood[STANDS])
             # What is far off once counts for less: it is something else, or a hand, which shows at once anyway.
-            far = squared_mahalanobis(innovation, expected + one.covariance)
-            unusual = max((tuning.freedom + far) / (tuning.freedom + 2.0), 1.0)
-            gain = covariance @ one.across.T @ inverses(expected + unusual * one.covariance)[0]
-            offset = offset + gain @ innovation
-            covariance = covariance - gain @ one.across @ covariance
-        covariance = 0.5 * (covariance + covariance.T)
-        return replace(self, offset=offset, covariance=covariance, unseen_s=unseen_s, was_unlike=is_unlike)
+            unusual = np.maximum((tuning.freedom + far) / (tuning.freedom + 2.0), 1.0)
+            cross = covariances[:, :, PLACE] @ across.T
+            gain = cross @ inverses(expected + unusual[:, None, None] * noise)[0]
+            states = states + (gain @ innovation[..., None])[..., 0]
+            covariances = covariances - gain @ cross.swapaxes(-1, -2)
+        covariances = 0.5 * (covariances + covariances.swapaxes(-1, -2))
+        log_odds = min(max(log_odds, -25.0), 25.0)
+        return CompanionSlide(tuning, states, covariances, log_odds, 0.0, unseen_s, is_unlike)
+
+    def _moved_on(self, interval_s: float, directions: Array) -> tuple[Array, Array, float]:
+        """States, covariances and log odds after an interval in which it may have begun to slide, or come to rest.
+
+        Args:
+            interval_s: seconds.
+            directions: (3, 3) onto those in which it is seen: in others it does not wander.
+        """
+        tuning, slides = self.tuning, self.probability
+        begins, rests = (1.0 - math.exp(-rate * interval_s) for rate in (tuning.begins_per_s, tuning.rests_per_s))
+        # What begins to slide has any velocity, what comes to rest none.
+        begun, rested = self.covariances[STANDS].copy(), np.zeros((6, 6))
+        begun[SPEED, SPEED] = tuning.speed_m_s**2 * _IDENTITY_3
+        rested[PLACE, PLACE] = self.covariances[SLIDES, PLACE, PLACE]
+        there = np.concatenate([self.states[SLIDES, PLACE], np.zeros(3)])
+        stand, stand_squares, stands = _merged(
+            (1.0 - slides) * (1.0 - begins),
+            self.states[STANDS],
+            self.covariances[STANDS],
+            slides * rests,
+            there,
+            rested,
+        )
+        slide, slide_squares, now_slides = _merged(
+            slides * (1.0 - rests),
+            self.states[SLIDES],
+            self.covariances[SLIDES],
+            (1.0 - slides) * begins,
+            self.states[STANDS],
+            begun,
+        )
+        way = np.eye(6)
+        way[PLACE, SPEED] = interval_s * _IDENTITY_3
+        states = np.stack([stand, way @ slide])
+        covariances = np.stack([stand_squares, way @ slide_squares @ way.T])
+        covariances[:, PLACE, PLACE] += tuning.wander_m**2 * interval_s * directions
+        return states, covariances, math.log(now_slides / stands)
+
+    def joined(self, own: Slide) -> CompanionSlide:
+        """With what the ring's own past tells of a slide: it does not count for later pairs, which tell it anew."""
+        if own.log_odds <= 0.0:
+            return self
+        tuning, across = self.tuning, np.asarray(own.across)
+        size = float(np.linalg.norm(across))
+        state, covariance = self.states[SLIDES], self.covariances[SLIDES]
+        cross = covariance[:, PLACE] @ (across / size)
+        gain = cross / (float(across @ cross[PLACE]) / size + tuning.own_m**2)
+        states, covariances = self.states.copy(), self.covariances.copy()
+        states[SLIDES] = state + gain * (size - float(across @ state[PLACE]) / size)
+        covariances[SLIDES] = covariance - np.outer(gain, cross)
+        log_odds = min(self.log_odds_of_slide + own.log_odds, 25.0)
+        return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds)
+
+    @property
+    def probability(self) -> float:
+        """That it slides, or has slid."""
+        return logistic(self.log_odds_of_slide)
+
+    @property
+    def offset(self) -> Array:
+        """(3,) from where companions have it, metres."""
+        slides = self.probability
+        return np.asarray((1.0 - slides) * self.states[STANDS, PLACE] + slides * self.states[SLIDES, PLACE])
+
+    @property
+    def covariance(self) -> Array:
+        """(3, 3) of it, m², both models considered."""
+        slides, apart = self.probability, self.states[SLIDES, PLACE] - self.states[STANDS, PLACE]
+        stands, moves = self.covariances[:, PLACE, PLACE]
+        return np.asarray((1.0 - slides) * stands + slides * moves + slides * (1.0 - slides) * np.outer(apart, apart))
 
     @property
     def size_m(self) -> float:
@@ -110,9 +227,49 @@ class CompanionSlide:
 
     def beyond(self, limit_m: float) -> float:
         """Probability that it has slid by more than a limit, metres."""
-        size = self.size_m
-        if size == 0.0:
-            return 0.0
-        way = self.offset / size
-        sigma = math.sqrt(float(way @ self.covariance @ way))
-        return 0.5 * math.erfc((limit_m - size) / (math.sqrt(2.0) * sigma))
+        slides = self.probability
+        stands, moves = (
+            _beyond(limit_m, state[PLACE], covariance[PLACE, PLACE])
+            for state, covariance in zip(self.states, self.covariances, strict=True)
+        )
+        return (1.0 - slides) * stands + slides * moves
+
+
+def _innovation(
+    states: Array, covariances: Array, across: Array, value: Array, noise: Array
+) -> tuple[Array, Array, Array, Array]:
+    """What a plane shows beside what models foretold.
+
+    Returns:
+        (2, 2) the innovations; (2, 2, 2) covariances of what was foretold, without the noise; (2,) squared Mahalanobis
+        distances; (2,) determinants of the innovations' covariances.
+    """
+    innovation = value - states[:, PLACE] @ across.T
+    expected = across @ covariances[:, PLACE, PLACE] @ across.T
+    precision, determinant = inverses(expected + noise)
+    far = (innovation * (precision @ innovation[..., None])[..., 0]).sum(axis=-1)
+    return innovation, expected, far, determinant
+
+
+def _merged(
+    weight: float, state: Array, covariance: Array, other_weight: float, other: Array, other_covariance: Array
+) -> tuple[Array, Array, float]:
+    """Mean and covariance of a mixture of two normal distributions, and the sum of their weights."""
+    total = weight + other_weight
+    share, apart = other_weight / total, other - state
+    mean = state + share * apart
+    merged = (1.0 - share) * covariance + share * other_covariance + share * (1.0 - share) * np.outer(apart, apart)
+    return mean, merged, total
+
+
+def _beyond(limit_m: float, offset: Array, covariance: Array) -> float:
+    """Probability that a normal deviate in space about an offset (3,) m is farther off than a limit.
+
+    The square of its length is taken for a gamma variable of the same mean and variance (Patnaik, Biometrika 36, 1949).
+    """
+    size2 = float(offset @ offset)
+    mean = float(np.trace(covariance)) + size2
+    half_variance = float(np.sum(covariance**2)) + 2.0 * float(offset @ covariance @ offset)
+    if half_variance <= 0.0:
+        return float(size2 > limit_m**2)
+    return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit_m**2 * mean / half_variance))

@@ -18,9 +18,8 @@ from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
-from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
-from lasso_motion_ros.ring.companion_slide import CompanionSlideTuning
+from lasso_motion_ros.ring.companion_slide import CompanionSlideTuning, SlideSight
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.int_]
@@ -55,6 +54,7 @@ class CompanionTuning:
     denied: float = -2.0  # log odds that the ring is in its place: with less nothing is learned from that
     vouches_after_s: float = 4.0  # what is younger does not vouch, but for
     fewest: int = 6  # the first places
+    spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     kept: int = 2  # in a plane, once so many places have told which; not
     kept_after: int = 5
     often: float = 0.5  # what was seen in less of them
@@ -81,7 +81,7 @@ class Sighting:
     off: Array
     variance: Array
     log_odds: float
-    slid: Observation | None
+    slid: SlideSight | None
 
     def of(self, kept: Index) -> Sighting:
         """The same where only some of the companions (K,), in order, are followed on."""
@@ -122,6 +122,7 @@ class PlaneCompanions:
         self._seen = np.zeros(count)
         self._lowest, self._highest = np.zeros((count, 2)), np.zeros((count, 2))  # of the places that vouch
         self._waiting: list[tuple[float, Sighting]] = []
+        self._last_s = -math.inf  # of the last place that waited
         self._learned = 0
         # Of the ring by itself: a sum over its places, and of their squares.
         self._ring_count, self._ring_sum, self._ring_square = 1, np.zeros(2), np.zeros((2, 2))
@@ -151,7 +152,7 @@ class PlaneCompanions:
         seen, where = np.array(index, dtype=int), np.array(places).reshape(-1, 2)
         self._places[seen] = where
         off, variance, moves, odds = self._told(seen, where, moved)
-        return Sighting(seen, where, moved, off, variance, odds, self._slid(moves, off, variance, ring))
+        return Sighting(seen, where, moved, off, variance, odds, self._slid(seen, moves, off, variance, ring))
 
     def weigh(self, sighting: Sighting, least_step: float) -> None:
         """Believe more, or less, in those that told where the ring was seen better, or worse, than its own past does.
@@ -197,7 +198,9 @@ class PlaneCompanions:
         self._ring_count += 1
         self._ring_sum = self._ring_sum + ring
         self._ring_square = self._ring_square + np.outer(ring, ring)
-        self._waiting.append((time_s, sighting))
+        if time_s - self._last_s >= tuning.spacing_s:
+            self._waiting.append((time_s, sighting))
+            self._last_s = time_s
         learned = self._learned
         while self._waiting and (
             self._learned < tuning.fewest or self._waiting[0][0] <= time_s - tuning.vouches_after_s
@@ -311,7 +314,7 @@ class PlaneCompanions:
         odds = np.log(moves * np.exp(here - elsewhere) + 1.0 - moves)
         return float(max(odds.max(), 0.0) + min(odds.min(), 0.0))
 
-    def _slid(self, moves: Array, off: Array, variance: Array, ring: Array) -> Observation | None:
+    def _slid(self, index: Index, moves: Array, off: Array, variance: Array, ring: Array) -> SlideSight | None:
         """By the one that tells best, of those that surely move with the heart."""
         sure = moves >= self._tuning.sure
         if not sure.any():
@@ -319,7 +322,8 @@ class PlaneCompanions:
         # One that was moved by itself tells the worse the longer it is.
         best = int(np.argmin(np.where(sure, variance, np.inf)))
         across = 1e-3 * self._mm_per_px * self._projection.jacobian(ring)  # nearly unit vectors across the ray
-        return Observation(across, 1e-3 * off[best], 1e-6 * float(variance[best]) * _IDENTITY_2)
+        noise = float(self._noise[index[best]])
+        return SlideSight(across, 1e-3 * off[best], 1e-6 * noise, 1e-6 * (float(variance[best]) - noise))
 
     def _drop(self) -> None:
         """Follow only those on which something is to be built: what is looked for costs time."""

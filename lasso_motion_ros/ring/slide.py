@@ -50,12 +50,17 @@ class Slide(NamedTuple):
     """Whether the ring slides off its place, as far as that shows.
 
     Attributes:
-        across_m: how far it has slid by now across the direction of its breathing, which alone shows; metres.
+        across: (3,) how far it has slid by now across the direction of its breathing, which alone shows; metres.
         log_odds: natural logarithm of the odds that it has; 0 where nothing speaks for it.
     """
 
-    across_m: float = 0.0
+    across: tuple[float, float, float] = (0.0, 0.0, 0.0)
     log_odds: float = 0.0
+
+    @property
+    def across_m(self) -> float:
+        """How far that is, metres."""
+        return math.hypot(*self.across)
 
     def beyond(self, limit_m: float) -> float:
         """Probability that it has slid by more than a limit, metres.
@@ -126,7 +131,7 @@ class SeenPlaces:
         with_newest = _change_point(points, times, np.append(is_whole, True), axis, self._tuning)
         if with_newest.across_m <= self._tuning.smallest_m:
             return Slide()
-        return Slide(with_newest.across_m, min(odds, with_newest.log_odds))
+        return with_newest._replace(log_odds=min(odds, with_newest.log_odds))
 
     def _past_odds(self, points: Array, times: Array, is_whole: Mask, axis: Array) -> float:
         """Log odds of a slide by the places (N, 3) m before the newest, kept until there is another one among them."""
@@ -166,27 +171,26 @@ def _compiled_change_point(points: Array, times: Array, is_whole: Mask, axis: Ar
     """The same by the compiled kernel."""
     from lasso_motion_ros.ring.kernels.slide import change_point
 
-    return Slide(
-        *change_point(
-            points,
-            times,
-            is_whole,
-            axis,
-            tuning.fewest,
-            tuning.longest_gap,
-            tuning.usual_depth,
-            tuning.unusual_share,
-            tuning.unusual_m,
-            tuning.places_a_term,
-            tuning.expected_noise_m,
-            tuning.expected_weight,
-            tuning.starts,
-            tuning.shortest_s,
-            tuning.fastest_m_s,
-            tuning.penalty,
-            tuning.rest_penalty,
-        )
+    x, y, z, odds = change_point(
+        points,
+        times,
+        is_whole,
+        axis,
+        tuning.fewest,
+        tuning.longest_gap,
+        tuning.usual_depth,
+        tuning.unusual_share,
+        tuning.unusual_m,
+        tuning.places_a_term,
+        tuning.expected_noise_m,
+        tuning.expected_weight,
+        tuning.starts,
+        tuning.shortest_s,
+        tuning.fastest_m_s,
+        tuning.penalty,
+        tuning.rest_penalty,
     )
+    return Slide((x, y, z), odds)
 
 
 def _breathing(along: Array, speed: Array, tuning: SlideTuning) -> Array:
@@ -236,7 +240,8 @@ def _best_drift(times: Array, across: Array, breathing: Array, tuning: SlideTuni
     best = int(np.argmax(odds))
     if odds[best] <= 0.0:
         return Slide()
-    return Slide(float(held[best] * speed[best] * (ends[best] - starts[best])), float(odds[best]))
+    x, y, z = (held[best] * (ends[best] - starts[best]) * drift[best]).tolist()
+    return Slide((x, y, z), float(odds[best]))
 
 
 def _is_usual(along: Array, tuning: SlideTuning) -> Mask:

@@ -12,6 +12,7 @@ from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
+from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning
 from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
@@ -56,7 +57,9 @@ class Track:
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
-        slide: whether it has slid off its place by the last pair.
+        slide: whether it has slid off its place by the last pair, as its own past tells.
+        beside: how far it has slid from its companions by the last pair, its own past considered where they tell.
+        was_told_away: they have told that it was displaced since it was in its place last.
         last_s: time of the last pair, seconds since the seed pair.
         interval_s: between the last two pairs, seconds.
         displacement: (3,) m of its centre in the last pair, in its place or displaced; None where it is not believed.
@@ -93,6 +96,8 @@ class Track:
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
     slide: Slide = field(default_factory=Slide)
+    beside: CompanionSlide = field(default_factory=lambda: CompanionSlide.first(CompanionSlideTuning()))
+    was_told_away: bool = False
     sightings: int = 0
     last_support: float = -1.0
     last_s: float = 0.0
@@ -118,7 +123,7 @@ class Track:
         if self.displacement is not None:
             self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
-        self.last_support, self.slide = -1.0, Slide()
+        self.last_support, self.slide, self.beside = -1.0, Slide(), self.companions.slide
         return time_s
 
     def way(self, displacement: Array) -> Array:
@@ -211,7 +216,7 @@ class Track:
         self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
-        self.companions = self.companions.anew(self.last_s)
+        self.companions, self.was_told_away = self.companions.anew(self.last_s), False
 
     @property
     def seen_at(self) -> Array:

@@ -280,11 +280,14 @@ class RingTracker:
             foretold = track.model.centre + track.motion.predict(time_s).displacement
             denied = track.companions.look(time_s, pair, best.detection, foretold, is_believed=is_believed)
             companions = track.companions.slide
-            slid = math.sqrt(2.0 * max(companions.log_odds(1e-3 * states.misleading_mm), 0.0))
-            # Where a displaced ring is back by them, its own past, full of where it was, need not tell.
-            is_back = companions.is_known and track.belief.in_place < states.pose
+            # Where they told that it was displaced and now that it is back, its own past, full of where it was, need
+            # not tell.
+            is_back = companions.is_known and track.was_told_away and track.belief.in_place < states.pose
             track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
-            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, track.slide, is_away=is_away)
+            track.beside = companions.joined(track.slide) if companions.is_known else companions
+            slid = math.sqrt(2.0 * max(track.beside.log_odds(1e-3 * states.misleading_mm), 0.0))
+            alone = Slide() if companions.is_known else track.slide
+            departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, alone, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / states.surprise_sigmas)
             if best.is_whole:
@@ -294,8 +297,12 @@ class RingTracker:
                 departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent
         track.belief = track.belief.after(track.interval_s, seen, max(departure, slid), states, denied)
-        if is_back and track.belief.in_place >= states.pose:
-            track.curve.forget_aside()
+        if track.belief.in_place >= states.pose:
+            if is_back:
+                track.curve.forget_aside()
+            track.was_told_away = False
+        elif track.beside.beyond(1e-3 * states.misleading_mm) > 0.5:
+            track.was_told_away = True
         return departure
 
     def _update(

@@ -77,8 +77,8 @@ def left_behind(track: Track, departure: float, states: StateTuning) -> str:
         departure: how far it is from breathing, standard deviations.
         states: how far off it is as likely displaced as in place.
     """
-    companions = track.companions
-    if departure >= states.elsewhere_sigmas or not (companions.deny or companions.slide.beyond(_limit_m(states)) > 0.5):
+    is_told = track.companions.deny or track.beside.beyond(_limit_m(states)) > 0.5
+    if departure >= states.elsewhere_sigmas or not is_told:
         return ""
     return "it has left what moves with the heart beside it, or that was moved"
 
@@ -108,11 +108,11 @@ def misleading(
     near = position - association.spread_beyond(limit_m)
     sigma_mm = 1e3 * largest_sigma(near)
     vague, slid = probability_beyond(limit_m, near), track.slide.beyond(limit_m)
-    across_mm, companions = 1e3 * track.slide.across_m, track.companions.slide
+    across_mm, companions = 1e3 * track.slide.across_m, track.beside
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions; where they have been lost since, what they last told still counts.
-    if companions.is_known or companions.beyond(limit_m) > slid:
-        slid = companions.beyond(limit_m)
+    if (told := companions.beyond(limit_m)) > slid or companions.is_known:
+        slid = told
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
     why = {
         f"it seems to slide: {by}": slid,

@@ -155,6 +155,14 @@ def test_a_slide_along_the_breath_is_measured(speed_mm_s):
     assert 1.0 < doubted < 2.2
 
 
+def test_places_of_one_heartbeat_are_learned_as_one():
+    stage = Stage({"sinus": breath})
+    for t in np.arange(0.1, 1.25, 0.1):
+        stage.see(t, breath(t))
+    # Of twelve places those after 0.1, 0.4, 0.7 and 1.0 s.
+    assert {plane._learned for plane in stage.companions._planes.values()} == {4}
+
+
 def test_a_device_that_is_moved_by_itself_is_no_slide():
     def moved(t):
         return breath(t) + 0.6e-3 * max(t - 9.0, 0.0) * np.array([0.0, 1.0, 0.2])

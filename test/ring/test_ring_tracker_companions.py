@@ -61,6 +61,19 @@ def test_a_slide_along_the_breath_is_noticed_by_what_moves_with_the_heart():
     assert all(one.motion is not None for one in results[:20])
 
 
+@pytest.mark.parametrize("way", [ALONG, ACROSS, (ALONG + ACROSS) / np.sqrt(2.0)])
+def test_a_slide_is_silent_where_it_may_mislead_and_neither_before_nor_again_after(way):
+    def slid(k):
+        return 0.5e-3 * max(k - 15, 0) * PAIR_S * way
+
+    results = followed(40, slid, has_sinus=True)
+    assert wrong(results) == []
+    first = next(k for k, one in enumerate(results, 1) if one.motion is None)
+    # Its own past tells that it slides from 1.1 mm on; what moves with the heart tells how far.
+    assert 1.5e-3 < np.linalg.norm(slid(first)) < 2.05e-3
+    assert all(one.motion is None for one in results[first:])
+
+
 def test_a_ring_put_aside_along_the_first_breath_is_displaced():
     results = followed(18, is_put, has_sinus=True)
     assert wrong(results) == []

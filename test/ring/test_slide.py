@@ -76,10 +76,10 @@ def test_a_cough_is_no_slide():
         now_s = time_s + index * PAIR_S
         cough_mm = 10.0 * np.exp(-index * PAIR_S / 0.3) if index else 0.0  # 10 mm, back within a second
         place = wave(now_s, hysteresis_mm=1.0) + 1e-3 * cough_mm * (0.3 * ASIDE + 0.95 * UP)
-        found_m, odds = curve.slide(now_s, place)
+        slide = curve.slide(now_s, place)
         if index * PAIR_S > 1.0:
-            departures.append(curve.departure_sigmas(now_s, place, SIGMA_M, curve.slide(now_s, place)))
-            assert found_m < TUNING.smallest_m or odds < 0.5 * 3.3**2
+            departures.append(curve.departure_sigmas(now_s, place, SIGMA_M, slide))
+            assert slide.across_m < TUNING.smallest_m or slide.log_odds < 0.5 * 3.3**2
         curve.accept(now_s, place)
     assert max(departures) < 3.3
 
@@ -119,23 +119,23 @@ def test_breathing_after_a_gap_is_no_slide(gap_s, hysteresis_mm):
 
 def test_what_slides_may_slide_along_the_breath_too_where_nothing_shows():
     # Half of all directions are within 60° of a line: of them 1.73 mm across or less are 2 mm of a slide.
-    assert Slide(2e-3 * np.sin(np.radians(60.0)), 50.0).beyond(2e-3) == pytest.approx(0.5)
-    assert Slide(3e-3, 50.0).beyond(2e-3) == pytest.approx(1.0)
-    assert Slide(1e-3, 50.0).beyond(2e-3) == pytest.approx(1.0 - np.cos(np.radians(30.0)))
-    assert Slide(3e-3, np.log(3.0)).beyond(2e-3) == pytest.approx(0.75)
-    assert Slide(3e-3, 0.0).beyond(2e-3) == Slide(0.0, 9.0).beyond(2e-3) == 0.0
+    assert Slide((2e-3 * np.sin(np.radians(60.0)), 0.0, 0.0), 50.0).beyond(2e-3) == pytest.approx(0.5)
+    assert Slide((0.0, 3e-3, 0.0), 50.0).beyond(2e-3) == pytest.approx(1.0)
+    assert Slide((0.0, 0.0, 1e-3), 50.0).beyond(2e-3) == pytest.approx(1.0 - np.cos(np.radians(30.0)))
+    assert Slide((3e-3, 0.0, 0.0), np.log(3.0)).beyond(2e-3) == pytest.approx(0.75)
+    assert Slide((3e-3, 0.0, 0.0), 0.0).beyond(2e-3) == Slide((0.0, 0.0, 0.0), 9.0).beyond(2e-3) == 0.0
     # Counted: directions drawn at random, each with a slide of which 1 mm shows.
     directions = np.random.default_rng(0).normal(size=(100_000, 3))
     shows = np.linalg.norm(directions[:, :2], axis=1) / np.linalg.norm(directions, axis=1)
-    assert np.mean(1e-3 / shows > 2e-3) == pytest.approx(Slide(1e-3, 50.0).beyond(2e-3), abs=0.003)
+    assert np.mean(1e-3 / shows > 2e-3) == pytest.approx(Slide((0.0, 0.0, 1e-3), 50.0).beyond(2e-3), abs=0.003)
 
 
 def test_one_outlier_is_no_slide():
     # What slides does so for a while; 2 mm from one pair to the next is no drift of the last second and a half.
     curve, time_s = breathed(30.0)
     outlier = wave(time_s + PAIR_S) + 3e-3 * ASIDE
-    found_m, odds = curve.slide(time_s + PAIR_S, outlier)
-    assert found_m < TUNING.smallest_m or odds <= 0.0
+    slide = curve.slide(time_s + PAIR_S, outlier)
+    assert slide.across_m < TUNING.smallest_m or slide.log_odds <= 0.0
 
 
 def sliding(one_plane):
@@ -151,8 +151,8 @@ def sliding(one_plane):
             curve.see(time_s, place, is_whole=False)
         elif one_plane == "errs in depth":
             curve.see(time_s, place + 5e-3 * np.array([0.0, np.sin(9.0 * time_s), 0.0]), is_whole=False)
-    found_m, odds = curve.slide(time_s + PAIR_S, wave(time_s + PAIR_S, hysteresis_mm=1.5) + slid_m * ASIDE)
-    return odds, found_m, slid_m
+    slide = curve.slide(time_s + PAIR_S, wave(time_s + PAIR_S, hysteresis_mm=1.5) + slid_m * ASIDE)
+    return slide.log_odds, slide.across_m, slid_m
 
 
 def test_what_one_plane_shows_tells_how_fast_it_breathed_beside_a_gap():
@@ -170,12 +170,12 @@ def test_where_one_plane_has_it_does_not_count_for_or_against_a_slide():
 
 def test_few_places_tell_of_no_slide():
     curve, time_s = after([wave(t) for t in np.arange(1, 6) * PAIR_S])
-    assert curve.slide(time_s + PAIR_S, 5e-3 * ASIDE) == (0.0, 0.0)
+    assert curve.slide(time_s + PAIR_S, 5e-3 * ASIDE) == Slide()
 
 
 def test_after_minutes_out_of_sight_nothing_tells_of_a_slide():
     curve, time_s = breathed(30.0)
-    assert curve.slide(time_s + 200.0, 5e-3 * ASIDE) == (0.0, 0.0)
+    assert curve.slide(time_s + 200.0, 5e-3 * ASIDE) == Slide()
 
 
 def test_what_is_kept_of_the_past_is_renewed_with_every_place():
@@ -201,14 +201,14 @@ def test_a_slide_that_is_known_stays_known_while_it_goes_on_and_while_it_stands(
         time_s += pair_s
         true_mm = 0.5 * min(time_s - start_s, 10.0)
         place = wave(time_s, hysteresis_mm=1.5) + 1e-3 * (true_mm * ASIDE + 0.1 * random.normal(size=3))
-        found_m, _ = curve.slide(time_s, place)
-        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M, curve.slide(time_s, place)))
+        slide = curve.slide(time_s, place)
+        departures.append(curve.departure_sigmas(time_s, place, SIGMA_M, slide))
         if max(departures) < 3.3:
             curve.accept(time_s, place)
         else:
             curve.see(time_s, place)
             if 3.2 < time_s - start_s < 10.0:
-                slid_mm.append((true_mm, 1e3 * found_m))
+                slid_mm.append((true_mm, 1e3 * slide.across_m))
     # About where it is noticed what is found is sometimes less than the least slide, sometimes more.
     assert min(departures[round(3.2 / pair_s) :]) > 3.3
     # And how far it has gone is known as well.
@@ -243,7 +243,7 @@ def test_places_nearer_in_time_than_a_heartbeat_count_as_one():
             crowded.see(time_s + later_s, place + 2e-3 * np.sin(9.0 * (time_s + later_s)) * ASIDE)
     now_s = 61 * PAIR_S
     place = wave(now_s, hysteresis_mm=1.5) + 0.5e-3 * (now_s - 10.0) * ASIDE
-    assert usual.slide(now_s, place)[1] > 5.0
+    assert usual.slide(now_s, place).log_odds > 5.0
     assert crowded.slide(now_s, place) == usual.slide(now_s, place)
 
 

@@ -58,7 +58,7 @@ def _sort(values: Array) -> None:
 
 
 @compiled(
-    "UniTuple(float64, 2)(float64[::1], float64[:, ::1], float64[:, ::1], float64, float64,"
+    "UniTuple(float64, 4)(float64[::1], float64[:, ::1], float64[:, ::1], float64, float64,"
     " int64, float64, float64, float64, float64)"
 )
 def _best_drift(
@@ -72,7 +72,7 @@ def _best_drift(
     fastest_m_s: float,
     penalty: float,
     rest_penalty: float,
-) -> tuple[float, float]:
+) -> tuple[float, float, float, float]:
     """The drift that explains best where the ring was seen, beside its breathing: `slide._best_drift`."""
     terms, count = basis.shape
     rest = np.empty((3, count))
@@ -91,7 +91,7 @@ def _best_drift(
         at[first] = times[0] + (times[-1] - shortest_s - times[0]) * first / (starts - 1)
     at[starts] = times[-1]
     ramp = np.empty(count)
-    best, way = 0.0, 0.0
+    best, way = 0.0, (0.0, 0.0, 0.0)
     for first in range(starts):
         for last in range(first + 1, starts + 1):
             start, end = at[first], at[last]
@@ -113,12 +113,13 @@ def _best_drift(
             if end < times[-1]:
                 odds -= rest_penalty
             if odds > best:
-                best, way = odds, held * speed * (end - start)
-    return way, best
+                scale = held * (end - start) / power
+                best, way = odds, (scale * x, scale * y, scale * z)
+    return way[0], way[1], way[2], best
 
 
 @compiled(
-    "UniTuple(float64, 2)(Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    "UniTuple(float64, 4)(Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
     " Array(boolean, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True), int64, float64,"
     " UniTuple(float64, 2), float64, float64, int64, float64, float64, int64, float64, float64, float64, float64)"
 )
@@ -140,7 +141,7 @@ def change_point(
     fastest_m_s: float,
     penalty: float,
     rest_penalty: float,
-) -> tuple[float, float]:
+) -> tuple[float, float, float, float]:
     """The slide by the last of some places: `slide._change_point`.
 
     Args:
@@ -163,9 +164,9 @@ def change_point(
         rest_penalty: log odds.
 
     Returns:
-        How far it has slid across, metres, and the log odds that it has; both 0 where nothing speaks for it.
+        How far it has slid across, x, y and z in metres, and the log odds that it has; 0 where nothing speaks for it.
     """
-    nothing = 0.0, 0.0
+    nothing = 0.0, 0.0, 0.0, 0.0
     count = times.size
     if count < fewest:
         return nothing
