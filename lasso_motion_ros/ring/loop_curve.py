@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import map_coordinates
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import quarter_turn
 from lasso_motion_ros.geometry.frames import PLANES, Plane, Seed
 from lasso_motion_ros.ring.loop_model import circle_centre, epipolar_directions
@@ -115,6 +116,19 @@ class _Layer:
     corner: Array
     amplitude: float
 
+    def at(self, pixels: Array) -> tuple[Array, Array]:
+        """(N,) values at pixels (N, 2), and (N, 2) their slopes; nothing outside."""
+        # `cv2.remap` goes in steps of a thirty-second of a pixel before OpenCV 5, on which a search gets stuck.
+        places = (pixels - self.corner).T[::-1]
+        value, across, down = (
+            map_coordinates(channel, places, np.float64, order=1, mode="grid-constant") for channel in self.sampled
+        )
+        return value, np.column_stack([across, down])
+
+
+_Seen = tuple[Array, Array]
+"""(N, 2) working pixels of a curve, and (N, 2, P) how they depend on the parameters."""
+
 
 class _View:
     """One plane: its images, and how its pixels depend on the parameters.
@@ -153,27 +167,22 @@ class _View:
     def fine(self, parameters: Array) -> _Layer:
         """The working image itself; the amplitude is what it shows along the curve."""
         layer = _Layer(_with_slopes(self._fine), self._fine_corner, 0.0)
-        shown, _ = self.shown(layer, self.pixels(parameters)[0])
+        shown, _ = layer.at(self.pixels(parameters)[0])
         amplitude = float(np.clip(np.quantile(shown, TUNING.amplitude_quantile), *TUNING.amplitudes))
         return _Layer(layer.sampled, layer.corner, amplitude)
 
-    def pixels(self, parameters: Array) -> tuple[Array, Array]:
-        """(N, 2) working pixels of the curve, and (N, 2, P) how they depend on the parameters."""
+    def pixels(self, parameters: Array) -> _Seen:
+        """Where it sees a curve."""
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import curve as kernels
+
+            pixels, slopes = np.empty((len(self._fixed), 2)), np.empty((len(self._fixed), 2, len(parameters)))
+            kernels.seen(self._fixed, self._moving, parameters, pixels, slopes)
+            return pixels, slopes
         seen = self._fixed + self._moving @ parameters
         depth = seen[:, 2:]
         pixels = seen[:, :2] / depth
-        slopes = (self._moving[:, :2] - pixels[:, :, None] * self._moving[:, 2:]) / depth[:, :, None]
-        return pixels, slopes
-
-    @staticmethod
-    def shown(layer: _Layer, pixels: Array) -> tuple[Array, Array]:
-        """(N,) values at pixels (N, 2), and (N, 2) their slopes; nothing outside."""
-        # `cv2.remap` goes in steps of a thirty-second of a pixel before OpenCV 5, on which a search gets stuck.
-        at = (pixels - layer.corner).T[::-1]
-        value, across, down = (
-            map_coordinates(channel, at, np.float64, order=1, mode="grid-constant") for channel in layer.sampled
-        )
-        return value, np.column_stack([across, down])
+        return pixels, (self._moving[:, :2] - pixels[:, :, None] * self._moving[:, 2:]) / depth[:, :, None]
 
 
 class _Fit:
@@ -258,39 +267,64 @@ class _Fit:
         gradient, normal = -self._precision * parameters, np.diag(self._precision)
         seen = [view.pixels(parameters) for view in self._views]
         for independent_mm, layers in self._layers:
-            odds, slopes = np.ones(len(self._base)), np.zeros((len(self._base), len(parameters)))
-            for view, layer, (pixels, along) in zip(self._views, layers, seen, strict=True):
-                shown, steep = view.shown(layer, pixels)
-                one = np.exp(layer.amplitude * (shown - 0.5 * layer.amplitude))
-                held = np.clip(one, *TUNING.odds)
-                odds = odds * held
-                rising = np.where(one == held, layer.amplitude, 0.0)[:, None] * steep
-                slopes += np.einsum("ni,nip->np", rising, along)
-            whole = 1.0 - TUNING.electrodes + TUNING.electrodes * odds
-            weight = self._spacing_mm / independent_mm
-            value += float(weight @ np.log(whole))
-            slopes *= (TUNING.electrodes * odds / whole)[:, None]
-            gradient = gradient + weight @ slopes
-            normal = normal + (slopes * weight[:, None]).T @ slopes
-        for view, (pixels, along) in zip(self._views, seen, strict=True):
-            clicked = _of_clicks(view.clicks, view.unit, pixels, along)
-            value, gradient, normal = value + clicked[0], gradient + clicked[1], normal + clicked[2]
+            value += _of_images(layers, seen, self._spacing_mm / independent_mm, gradient, normal)
+        for view, one in zip(self._views, seen, strict=True):
+            value += _of_clicks(view.clicks, view.unit, one, gradient, normal)
         return value, gradient, normal
 
 
-def _of_clicks(clicks: Array, unit: float, pixels: Array, along: Array) -> tuple[float, Array, Array]:
-    """What clicks (C, 2) say of a curve (N, 2) of pixels, as `_Fit._probability` does."""
+def _of_images(layers: list[_Layer], seen: list[_Seen], weights: Array, gradient: Array, normal: Array) -> float:
+    """Logarithm of how much likelier one image of each plane is with electrodes along a curve than with none.
+
+    Args:
+        layers: the planes'.
+        seen: likewise, as of `_View.pixels`.
+        weights: (N,) how much the points of the curve count.
+        gradient: (P,) to which its own is added,
+        normal: (P, P) and about its negative second derivatives.
+    """
+    low, high = TUNING.odds
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import curve as kernels
+
+        (a, b), ((pixels_a, along_a), (pixels_b, along_b)) = layers, seen
+        in_a = a.sampled, a.corner, a.amplitude, pixels_a, along_a
+        in_b = b.sampled, b.corner, b.amplitude, pixels_b, along_b
+        return kernels.electrodes(*in_a, *in_b, weights, TUNING.electrodes, low, high, gradient, normal)
+    odds, slopes = np.ones(len(weights)), np.zeros((len(weights), len(gradient)))
+    for layer, (pixels, along) in zip(layers, seen, strict=True):
+        shown, steep = layer.at(pixels)
+        one = np.exp(layer.amplitude * (shown - 0.5 * layer.amplitude))
+        held = np.clip(one, low, high)
+        odds = odds * held
+        rising = np.where(one == held, layer.amplitude, 0.0)[:, None] * steep
+        slopes += np.einsum("ni,nip->np", rising, along)
+    whole = 1.0 - TUNING.electrodes + TUNING.electrodes * odds
+    slopes *= (TUNING.electrodes * odds / whole)[:, None]
+    gradient += weights @ slopes
+    normal += (slopes * weights[:, None]).T @ slopes
+    return float(weights @ np.log(whole))
+
+
+def _of_clicks(clicks: Array, unit: float, seen: _Seen, gradient: Array, normal: Array) -> float:
+    """Logarithm of how likely one plane's clicks (C, 2) are beside a curve; arguments as of `_View`, `_of_images`."""
+    pixels, along = seen
+    freedom, variance = TUNING.click_freedom, TUNING.click_sigma_mm**2
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import curve as kernels
+
+        return kernels.clicked(clicks, unit, pixels, along, freedom, variance, gradient, normal)
     apart = clicks[:, None] - pixels
     nearest = np.clip((apart**2).sum(axis=2).argmin(axis=1), 1, len(pixels) - 2)
     tangents = pixels[nearest + 1] - pixels[nearest - 1]
     normals = quarter_turn(tangents / np.maximum(np.linalg.norm(tangents, axis=1, keepdims=True), 1e-9))
     beside = unit * np.einsum("cj,cj->c", clicks - pixels[nearest], normals)
-    freedom, variance = TUNING.click_freedom, TUNING.click_sigma_mm**2
     squared = beside**2 / variance
     weight = (freedom + 1.0) / ((freedom + squared) * variance)
     rows = unit * np.einsum("cj,cjp->cp", normals, along[nearest])
-    value = -0.5 * (freedom + 1.0) * float(np.log1p(squared / freedom).sum())
-    return value, rows.T @ (weight * beside), (rows * weight[:, None]).T @ rows
+    gradient += rows.T @ (weight * beside)
+    normal += (rows * weight[:, None]).T @ rows
+    return -0.5 * (freedom + 1.0) * float(np.log1p(squared / freedom).sum())
 
 
 def _waves(angles: Array) -> tuple[Array, Array, Array]:

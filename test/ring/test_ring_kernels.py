@@ -15,14 +15,15 @@ from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, lasso_se
 
 from lasso_motion_ros.core import compiled
 from lasso_motion_ros.core.compiled import has_kernels, plain
-from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring import search, seed_circle, slide
+from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
 from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
+from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
@@ -257,6 +258,29 @@ def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
     np.testing.assert_allclose(beside, plain_beside, rtol=1e-8, atol=1e-8)
     np.testing.assert_allclose(shown, plain_shown, atol=1e-3)
     np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
+
+
+@pytest.mark.parametrize("is_cut", [False, True])
+@pytest.mark.parametrize("is_fine", [False, True])
+@pytest.mark.parametrize("seed", range(3))
+def test_a_curve_is_as_probable(seed: int, is_fine: bool, is_cut: bool) -> None:
+    generator = np.random.default_rng(seed)
+    frames = {p: Frame(0, noisy(lasso_image(CURVE, view), [seed, ord(p)], 5.0), view) for p, view in VIEWS.items()}
+    if is_cut:  # half of the loop lies outside the picture
+        for plane, frame in frames.items():
+            x = round(float(frame.projection.project(LOOP.centre)[0]))
+            height, width = frame.pixels.shape
+            projection = frame.projection.cropped(x, 0, width - x, height)
+            frames[plane] = Frame(0, np.ascontiguousarray(frame.pixels[:, x:]), projection)
+    clicks = lasso_seed()
+    start = CURVE[::4] + generator.normal(0.0, 3e-4, 3)
+    fit = loop_curve._Fit(
+        start, SeedImages(FramePair(0, **frames), bright=False), dict.fromkeys("ab", np.zeros(2)), clicks
+    )
+    fit.look(1.0, fine=is_fine)
+    parameters = fit._parameters + generator.normal(0.0, 0.1, len(fit._parameters))
+    for one, other in zip(*both(lambda: fit._probability(parameters)), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-6 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
