@@ -95,13 +95,14 @@ class CompanionSlide:
 
     @staticmethod
     def at(
-        tuning: CompanionSlideTuning, offset: Array, covariance: Array, unseen_s: float = math.inf
+        tuning: CompanionSlideTuning, offset: Array, covariance: Array, since_s: float = -math.inf
     ) -> CompanionSlide:
-        """At an offset (3,) m from where companions have it, known to a covariance (3, 3) m²."""
+        """At an offset (3,) m from where companions have had it some seconds since, known to a covariance (3, 3) m²."""
         states, covariances = np.zeros((2, 6)), np.zeros((2, 6, 6))
         states[:, PLACE], covariances[:, PLACE, PLACE] = offset, covariance
         covariances[SLIDES, SPEED, SPEED] = tuning.speed_m_s**2 * _IDENTITY_3
-        return CompanionSlide(tuning, states, covariances, unseen_s=unseen_s)
+        unseen_s = since_s if math.isfinite(since_s) else math.inf
+        return CompanionSlide(tuning, states, covariances, since_s=since_s, unseen_s=unseen_s)
 
     def after(self, interval_s: float, shown: Sequence[SlideSight]) -> CompanionSlide:
         """After a pair.
@@ -185,11 +186,14 @@ class CompanionSlide:
         size = float(np.linalg.norm(across))
         state, covariance = self.states[SLIDES], self.covariances[SLIDES]
         cross = covariance[:, PLACE] @ (across / size)
-        gain = cross / (float(across @ cross[PLACE]) / size + tuning.own_m**2)
+        variance = float(across @ cross[PLACE]) / size + tuning.own_m**2
+        innovation = size - float(across @ state[PLACE]) / size
         states, covariances = self.states.copy(), self.covariances.copy()
-        states[SLIDES] = state + gain * (size - float(across @ state[PLACE]) / size)
-        covariances[SLIDES] = covariance - np.outer(gain, cross)
-        log_odds = min(self.log_odds_of_slide + own.log_odds, 25.0)
+        states[SLIDES] = state + cross * (innovation / variance)
+        covariances[SLIDES] = covariance - np.outer(cross, cross) / variance
+        # Where they tell of another way it is the less likely that either slides.
+        log_odds = self.log_odds_of_slide + own.log_odds - 0.5 * innovation**2 / variance
+        log_odds = min(max(log_odds, -25.0), 25.0)
         return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds)
 
     @property
@@ -219,6 +223,11 @@ class CompanionSlide:
     def is_known(self) -> bool:
         """Whether it is known in every direction."""
         return self.unseen_s <= self.tuning.known_for_s and largest_sigma(self.covariance) < self.tuning.known_m
+
+    @property
+    def is_told(self) -> bool:
+        """Whether a plane has shown companions of late: what it does not show, the ring's own past does."""
+        return self.since_s <= self.tuning.known_for_s and math.isfinite(self.since_s)
 
     def log_odds(self, limit_m: float) -> float:
         """Natural logarithm of the odds that it has slid by more than a limit, metres."""

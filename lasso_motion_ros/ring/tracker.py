@@ -284,9 +284,9 @@ class RingTracker:
             # not tell.
             is_back = companions.is_known and track.was_told_away and track.belief.in_place < states.pose
             track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
-            track.beside = companions.joined(track.slide) if companions.is_known else companions
+            track.beside = companions.joined(track.slide) if companions.is_told else companions
             slid = math.sqrt(2.0 * max(track.beside.log_odds(1e-3 * states.misleading_mm), 0.0))
-            alone = Slide() if companions.is_known else track.slide
+            alone = Slide() if companions.is_told else track.slide
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, alone, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / states.surprise_sigmas)

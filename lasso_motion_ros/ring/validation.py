@@ -111,7 +111,7 @@ def misleading(
     across_mm, companions = 1e3 * track.slide.across_m, track.beside
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions; where they have been lost since, what they last told still counts.
-    if (told := companions.beyond(limit_m)) > slid or companions.is_known:
+    if (told := companions.beyond(limit_m)) > slid or companions.is_told:
         slid = told
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
     why = {

@@ -166,7 +166,8 @@ def test_with_its_own_past_by_hand():
     known = CompanionSlide.at(CompanionSlideTuning(), np.zeros(3), 0.09 * MM**2 * np.eye(3), 0.0)
     known = dataclasses.replace(known, log_odds_of_slide=-3.0)
     both = known.joined(Slide((0.0, 2.0 * MM, 0.0), 5.0))
-    assert both.log_odds_of_slide == pytest.approx(2.0)
+    # Four standard deviations of 0.5 mm apart are less likely by exp(-8): of each other way they have told.
+    assert both.log_odds_of_slide == pytest.approx(-3.0 + 5.0 - 8.0)
     np.testing.assert_allclose(both.states[1, :3], [0.0, 2.0 * MM * 9.0 / 25.0, 0.0], atol=1e-12)
     np.testing.assert_allclose(np.diag(both.covariances[1])[:3], MM**2 * np.array([0.09, 0.0576, 0.09]))
     np.testing.assert_allclose(both.states[0], known.states[0])
@@ -228,3 +229,28 @@ def test_it_is_known_while_both_planes_show_companions():
     assert both.after(1.9, [shown(XY, [0.0, 0.0], 0.1)]).is_known
     assert not both.after(2.1, [shown(XY, [0.0, 0.0], 0.1)]).is_known
     assert not first.after(0.3, [shown(XY, [0.0, 0.0], 9.0), shown(XZ, [0.0, 0.0], 9.0)]).is_known
+
+
+def test_it_is_told_while_one_plane_shows_companions():
+    first = CompanionSlide.first(CompanionSlideTuning())
+    assert not first.is_told
+    assert not first.after(0.3, []).is_told
+    one = first.after(0.3, [shown(XY, [0.0, 0.0], 0.1)])
+    assert one.is_told
+    assert not one.is_known
+    assert one.after(1.9, []).is_told
+    assert not one.after(2.1, []).is_told
+
+
+def test_one_plane_and_its_own_past_tell_together_of_a_slide_and_of_none():
+    # Its past makes 1.2 mm of it, along y. The plane sees that way, and either the like of it or nothing.
+    own, told = Slide((0.0, 1.2 * MM, 0.0), 5.0), CompanionSlideTuning()
+    stands = slides = CompanionSlide.first(told)
+    for index in range(1, 11):
+        slid_mm = 0.12 * index
+        stands = stands.after(0.5, [shown(XY, [0.0, 0.0], 0.1)])
+        slides = slides.after(0.5, [shown(XY, [0.0, slid_mm], 0.1)])
+    assert stands.joined(own).probability < 0.05
+    assert stands.joined(own).beyond(2.0 * MM) < 0.01
+    assert slides.joined(own).probability > 0.9
+    assert slides.joined(own).offset[1] == pytest.approx(1.2 * MM, abs=0.15 * MM)

@@ -176,9 +176,9 @@ def test_what_is_not_the_ring_misleads_as_often_as_it_is_not_however_far_off_the
 
 
 def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
-    def companions(size_mm, sigma_mm=0.5, unseen_s=0.0):
+    def companions(size_mm, sigma_mm=0.5, since_s=0.0):
         offset, covariance = 1e-3 * np.array([size_mm, 0.0, 0.0]), 1e-6 * sigma_mm**2 * np.eye(3)
-        return CompanionSlide.at(CompanionSlideTuning(), offset, covariance, unseen_s)
+        return CompanionSlide.at(CompanionSlideTuning(), offset, covariance, since_s)
 
     seems = Slide((1e-3, 0.0, 0.0), 50.0)
     # It has not, whatever its own past makes of it: two standard deviations from where it would mislead, in a million
@@ -190,9 +190,9 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     slid, said = misled(track(beside=companions(3.0)), 0.1)
     assert slid == pytest.approx(0.986, abs=6e-3)
     # What is not seen any more tells of no innocence, but of what it told before.
-    slid, said = misled(track(slide=seems, beside=companions(0.5, unseen_s=5.0)), 0.1)
+    slid, said = misled(track(slide=seems, beside=companions(0.5, since_s=5.0)), 0.1)
     assert said.endswith("across its breathing, and perhaps more along it")
-    slid, said = misled(track(slide=seems, beside=companions(3.0, unseen_s=5.0)), 0.1)
+    slid, said = misled(track(slide=seems, beside=companions(3.0, since_s=5.0)), 0.1)
     assert slid == pytest.approx(0.986, abs=6e-3)
 
 
