@@ -95,10 +95,6 @@ class Brost2009Tracker:
     def leave_out(self, pair: FramePair) -> None:
         """Nothing: each pair is looked at by itself."""
 
-    def prepare(self) -> bool:
-        """Nothing: there is nothing to do between two pairs."""
-        return False
-
     def reset(self) -> None:
         """Forget model and motion."""
         self._model = None

@@ -382,10 +382,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
 
     def _use_rest(self) -> bool:
         """While no pair waits; whether there is more to do."""
-        pipeline = self._pipeline
-        if pipeline is not None and pipeline.session.prepare():
-            return True
-        result = None if pipeline is None else pipeline.session.last_result
+        result = None if self._pipeline is None else self._pipeline.session.last_result
         return self._describer.step(None if result is None else result.catheter)
 
     def _show(self) -> None:

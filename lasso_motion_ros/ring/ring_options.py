@@ -14,7 +14,6 @@ from lasso_motion_ros.ring.detector import DetectorTuning
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
-from lasso_motion_ros.ring.seed_choice import ChoiceTuning
 from lasso_motion_ros.ring.seed_curves import POINTS
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.track_state import StateTuning
@@ -36,7 +35,6 @@ class RingOptions:
         contradiction: when the planes show two things.
         state: what the states ask for.
         validation: what else is asked of a detection.
-        choice: when another of the curves that the clicks allow is tried.
         learning_share: of the seed pair's support: what shows less of the ring may be something else.
         rotation: whether a turning that follows the breath is the atrium's.
         points: of the model's curve.
@@ -52,7 +50,6 @@ class RingOptions:
     contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
-    choice: ChoiceTuning = field(default_factory=ChoiceTuning)
     learning_share: float = 0.6
     rotation: bool = True
     points: int = POINTS

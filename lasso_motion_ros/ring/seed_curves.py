@@ -1,7 +1,7 @@
-"""All curves that the clicks lead to: from an ellipse to an open curve that follows the wire in both planes.
+"""The curve that the clicks lead to: from an ellipse to an open curve that follows the wire in both planes.
 
 The ellipse tells how far the outlines go round the loop. From it on, the likeliest curve is looked for (`loop_curve`).
-Which of several curves is the right one, the images tell.
+Several ellipses may be the loop's; which of them led to the right curve, the images tell.
 """
 
 from __future__ import annotations
@@ -49,7 +49,6 @@ class _Tuning:
     ellipses: int = 2  # that are tried at most, of each kind of outline,
     doubtful_misfit: float = 5.0  # and that fit worse than the best by less than this
     circles: int = 1  # that are tried, of those that clicks and images show best,
-    other_mm: float = 0.2  # mean distance from which on two curves are not the same
     search_penalty: float = 0.1  # and by how much they have to show more: ellipses from good clicks fit more finely
     roundness_spread: float = 0.15  # a lasso is round to about this
     shape_penalty: float = 0.05  # of what the planes have in common, for a model that is one spread less round
@@ -59,21 +58,16 @@ class _Tuning:
 TUNING = _Tuning()
 
 
-def build_loop_model(pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS) -> LoopModel:
-    """The loop's curve from the clicks: the first of `build_loop_models`, with its errors."""
-    return build_loop_models(pair, seed, config, points)[0]
-
-
-def build_loop_models(
+def build_loop_model(
     pair: FramePair, seed: Seed, config: TrackerConfig, points: int = POINTS, whole: WholeImages | None = None
-) -> list[LoopModel]:
-    """All curves that the clicks lead to, the one that the clicked pair shows best first.
+) -> LoopModel:
+    """The loop's curve from the clicks.
 
     Args:
         pair: the clicked images.
         seed: the clicks.
         config: the tracker's parameters.
-        points: of the curves.
+        points: of the curve.
         whole: the pair's working images, where others ask for them, too.
 
     Raises:
@@ -87,23 +81,23 @@ def build_loop_models(
     def images(bright: bool) -> SeedImages:
         return SeedImages(pair, bright=bright, whole=whole)
 
-    models, log_odds = _build(images(bright), pair, seed, config, points)
+    model, log_odds = _build(images(bright), pair, seed, config, points)
     if config.polarity == "auto" and log_odds < TUNING.doubtful_log_odds:
         # At low dose a few clicks may mistake the polarity; the whole loop seldom does.
         try:
-            others, theirs = _build(images(not bright), pair, seed, config, points)
+            other, its_odds = _build(images(not bright), pair, seed, config, points)
         except ReconstructionError:
             pass
         else:
-            if theirs > log_odds:
-                models, log_odds = others, theirs
+            if its_odds > log_odds:
+                model, log_odds = other, its_odds
     if log_odds < TUNING.smallest_log_odds:
         raise SeedError(
             f"no catheter is seen along the clicks: the logarithm of the odds for one is {log_odds:.1f}, "
             f"expected at least {TUNING.smallest_log_odds:.0f}"
         )
-    require_lasso_size(models[0].radius_mm)
-    return models
+    require_lasso_size(model.radius_mm)
+    return model
 
 
 def _shifts(images: SeedImages, model: LoopModel) -> dict[Plane, Array]:
@@ -123,10 +117,8 @@ def _contrasts(images: SeedImages, curve: Array, shifts: dict[Plane, Array]) -> 
 
 def _build(
     images: SeedImages, pair: FramePair, seed: Seed, config: TrackerConfig, count: int
-) -> tuple[list[LoopModel], float]:
-    """All models that the clicks allow, at least one; the one whose planes have most in common along the arc first.
-
-    And the logarithm of the odds for that one.
+) -> tuple[LoopModel, float]:
+    """Of the models that the clicks allow the one whose planes have most in common along the arc; and its log odds.
 
     An electrode lies at one arc length in both planes, along the right curve only. The outlines alone often leave two
     ellipses that fit about as well; and where noise outweighs the wire, the path from click to click is no outline.
@@ -144,17 +136,8 @@ def _build(
         models.append((worth, model, log_odds))
     if not models:
         raise failure or ReconstructionError("no 3-D loop explains the clicks")
-    models.sort(key=lambda one: -one[0])
-    return _told_apart([model for _, model, _ in models]), models[0][2]
-
-
-def _told_apart(models: list[LoopModel]) -> list[LoopModel]:
-    """Of models, best first, those that are other curves than all before: most starts lead to the same one."""
-    told: list[LoopModel] = []
-    for model in models:
-        if all(1e3 * distance_to_curve(model.points, one.points).mean() > TUNING.other_mm for one in told):
-            told.append(model)
-    return told
+    _, model, log_odds = max(models, key=lambda one: one[0])
+    return model, log_odds
 
 
 @dataclass(frozen=True, eq=False)

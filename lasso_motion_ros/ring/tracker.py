@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -27,8 +25,7 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
-from lasso_motion_ros.ring.seed_choice import SeedChoice
-from lasso_motion_ros.ring.seed_curves import build_loop_models
+from lasso_motion_ros.ring.seed_curves import build_loop_model
 from lasso_motion_ros.ring.seed_place import require_clicked_place
 from lasso_motion_ros.ring.seed_shape import require_loop_of_clicks, shape_doubt
 from lasso_motion_ros.ring.seed_template import seed_template
@@ -64,9 +61,6 @@ class RingTracker:
         self._config = config
         self._stages, self._options = stages, options or RingOptions()
         self._track: Track | None = None
-        # The other curves that the clicks allow, and how to begin with one of them.
-        self._choice: SeedChoice | None = None
-        self._begin: Callable[[LoopModel], tuple[Track, TrackResult]] | None = None
 
     def initialise(self, pair: FramePair, seed: Seed) -> TrackResult:
         """Build model and template from the clicks on `pair`; its motion is the identity.
@@ -77,12 +71,10 @@ class RingTracker:
             ReconstructionError: no 3-D loop explains the clicks.
         """
         whole = WholeImages(pair.frames)
-        first, *others = build_loop_models(pair, seed, self._config, self._options.points, whole)
+        model = build_loop_model(pair, seed, self._config, self._options.points, whole)
         require_loop_of_clicks(seed)
         # Nothing is kept until all has succeeded: a refused seed leaves the tracker as it was.
-        self._track, result = self._started(pair, whole, first)
-        self._choice = SeedChoice(others, self._options.choice)
-        self._begin = partial(self._started, pair, whole)
+        self._track, result = self._started(pair, whole, model)
         return result
 
     def begin(
@@ -93,7 +85,7 @@ class RingTracker:
         *,
         least_support: float = -math.inf,
     ) -> Track:
-        """Begin with a ring whose curve is known, on `pair`, as `initialise` does; there is no other curve to choose.
+        """Begin with a ring whose curve is known, on `pair`, as `initialise` does.
 
         Args:
             pair: both planes.
@@ -108,9 +100,8 @@ class RingTracker:
             SeedError: less support, planes that disagree by more than any usable calibration, or a ring of no lasso's
                 shape.
         """
-        track, _ = self._started(pair, whole or WholeImages(pair.frames), model, least_support)
-        self._track, self._choice, self._begin = track, None, None
-        return track
+        self._track, _ = self._started(pair, whole or WholeImages(pair.frames), model, least_support)
+        return self._track
 
     def _started(
         self, pair: FramePair, whole: WholeImages, model: LoopModel, least_support: float = -math.inf
@@ -165,45 +156,7 @@ class RingTracker:
         Raises:
             TrackingError: no model yet.
         """
-        track = self._require_track()
-        result = self._follow(track, pair)
-        choice, begin = self._choice, self._begin
-        if choice is None or begin is None:
-            return result
-        if not choice.is_open_after(pair, track):
-            self._choice = self._begin = None
-        elif choice.is_due:
-            while self.prepare():
-                pass
-            self._choice = self._begin = None
-            if (better := choice.better) is not None:
-                self._track, result = better
-                self._track.display = track.display  # of the film, whatever curve is followed in it
-        return result
-
-    def prepare(self) -> bool:
-        """Do a part of what one of the next pairs would wait for: see `Tracker.prepare`."""
-        choice, begin = self._choice, self._begin
-        if choice is None or begin is None or not choice.later:
-            return False
-        self._choice = self._begin = None  # first of all: whatever fails now is not tried again with every pair
-        is_more = choice.step(begin, self._follow)
-        self._choice, self._begin = choice, begin
-        return is_more
-
-    def learn(self) -> None:
-        """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
-        if self._track is not None:
-            self._learn_late(self._track)
-
-    def leave_out(self, pair: FramePair) -> None:
-        """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
-        if self._track is not None:
-            self._track.display.undone(pair)
-
-    def _follow(self, track: Track, pair: FramePair) -> TrackResult:
-        """Take a track to the next pair."""
-        options, config = self._options, self._config
+        track, options, config = self._require_track(), self._options, self._config
         self._learn_late(track)
         time_s = track.begin(pair.stamp_ns)
         with self._stages("display filter"):
@@ -267,6 +220,16 @@ class RingTracker:
                 state, reason = TrackerState.DEGRADED, doubt
             result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
             return with_pose(result, track, position)
+
+    def learn(self) -> None:
+        """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
+        if self._track is not None:
+            self._learn_late(self._track)
+
+    def leave_out(self, pair: FramePair) -> None:
+        """Take note of a pair for which there is no time: the display's filter holds of it what the next one shows."""
+        if self._track is not None:
+            self._track.display.undone(pair)
 
     def _believe(self, track: Track, pair: FramePair, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""
@@ -342,7 +305,7 @@ class RingTracker:
 
     def reset(self) -> None:
         """Forget model and motion."""
-        self._track = self._choice = self._begin = None
+        self._track = None
 
     def reconfigure(self, config: TrackerConfig) -> None:
         """Go on with other tuning parameters; the model is kept."""
@@ -357,7 +320,6 @@ class RingTracker:
         track = self._require_track()
         if track.displacement is None:
             raise TrackingError("the lasso is not being tracked: there is no present phase to refer to")
-        self._choice = self._begin = None  # another curve would begin at the seed pair again
         self._learn_late(track)
         track.refer_to_now()
         if track.belief.elsewhere > self._options.state.displaced:

@@ -123,15 +123,6 @@ class TrackingSession:
         with self._lock:
             self._leave_out([task.pair for task in tasks if not task.answered])
 
-    def prepare(self) -> bool:
-        """While no pair waits: a part of what one of the next would wait for; returns whether there may be more."""
-        with self._lock:
-            try:
-                return self._has_model and self._tracker.prepare()
-            except _METHOD_ERRORS as error:
-                self._problems.report("", _words(error))
-                return False
-
     def reset(self, last_task: int) -> list[Output]:
         """Forget model and motion: WAITING_FOR_SEED.
 

@@ -146,15 +146,6 @@ class Tracker(Protocol):
     def leave_out(self, pair: FramePair) -> None:
         """Take note of a pair for which there is no time: it has been shown, and what filters film over time saw it."""
 
-    def prepare(self) -> bool:
-        """Do a part of what one of the next pairs would wait for, no longer than two pairs take.
-
-        What the pairs are answered with does not depend on it.
-
-        Returns:
-            Whether there may be more to do.
-        """
-
     def reset(self) -> None:
         """Forget model and motion."""
 

@@ -36,10 +36,6 @@ class WrappedTracker:
         """Take note of a pair for which there is no time."""
         self._tracker.leave_out(pair)
 
-    def prepare(self) -> bool:
-        """Do a part of what one of the next pairs would wait for."""
-        return self._tracker.prepare()
-
     def reset(self) -> None:
         """Forget model and motion."""
         self._tracker.reset()

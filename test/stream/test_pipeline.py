@@ -86,26 +86,6 @@ def test_mathematics_that_fail_on_a_pair_are_a_reported_loss(error: Exception, w
     assert states(run(line, stream(1, seeded=None, start=3))) == ["TRACKING"]
 
 
-def test_between_two_pairs_the_tracker_may_go_on_with_what_the_next_would_wait_for() -> None:
-    class Busy(FailingTracker):
-        steps = 2
-
-        def prepare(self) -> bool:
-            if self.error is not None:
-                raise self.error
-            self.steps -= 1
-            return self.steps > 0
-
-    tracker = Busy()
-    line = pipeline(tracker)
-    assert not line.session.prepare()  # no model
-    run(line, stream(2))
-    assert [line.session.prepare(), line.session.prepare()] == [True, False]
-    tracker.error = TrackingError("it failed")
-    assert not line.session.prepare()
-    assert [problem.text for problem in line.problems.take()] == ["it failed"]
-
-
 @pytest.mark.parametrize(("error", "words"), METHOD_FAILURES)
 def test_mathematics_that_fail_on_clicks_refuse_them(error: Exception, words: str) -> None:
     tracker = FailingTracker()

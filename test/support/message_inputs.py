@@ -106,9 +106,6 @@ class FakeTracker:
     def leave_out(self, pair: FramePair) -> None:
         self.calls.append(("leave_out", pair.stamp_ns))
 
-    def prepare(self) -> bool:
-        return False
-
     def reset(self) -> None:
         self.calls.append(("reset", 0))
 
