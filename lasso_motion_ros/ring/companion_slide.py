@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -123,19 +124,24 @@ class CompanionSlide:
         # What is shared by several pairs counts as one: each of them tells less.
         beat, breath = (max(1.0, time_s / max(since_s, 1e-3)) for time_s in (tuning.spacing_s, tuning.breath_s))
         seen = [(one.across, one.value, (beat * one.noise + breath * one.learned) * _IDENTITY_2) for one in shown]
-        distance = sum(_innovation(states, covariances, *one)[2] for one in seen)
-        is_unlike = bool(np.min(distance) > tuning.unlike * len(shown))
-        if is_unlike and self.was_unlike:
+        told = [_innovation(states, covariances, *one) for one in seen]
+        is_unlike = bool(np.sum([one.far for one in told], axis=0).min() > tuning.unlike * len(shown))
+        if is_put := is_unlike and self.was_unlike:
             covariances[:, PLACE, PLACE] += tuning.put_m**2 * directions
-        for across, value, noise in seen:
-            innovation, expected, far, density = _innovation(states, covariances, across, value, noise)
-            likelihood = -0.5 * np.log(density) - 0.5 * (tuning.freedom + 2.0) * np.log1p(far / tuning.freedom)
+        for number, (one, (across, value, noise)) in enumerate(zip(told, seen, strict=True)):
+            if number or is_put:  # models that have changed since foretell something else
+                one = _innovation(states, covariances, across, value, noise)
+            likelihood = -0.5 * np.log(one.determinant) - 0.5 * (tuning.freedom + 2.0) * np.log1p(
+                one.far / tuning.freedom
+            )
             log_odds += float(likelihood[SLIDES] - likelihood[STANDS])
-            # What is far off once counts for less: it is something else, or a hand, which shows at once anyway.
-            unusual = np.maximum((tuning.freedom + far) / (tuning.freedom + 2.0), 1.0)
+            precision, unusual = one.precision, (tuning.freedom + one.far) / (tuning.freedom + 2.0)
+            if max(unusual) > 1.0:
+                # What is far off once counts for less: it is something else, or a hand, which shows at once anyway.
+                precision = inverses(one.expected + np.maximum(unusual, 1.0)[:, None, None] * noise)[0]
             cross = covariances[:, :, PLACE] @ across.T
-            gain = cross @ inverses(expected + unusual[:, None, None] * noise)[0]
-            states = states + (gain @ innovation[..., None])[..., 0]
+            gain = cross @ precision
+            states = states + (gain @ one.value[..., None])[..., 0]
             covariances = covariances - gain @ cross.swapaxes(-1, -2)
         covariances = 0.5 * (covariances + covariances.swapaxes(-1, -2))
         log_odds = min(max(log_odds, -25.0), 25.0)
@@ -171,10 +177,10 @@ class CompanionSlide:
             self.states[STANDS],
             begun,
         )
-        way = np.eye(6)
-        way[PLACE, SPEED] = interval_s * _IDENTITY_3
-        states = np.stack([stand, way @ slide])
-        covariances = np.stack([stand_squares, way @ slide_squares @ way.T])
+        slide[PLACE] += interval_s * slide[SPEED]
+        slide_squares[PLACE] += interval_s * slide_squares[SPEED]
+        slide_squares[:, PLACE] += interval_s * slide_squares[:, SPEED]
+        states, covariances = np.array([stand, slide]), np.array([stand_squares, slide_squares])
         covariances[:, PLACE, PLACE] += tuning.wander_m**2 * interval_s * directions
         return states, covariances, math.log(now_slides / stands)
 
@@ -244,20 +250,30 @@ class CompanionSlide:
         return (1.0 - slides) * stands + slides * moves
 
 
-def _innovation(
-    states: Array, covariances: Array, across: Array, value: Array, noise: Array
-) -> tuple[Array, Array, Array, Array]:
-    """What a plane shows beside what models foretold.
+class _Innovation(NamedTuple):
+    """What a plane shows beside what the two models foretold.
 
-    Returns:
-        (2, 2) the innovations; (2, 2, 2) covariances of what was foretold, without the noise; (2,) squared Mahalanobis
-        distances; (2,) determinants of the innovations' covariances.
+    Attributes:
+        value: (2, 2) metres.
+        expected: (2, 2, 2) m², covariances of what was foretold, without the noise.
+        precision: (2, 2, 2) inverses of the values' covariances.
+        determinant: (2,) of these covariances.
+        far: (2,) squared Mahalanobis distances.
     """
+
+    value: Array
+    expected: Array
+    precision: Array
+    determinant: Array
+    far: Array
+
+
+def _innovation(states: Array, covariances: Array, across: Array, value: Array, noise: Array) -> _Innovation:
     innovation = value - states[:, PLACE] @ across.T
     expected = across @ covariances[:, PLACE, PLACE] @ across.T
     precision, determinant = inverses(expected + noise)
     far = (innovation * (precision @ innovation[..., None])[..., 0]).sum(axis=-1)
-    return innovation, expected, far, determinant
+    return _Innovation(innovation, expected, precision, determinant, far)
 
 
 def _merged(
@@ -267,7 +283,8 @@ def _merged(
     total = weight + other_weight
     share, apart = other_weight / total, other - state
     mean = state + share * apart
-    merged = (1.0 - share) * covariance + share * other_covariance + share * (1.0 - share) * np.outer(apart, apart)
+    spread = share * (1.0 - share) * (apart[:, None] * apart)
+    merged = (1.0 - share) * covariance + share * other_covariance + spread
     return mean, merged, total
 
 
@@ -277,8 +294,8 @@ def _beyond(limit_m: float, offset: Array, covariance: Array) -> float:
     The square of its length is taken for a gamma variable of the same mean and variance (Patnaik, Biometrika 36, 1949).
     """
     size2 = float(offset @ offset)
-    mean = float(np.trace(covariance)) + size2
-    half_variance = float(np.sum(covariance**2)) + 2.0 * float(offset @ covariance @ offset)
+    mean = float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2]) + size2
+    half_variance = float((covariance * covariance).sum()) + 2.0 * float(offset @ covariance @ offset)
     if half_variance <= 0.0:
         return float(size2 > limit_m**2)
     return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit_m**2 * mean / half_variance))
