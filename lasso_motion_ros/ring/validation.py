@@ -110,8 +110,10 @@ def misleading(
     vague, slid = probability_beyond(limit_m, near), track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.beside
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
-    # They know of all directions; where they have been lost since, what they last told still counts.
-    if (told := companions.beyond(limit_m)) > slid or companions.is_told:
+    # They know of all directions. Where they have been lost since, what they last told still counts if it was a slide;
+    # a doubt that nobody can take back does not: it would last for good.
+    told = companions.beyond(limit_m)
+    if companions.is_told or told > max(slid, 0.5):
         slid = told
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
     why = {

@@ -194,6 +194,9 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     assert said.endswith("across its breathing, and perhaps more along it")
     slid, said = misled(track(slide=seems, beside=companions(3.0, since_s=5.0)), 0.1)
     assert slid == pytest.approx(0.986, abs=6e-3)
+    # But a doubt, once they are gone, is one that nobody could take back.
+    assert misled(track(beside=companions(1.5, since_s=1.0)), 0.1)[0] > 0.15
+    assert misled(track(beside=companions(1.5, since_s=5.0)), 0.1)[0] < 1e-6
 
 
 def test_it_says_what_the_ring_has_left():
