@@ -8,12 +8,14 @@ same again, moved by one rigid motion.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.initialisation.distinctness import Distinctness
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.working_image import Image
 
@@ -37,28 +39,31 @@ class _Tuning:
     largest_line_beyond: float = 0.6
     # What each is worth as evidence (log odds), by logistic regression over the rings and all else that was followed in
     # development; much of one makes up for little of another.
-    per_spread: float = 11.5
-    per_agreement: float = 1.3
-    per_comb: float = 2.95  # of its logarithm
-    per_roundness: float = 13.8
-    per_support: float = 3.6
-    per_worth: float = 12.0
-    per_rareness: float = 0.12
-    per_common: float = 1.0  # by which it is rarer by less than
+    per_spread: float = 7.4
+    per_agreement: float = 2.1
+    per_comb: float = 1.55  # of its logarithm
+    per_roundness: float = 7.0
+    per_worth: float = 4.2
+    per_common: float = 0.5  # by which it is rarer by less than
     common: float = 3.0  # once in a thousand times: what leaves half of a ring out is no rarer than chance
-    per_small_mm: float = 1.4  # by which it is smaller than most: what else makes a ring is small
+    per_small_mm: float = 0.84  # by which it is smaller than most: what else makes a ring is small
     small_mm: float = 16.0
-    per_line_beyond: float = 3.0  # of a line that goes on beyond a ring that a plane sees edge-on
-    enough_comb: float = 30.0  # more proves no more
-    enough_support: float = 2.3
-    enough_worth: float = 1.1
-    enough_rareness: float = 30.0
-    nothing: float = 49.0
-    believed: float = 3.5  # nothing that is none has more than 2.5 (docs/automatic.md)
-    rival: float = -0.5
+    per_curve: float = 0.39  # standard deviation
+    per_poles: float = 0.38  # likewise
+    per_lead: float = 3.3
+    combs: tuple[float, float] = (3.0, 60.0)  # less, or more, proves no more
+    enough_roundness: float = 0.93
+    enough_worth: float = 1.2
+    nothing: float = 31.8
+    believed: float = 1.5
+    rival: float = -1.0
     # With all that is not known yet at its best: no ring has everything, so that less of it leaves no hope.
-    hope_of_circle: float = 5.0  # before there is a model,
-    hope_of_model: float = 4.0  # and before it is followed
+    hope_of_circle: float = 11.0  # before there is a model,
+    hope_of_curve: float = 8.5  # before its poles are looked for,
+    hope_of_model: float = 2.5  # and before it is followed
+    most_spread: float = 0.98
+    most_agreement: float = 0.8
+    most_distinct: tuple[float, float, float] = (18.0, 20.0, 1.2)
     same_place_mm: float = 0.8  # in an image: half an electrode's length and more
     apart_share: float = 0.05  # of the arc, from which on two points are not simply neighbours
     slow_points: float = 10.0  # standard deviation, of some hundred points along the arc
@@ -68,6 +73,7 @@ class _Tuning:
 
 
 TUNING = _Tuning()
+MOST_DISTINCT = Distinctness(*TUNING.most_distinct)
 SMALLEST_SUPPORT = TUNING.smallest_support
 
 
@@ -79,13 +85,14 @@ class Judgement:
         covered: share of the arc on which both planes show something of a ring.
         spread: how evenly the electrodes lie along the arc, 1 at most.
         agreement: correlation of what the two planes show.
-        comb: score of equally spaced poles; 0 where without it there is too little of a ring already.
+        comb: score of equally spaced poles.
         roundness: nearest by farthest point of the curve from its middle.
         support: what the planes show of it in later pairs, by the tracker's own measure.
         diameter_mm: of the ring.
         worth: of the ring that it comes from: lines all along it, and the same electrodes in both planes.
         rareness: how seldom chance would put so many of all pairs' electrodes on it (minus the logarithm to base ten).
         line_beyond: how much of a line goes on beyond both its ends in a plane that sees it edge-on.
+        distinct: how far it stands out from what lies about it.
         before: log odds that earlier looks add.
     """
 
@@ -99,6 +106,7 @@ class Judgement:
     worth: float
     rareness: float
     line_beyond: float
+    distinct: Distinctness
     before: float = 0.0
 
     @property
@@ -107,14 +115,14 @@ class Judgement:
         return (
             TUNING.per_spread * self.spread
             + TUNING.per_agreement * self.agreement
-            + TUNING.per_comb * float(np.log(np.clip(self.comb, 1.0, TUNING.enough_comb)))
-            + TUNING.per_roundness * self.roundness
-            + TUNING.per_support * min(self.support, TUNING.enough_support)
+            + TUNING.per_comb * float(np.log(np.clip(self.comb, *TUNING.combs)))
+            + TUNING.per_roundness * min(self.roundness, TUNING.enough_roundness)
             + TUNING.per_worth * min(self.worth, TUNING.enough_worth)
-            + TUNING.per_rareness * min(self.rareness, TUNING.enough_rareness)
             - TUNING.per_common * max(0.0, TUNING.common - self.rareness)
             - TUNING.per_small_mm * max(0.0, TUNING.small_mm - self.diameter_mm)
-            - TUNING.per_line_beyond * self.line_beyond
+            + TUNING.per_curve * self.distinct.curve
+            + TUNING.per_poles * self.distinct.poles
+            + TUNING.per_lead * self.distinct.lead
             - TUNING.nothing
             + self.before
         )
@@ -179,15 +187,34 @@ class Glance:
         return cls(float((means > TUNING.shown).mean()), float(a @ b) / max(scale, 1e-9))
 
 
-def is_hopeful(before: Judgement, *, has_model: bool) -> bool:
-    """Whether a ring may be believed in the end, judged by `at_best`, or by `at_most` before it has a model."""
-    least = TUNING.hope_of_model if has_model else TUNING.hope_of_circle
-    return not before.missing and before.evidence >= least
+class Known(Enum):
+    """What is known of a ring that may be believed in the end, and the least evidence that leaves hope for it."""
+
+    CIRCLE = TUNING.hope_of_circle  # judged by `at_most`
+    CURVE = TUNING.hope_of_curve
+    POLES = TUNING.hope_of_model
 
 
-def at_best(*, roundness: float, diameter_mm: float, worth: float, rareness: float, line_beyond: float) -> Judgement:
+def is_hopeful(before: Judgement, known: Known) -> bool:
+    """Whether a ring may be believed in the end, judged by `at_best` of what is known."""
+    return not before.missing and before.evidence >= known.value
+
+
+def at_best(
+    *,
+    roundness: float,
+    diameter_mm: float,
+    worth: float,
+    rareness: float,
+    line_beyond: float,
+    comb: float = np.inf,
+    distinct: Distinctness = MOST_DISTINCT,
+) -> Judgement:
     """The judgement of a ring that shows all that one can show once it is followed; arguments as of `Judgement`."""
-    return Judgement(1.0, 1.0, 1.0, np.inf, roundness, np.inf, diameter_mm, worth, rareness, line_beyond)
+    spread, agreement = TUNING.most_spread, TUNING.most_agreement
+    return Judgement(
+        1.0, spread, agreement, comb, roundness, np.inf, diameter_mm, worth, rareness, line_beyond, distinct
+    )
 
 
 def at_most(*, worth: float, rareness: float, line_beyond: float) -> Judgement:
@@ -217,6 +244,8 @@ def judge(
     worth: float,
     rareness: float,
     line_beyond: float,
+    comb: float,
+    distinct: Distinctness,
     before: float = 0.0,
 ) -> Judgement:
     """Judge a ring by what the planes show along its curve.
@@ -230,27 +259,27 @@ def judge(
         worth: of the ring that it comes from.
         rareness: likewise.
         line_beyond: likewise.
+        comb: likewise.
+        distinct: likewise.
         before: log odds that earlier looks add.
     """
     glance = Glance.at(evidence.shown, places)
     shares = np.add.reduceat(weights, _starts(len(weights)))
     spread = -float((shares * np.log(np.maximum(shares, 1e-9))).sum()) / float(np.log(TUNING.segments))
-    judgement = Judgement(
+    return Judgement(
         covered=glance.covered,
         spread=spread,
         agreement=glance.agreement,
-        comb=np.inf,
+        comb=comb,
         roundness=roundness,
         support=support,
         diameter_mm=evidence.diameter_mm,
         worth=worth,
         rareness=rareness,
         line_beyond=line_beyond,
+        distinct=distinct,
         before=before,
     )
-    # The comb is what takes time, and the most that it may prove is not always enough.
-    comb = evidence.comb if judgement.is_rival else None
-    return replace(judgement, comb=0.0 if comb is None else comb.score)
 
 
 def _doubled(values: Array, places: Array) -> Array:

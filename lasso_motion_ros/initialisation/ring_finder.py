@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -12,7 +12,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Seed
+from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
 from lasso_motion_ros.initialisation.circle_fit import line_beyond, scored
 from lasso_motion_ros.initialisation.clicks import clicks_along, model_of, places_along
 from lasso_motion_ros.initialisation.compensated_mean import compensated_mean, motions_of
@@ -20,11 +20,14 @@ from lasso_motion_ros.initialisation.direction_maps import (
     are_catheters_bright,
     curvature,
 )
+from lasso_motion_ros.initialisation.distinctness import CurveElsewhere, Distinctness
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.judgement import (
+    MOST_DISTINCT,
     SMALLEST_SUPPORT,
     Glance,
     Judgement,
+    Known,
     at_best,
     at_most,
     has_ring_size,
@@ -36,11 +39,12 @@ from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.ring_closeup import RingCloseups
 from lasso_motion_ros.initialisation.ring_search import FoundRings, Shown, search_rings
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
+from lasso_motion_ros.ring.electrodes import Comb, likeliest_comb
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_curves import build_loop_model
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.tracker import RingTracker
-from lasso_motion_ros.ring.working_image import WholeImages
+from lasso_motion_ros.ring.working_image import Image, WholeImages
 
 Array = npt.NDArray[np.float64]
 
@@ -222,6 +226,8 @@ class _Candidate:
         worth: lines all along the ring, and the same electrodes in both planes.
         rareness: see `Judgement`.
         line_beyond: likewise.
+        shown: per plane, (L,) evidence along the ring in the close-up.
+        elsewhere: its curve, laid all about its place there.
     """
 
     model: LoopModel
@@ -231,6 +237,8 @@ class _Candidate:
     worth: float
     rareness: float
     line_beyond: float
+    shown: Mapping[Plane, Image]
+    elsewhere: CurveElsewhere
 
     def is_as(self, other: _Candidate) -> bool:
         """Whether it follows the same lines."""
@@ -238,14 +246,35 @@ class _Candidate:
         return float(distance_to_curve(one, another).mean()) < TUNING.same_curve_m
 
     @cached_property
+    def comb(self) -> Comb:
+        """The likeliest poles along it, of a catheter of any kind."""
+        return likeliest_comb(self.model.points, self.shown)
+
+    @cached_property
+    def distinct(self) -> Distinctness:
+        """How far it stands out."""
+        return self.elsewhere.with_poles(self.model.points, self.comb.places_mm)
+
+    @property
+    def is_hopeful(self) -> bool:
+        """Whether it may be believed once it is followed; its poles, which take time, are looked for at last."""
+        without_poles = self._at_best(np.inf, replace(MOST_DISTINCT, curve=self.elsewhere.curve))
+        return is_hopeful(without_poles, Known.CURVE) and is_hopeful(self.at_best, Known.POLES)
+
+    @cached_property
     def at_best(self) -> Judgement:
         """What it can be once it is followed."""
+        return self._at_best(self.comb.score, self.distinct)
+
+    def _at_best(self, comb: float, distinct: Distinctness) -> Judgement:
         return at_best(
             roundness=self.model.roundness,
             diameter_mm=self.model.diameter_mm,
             worth=self.worth,
             rareness=self.rareness,
             line_beyond=self.line_beyond,
+            comb=comb,
+            distinct=distinct,
         )
 
 
@@ -270,7 +299,7 @@ def _worth_following(
             lines, rareness, line = float(scores[k]), float(found.rareness[k]), float(beyond[k])
             most_worth = lines + TUNING.agreement_share
             most_likely = at_most(worth=most_worth, rareness=rareness, line_beyond=line)
-            if not is_hopeful(most_likely, has_model=False):
+            if not is_hopeful(most_likely, Known.CIRCLE):
                 continue
             ring = found.rings[k : k + 1]
             pair = closeups.of(ring, [by[k] for by in found.moved])
@@ -279,26 +308,34 @@ def _worth_following(
             seen = _seen_along(ring, images, grid)
             if seen is None:
                 continue
-            model, agreement = seen
+            model, agreement, evidence, elsewhere = seen
             worth = lines + TUNING.agreement_share * agreement
-            candidate = _Candidate(model, images, whole, pair, worth, rareness, line)
-            if is_hopeful(candidate.at_best, has_model=True) and not any(candidate.is_as(other) for other in chosen):
+            candidate = _Candidate(model, images, whole, pair, worth, rareness, line, evidence, elsewhere)
+            if not any(candidate.is_as(other) for other in chosen) and candidate.is_hopeful:
                 candidates.append(candidate)
         candidates.sort(key=lambda one: -one.at_best.evidence)
         chosen += candidates[:most]
     return chosen
 
 
-def _seen_along(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> tuple[LoopModel, float] | None:
-    """The model along one ring, and the planes' agreement; None where both do not show something of a ring there."""
+def _seen_along(
+    ring: ShapedRings, images: SeedImages, grid: EpipolarGrid
+) -> tuple[LoopModel, float, dict[Plane, Image], CurveElsewhere] | None:
+    """The model along one ring, the planes' agreement, what each shows, there and elsewhere.
+
+    None where both do not show something of a ring there.
+    """
     try:
         model = model_of(ring, images, grid)
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
     seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
     along = {p: image.projection.project(model.points) for p, image in seen.items()}
-    glance = Glance.at({p: image.evidence_at(along[p]) for p, image in seen.items()}, places_along(model, images))
-    return (model, glance.agreement) if glance.is_worth_following and has_ring_size(model.diameter_mm) else None
+    shown = {p: image.evidence_at(along[p]) for p, image in seen.items()}
+    glance = Glance.at(shown, places_along(model, images))
+    if not (glance.is_worth_following and has_ring_size(model.diameter_mm)):
+        return None
+    return model, glance.agreement, shown, CurveElsewhere(seen, along)
 
 
 def _followed(
@@ -335,6 +372,8 @@ def _followed(
         worth=one.worth,
         rareness=one.rareness,
         line_beyond=one.line_beyond,
+        comb=one.comb.score,
+        distinct=one.distinct,
         before=0.0 if before is None else before.adds(first.stamp_ns),
     )
     ring.looks = (*(() if before is None else before.looks), (pairs[-1].stamp_ns, judgement.evidence))

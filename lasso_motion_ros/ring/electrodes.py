@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,7 @@ from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import Image
 
 Array = npt.NDArray[np.float64]
+Outcome = TypeVar("Outcome")
 
 
 @dataclass(frozen=True)
@@ -174,13 +176,18 @@ def _any_kind() -> Kinds:
     return kinds + [(share, TUNING.pair_length_mm, pairs) for share in TUNING.pair_shares]
 
 
-def _outcome(work: Generator[None, None, Comb | None]) -> Comb | None:
+def likeliest_comb(points: Array, shown: Mapping[Plane, Image]) -> Comb:
+    """The likeliest comb of a catheter of any kind; arguments as of `RingEvidence`."""
+    return _outcome(_fitting(points, shown, _any_kind()))
+
+
+def _outcome(work: Generator[None, None, Outcome]) -> Outcome:
     """What work in steps gives in the end."""
     while True:
         try:
             next(work)
         except StopIteration as end:
-            outcome: Comb | None = end.value
+            outcome: Outcome = end.value
             return outcome
 
 

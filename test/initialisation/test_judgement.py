@@ -3,13 +3,24 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 
 from lasso_motion_ros.geometry.frames import PLANES
-from lasso_motion_ros.initialisation.judgement import Glance, Judgement, at_best, at_most, is_hopeful, judge
-from lasso_motion_ros.ring.electrodes import RingEvidence
+from lasso_motion_ros.initialisation.distinctness import Distinctness
+from lasso_motion_ros.initialisation.judgement import (
+    MOST_DISTINCT,
+    Glance,
+    Judgement,
+    Known,
+    at_best,
+    at_most,
+    is_hopeful,
+    judge,
+)
+from lasso_motion_ros.ring.electrodes import RingEvidence, likeliest_comb
 
 GOOD = Judgement(
     covered=1.0,
@@ -22,7 +33,10 @@ GOOD = Judgement(
     worth=1.3,
     rareness=40.0,
     line_beyond=0.0,
+    distinct=Distinctness(15.0, 18.0, 1.0),
 )
+HARDLY = Distinctness(9.0, 11.0, 0.2)
+ORDINARY = dataclasses.replace(GOOD, comb=15.0, distinct=Distinctness(11.0, 13.0, 0.5))
 ANGLE = np.linspace(0.0, 2.0 * np.pi, 120)
 RING = 0.01 * np.column_stack([np.cos(ANGLE), np.sin(ANGLE), 0.0 * ANGLE])
 
@@ -46,26 +60,28 @@ def test_a_plain_ring_is_believed() -> None:
         ({"spread": 0.7}, "one side"),
         ({"agreement": 0.1}, "different electrodes"),
         ({"comb": 5.0}, "equally far apart"),
-        ({"covered": 0.7, "spread": 0.84, "agreement": 0.3, "comb": 9.0, "support": 1.9, "worth": 0.85}, "all in all"),
+        ({"spread": 0.84, "agreement": 0.3, "comb": 9.0, "worth": 0.85, "distinct": HARDLY}, "all in all"),
         ({"support": 1.0}, "faint"),
         ({"line_beyond": 0.9}, "long line"),
     ],
 )
-def test_whatever_is_missing_is_said(change: dict[str, float], words: str) -> None:
+def test_whatever_is_missing_is_said(change: dict[str, Any], words: str) -> None:
     assert words in dataclasses.replace(GOOD, **change).doubt  # type: ignore[arg-type]
 
 
 def test_much_of_one_thing_makes_up_for_little_of_another() -> None:
-    few_poles = dataclasses.replace(GOOD, comb=10.0)
-    assert few_poles.is_ring
-    assert not dataclasses.replace(few_poles, spread=0.85, roundness=0.85, worth=0.8).is_ring
+    assert ORDINARY.is_ring
+    little = dataclasses.replace(ORDINARY, spread=0.85, roundness=0.85, worth=0.8)
+    assert not little.is_ring
+    assert dataclasses.replace(little, distinct=GOOD.distinct).is_ring
 
 
-def test_electrodes_of_all_pairs_that_chance_would_seldom_put_there_speak_for_a_ring() -> None:
-    faint = dataclasses.replace(GOOD, spread=0.86, comb=12.0, worth=0.85, rareness=2.0)
-    assert not faint.is_ring
-    assert dataclasses.replace(faint, rareness=25.0).is_ring
-    assert dataclasses.replace(faint, rareness=25.0).evidence - faint.evidence == pytest.approx(0.12 * 23.0 + 1.0)
+@pytest.mark.parametrize("less", [{"curve": 5.0}, {"poles": 8.0}, {"lead": -0.3}])
+def test_what_does_not_stand_out_from_what_lies_about_it_is_hardly_one(less: dict[str, float]) -> None:
+    faint = dataclasses.replace(ORDINARY, worth=1.0)
+    assert faint.is_ring
+    hidden = dataclasses.replace(faint, distinct=dataclasses.replace(faint.distinct, **less))
+    assert hidden.evidence < faint.evidence - 1.5
 
 
 def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> None:
@@ -80,6 +96,7 @@ def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> No
         support=2.06,
         worth=1.1,
         rareness=0.0,
+        distinct=Distinctness(11.0, 12.5, 0.5),
     )
     assert not row.missing
     assert not row.is_ring
@@ -87,7 +104,8 @@ def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> No
 
 
 def test_a_chain_of_poles_on_a_line_that_goes_on_is_none() -> None:
-    # Edge-on in one plane, and in the other a curve beside it that happens to have as many spots.
+    # Edge-on in one plane, and in the other a curve beside it that happens to have as many spots: a little further
+    # along the line it shows as much.
     line = Judgement(
         covered=0.92,
         spread=0.966,
@@ -99,64 +117,69 @@ def test_a_chain_of_poles_on_a_line_that_goes_on_is_none() -> None:
         worth=0.925,
         rareness=11.1,
         line_beyond=0.477,
+        distinct=Distinctness(9.0, 11.0, 0.0),
     )
     assert not line.missing
     assert not line.is_ring
-    assert dataclasses.replace(line, line_beyond=0.0).is_ring
+    assert dataclasses.replace(line, distinct=Distinctness(11.0, 14.0, 0.6)).is_ring
 
 
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
-    assert dataclasses.replace(GOOD, comb=12.0, spread=0.86, worth=0.85).is_rival
-    assert not dataclasses.replace(GOOD, comb=9.0, spread=0.81, support=1.8, worth=0.8, rareness=8.0).is_rival
+    nearly = dataclasses.replace(ORDINARY, spread=0.88, roundness=0.88, worth=0.8)
+    assert not nearly.is_ring
+    assert nearly.is_rival
+    assert not dataclasses.replace(nearly, spread=0.81, comb=9.0, distinct=HARDLY).is_rival
     assert not dataclasses.replace(GOOD, covered=0.4).is_rival
 
 
 @pytest.mark.parametrize(
     ("change", "may_be"),
-    [({}, True), ({"worth": 0.4, "rareness": 2.0, "roundness": 0.82}, False), ({"line_beyond": 0.9}, False)],
+    [({}, True), ({"distinct": HARDLY, "comb": 8.5}, False), ({"line_beyond": 0.9}, False)],
 )
-def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[str, float], may_be: bool) -> None:
-    known = {
+def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[str, Any], may_be: bool) -> None:
+    known: dict[str, Any] = {
         "roundness": GOOD.roundness,
         "diameter_mm": GOOD.diameter_mm,
-        "worth": GOOD.worth,
+        "worth": 0.9,
         "rareness": GOOD.rareness,
         "line_beyond": GOOD.line_beyond,
+        "comb": GOOD.comb,
+        "distinct": GOOD.distinct,
     }
     best = at_best(**known | change)
-    assert best.is_rival is may_be
-    assert best.evidence >= dataclasses.replace(GOOD, **change).evidence
+    assert is_hopeful(best, Known.POLES) is may_be
+    assert best.evidence >= dataclasses.replace(GOOD, **change, worth=0.9).evidence
 
 
-def test_what_leaves_no_hope_is_known_before_there_is_a_model_and_before_it_is_followed() -> None:
+def test_what_leaves_no_hope_is_known_step_by_step() -> None:
     line = {"worth": 1.1, "rareness": 10.0, "line_beyond": 0.0}
-    assert is_hopeful(at_most(**line), has_model=False)
-    assert not is_hopeful(at_most(**line | {"line_beyond": 0.9}), has_model=False)
-    assert not is_hopeful(at_most(**line | {"worth": 0.6}), has_model=False)
-    assert is_hopeful(at_best(roundness=0.95, diameter_mm=20.0, **line), has_model=True)
-    assert not is_hopeful(at_best(roundness=0.72, diameter_mm=14.0, **line), has_model=True)
-    # All that is believed was hopeful: a plain ring, too, of whose electrodes few are points in all pairs.
-    plain = dataclasses.replace(GOOD, spread=0.98, comb=50.0, worth=1.28, roundness=0.913, support=2.39, rareness=0.0)
-    assert plain.is_ring
-    found = {"worth": plain.worth, "rareness": 0.0, "line_beyond": 0.0}
-    assert is_hopeful(at_most(**found), has_model=False)
-    assert is_hopeful(at_best(roundness=plain.roundness, diameter_mm=plain.diameter_mm, **found), has_model=True)
-    faint = dataclasses.replace(GOOD, spread=0.92, comb=14.0, worth=0.95, rareness=4.0)
-    assert faint.is_ring
-    known = {"worth": faint.worth, "rareness": faint.rareness, "line_beyond": faint.line_beyond}
-    assert is_hopeful(at_best(roundness=faint.roundness, diameter_mm=faint.diameter_mm, **known), has_model=True)
+    assert is_hopeful(at_most(**line), Known.CIRCLE)
+    assert not is_hopeful(at_most(**line | {"line_beyond": 0.9}), Known.CIRCLE)
+    assert not is_hopeful(at_most(**line | {"worth": 0.4}), Known.CIRCLE)
+    curve: dict[str, Any] = {**line, "roundness": 0.95, "diameter_mm": 20.0}
+    there, hardly_there = (dataclasses.replace(MOST_DISTINCT, curve=one) for one in (11.0, 4.0))
+    assert is_hopeful(at_best(**curve, distinct=there), Known.CURVE)
+    assert not is_hopeful(at_best(**curve, distinct=hardly_there), Known.CURVE)
+    assert not is_hopeful(at_best(**curve | {"roundness": 0.72, "diameter_mm": 14.0}, distinct=there), Known.CURVE)
+    # All that is believed was hopeful.
+    for one in (GOOD, ORDINARY, dataclasses.replace(ORDINARY, rareness=1.0, roundness=0.9)):
+        assert one.is_ring
+        found = {"worth": one.worth, "rareness": one.rareness, "line_beyond": one.line_beyond}
+        assert is_hopeful(at_most(**found), Known.CIRCLE)
+        found |= {"roundness": one.roundness, "diameter_mm": one.diameter_mm}
+        assert is_hopeful(
+            at_best(**found, distinct=dataclasses.replace(MOST_DISTINCT, curve=one.distinct.curve)), Known.CURVE
+        )
+        assert is_hopeful(at_best(**found, comb=one.comb, distinct=one.distinct), Known.POLES)
 
 
 def test_a_ring_squeezed_by_its_vein_is_one_where_all_else_is_plain() -> None:
     assert dataclasses.replace(GOOD, roundness=0.75).is_ring
 
 
-@pytest.mark.parametrize(("worth", "line_beyond", "may_be"), [(1.3, 0.0, True), (0.2, 0.0, False), (1.3, 0.9, False)])
-def test_what_can_be_no_ring_is_known_without_a_model(worth: float, line_beyond: float, may_be: bool) -> None:
-    most = at_most(worth=worth, rareness=3.0, line_beyond=line_beyond)
-    assert most.is_rival is may_be
-    model = at_best(roundness=0.99, diameter_mm=20.0, worth=worth, rareness=3.0, line_beyond=line_beyond)
-    assert most.evidence >= model.evidence
+def test_before_there_is_a_model_it_may_be_as_round_as_can_be_and_of_any_size() -> None:
+    known = {"worth": 1.0, "rareness": 3.0, "line_beyond": 0.0}
+    assert at_most(**known).evidence >= at_best(roundness=0.99, diameter_mm=20.0, **known).evidence
 
 
 def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:
@@ -174,6 +197,8 @@ def test_the_same_poles_in_both_planes_agree_and_others_do_not() -> None:
             worth=1.3,
             rareness=40.0,
             line_beyond=0.0,
+            comb=likeliest_comb(RING, evidence).score,
+            distinct=GOOD.distinct,
         )
         for evidence in (same, other)
     )

@@ -17,7 +17,7 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.judgement import Judgement
+from lasso_motion_ros.initialisation.judgement import MOST_DISTINCT, Judgement
 from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal, find_rings
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.tracker import RingTracker
@@ -98,7 +98,7 @@ def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
     a, b = ({plane: view.project(curve[places]) for plane, view in VIEWS.items()} for curve in (CURVE, other))
 
     def proposal(curve: np.ndarray, seen_a: np.ndarray, seen_b: np.ndarray) -> Proposal:
-        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0)
+        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, MOST_DISTINCT)
         return Proposal(pair(0), Seed(seen_a, seen_b), curve, judgement, 0, "")
 
     one, two = proposal(CURVE, a["a"], a["b"]), proposal(other, b["a"], b["b"])
@@ -111,7 +111,7 @@ def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
 
 def test_an_arc_of_a_ring_and_what_lies_beside_it_make_no_other() -> None:
     middle = CURVE.mean(axis=0)
-    judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0)
+    judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, MOST_DISTINCT)
     away = np.arange(20) * 40.0
 
     def proposal(curve: np.ndarray, shift_px: float) -> Proposal:

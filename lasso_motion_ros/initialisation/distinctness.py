@@ -1,0 +1,109 @@
+"""How far a ring stands out: what the planes show along its curve, by what they show along that curve laid elsewhere.
+
+Where there is much, whatever lies along a curve is dark: ribs, wires, contrast, noise. How dark says little, then; how
+much darker than along the same curve laid anywhere nearby says much, in standard deviations of what lies there. That
+is one unit at every dose, on bone and on lung, and each curve has its own: a long narrow one along a row of wires
+meets much by chance, a wide one on lung next to nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class _Tuning:
+    """Where else a curve is laid, and how wide a pole is."""
+
+    reach_mm: float = 8.0
+    nearest_mm: float = 1.5  # what is nearer shows the ring itself
+    pole_mm: float = 0.7  # standard deviation along the arc
+    smallest_spread: float = 0.05  # of evidence: where nothing is, nothing is divided
+
+
+TUNING = _Tuning()
+
+
+@dataclass(frozen=True)
+class Distinctness:
+    """How far a ring stands out, both planes together.
+
+    Attributes:
+        curve: by the mean along all of its curve, standard deviations, sum of the planes.
+        poles: by the mean at its poles, likewise.
+        lead: by how much more evidence its poles show than at best elsewhere, in the plane where that is less.
+    """
+
+    curve: float
+    poles: float
+    lead: float
+
+
+class CurveElsewhere:
+    """A ring's curve, laid all about its place in both planes.
+
+    Args:
+        seen: per plane, its working image.
+        along: per plane, (L, 2) working pixels of the curve there.
+    """
+
+    def __init__(self, seen: Mapping[Plane, WorkingImage], along: Mapping[Plane, Array]) -> None:
+        self._shown = {plane: _laid(seen[plane], along[plane]) for plane in PLANES}
+
+    @property
+    def curve(self) -> float:
+        """See `Distinctness`."""
+        return sum(_stands_out(shown.mean(axis=1))[0] for shown in self._shown.values())
+
+    def with_poles(self, points: Array, places_mm: tuple[float, ...]) -> Distinctness:
+        """How far it stands out with poles.
+
+        Args:
+            points: (L, 3) of the curve, metres.
+            places_mm: of the poles, from its beginning.
+        """
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        arc_mm = 1e3 * np.concatenate([[0.0], np.cumsum(steps)])
+        away = (arc_mm[:, None] - np.asarray(places_mm)[None]) / TUNING.pole_mm
+        weights = np.exp(-0.5 * (away**2).min(axis=1, initial=np.inf))
+        weights = (weights / max(float(weights.sum()), 1e-9)).astype(np.float32)
+        told = [_stands_out(shown @ weights) for shown in self._shown.values()]
+        return Distinctness(self.curve, sum(far for far, _ in told), min(lead for _, lead in told))
+
+
+def _offsets() -> Array:
+    """(K, 2) working pixels by which a curve is laid aside, every second one; the first not at all."""
+    count = round(0.5 * TUNING.reach_mm / PIXEL_MM)
+    at = 2.0 * np.arange(-count, count + 1)
+    aside = np.stack(np.meshgrid(at, at), axis=2).reshape(-1, 2)
+    return np.concatenate([np.zeros((1, 2)), aside[np.hypot(*aside.T) >= TUNING.nearest_mm / PIXEL_MM]])
+
+
+OFFSETS = _offsets()
+
+
+def _laid(image: WorkingImage, along: Array) -> Image:
+    """(K, L) the evidence along a curve (L, 2) in its place, and aside; nothing outside the image."""
+    reach = TUNING.reach_mm / PIXEL_MM
+    evidence, corner = image.evidence_about(np.concatenate([along - reach, along + reach]))
+    if evidence.size == 0:
+        return np.zeros((len(OFFSETS), len(along)), np.float32)
+    at = (OFFSETS[:, None] + (along - corner)).astype(np.float32)
+    return np.asarray(cv2.remap(evidence, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT))
+
+
+def _stands_out(means: Image) -> tuple[float, float]:
+    """By how many standard deviations the first of some means (K,) stands out from the others, and beyond the most."""
+    here, others = float(means[0]), means[1:]
+    spread = max(float(others.std()), TUNING.smallest_spread)
+    return (here - float(others.mean())) / spread, here - float(others.max())

@@ -1,0 +1,90 @@
+"""How far a ring stands out is told by the same curve laid elsewhere: at any dose, and among whatever else is dark."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_image, noisy
+
+from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.initialisation.distinctness import CurveElsewhere, Distinctness
+from lasso_motion_ros.ring.electrodes import likeliest_comb
+from lasso_motion_ros.ring.working_image import working_image
+
+NOWHERE = CURVE + 10.0
+POINTS = CURVE[::4]
+
+
+def of_images(change: Callable[[np.ndarray, str], np.ndarray]) -> Distinctness:
+    """Of the drawn ring's place, in images that are made of nothing but its background."""
+    seen = {}
+    for plane, view in VIEWS.items():
+        drawn = change(lasso_image(NOWHERE, view).astype(float), plane)
+        frame = Frame(0, noisy(drawn, [3, ord(plane)], 0.0), view)
+        seen[plane] = working_image(frame, LOOP.centre, bright=False, shift=np.zeros(2))
+    along = {plane: image.projection.project(POINTS) for plane, image in seen.items()}
+    comb = likeliest_comb(POINTS, {plane: image.evidence_at(along[plane]) for plane, image in seen.items()})
+    return CurveElsewhere(seen, along).with_poles(POINTS, comb.places_mm)
+
+
+def ring(plane: str) -> np.ndarray:
+    """What the ring takes from an image's grey values."""
+    view = VIEWS[plane]
+    return lasso_image(NOWHERE, view).astype(float) - lasso_image(CURVE, view)
+
+
+def noise(plane: str, sigma: float, seed: int = 0) -> np.ndarray:
+    view = VIEWS[plane]
+    return np.random.default_rng([seed, ord(plane)]).normal(0.0, sigma, (view.height, view.width))
+
+
+@pytest.fixture(scope="module")
+def drawn() -> Distinctness:
+    return of_images(lambda grey, plane: grey - ring(plane) + noise(plane, 8.0))
+
+
+def test_a_ring_stands_out_and_noise_does_not(drawn: Distinctness) -> None:
+    assert drawn.curve > 12.0
+    assert drawn.poles > 12.0
+    assert drawn.lead > 0.5
+    for seed in range(4):
+        nothing = of_images(lambda grey, plane, seed=seed: grey + noise(plane, 8.0, seed))  # type: ignore[misc]
+        assert nothing.curve < 6.0
+        assert nothing.poles < 9.0  # those of the likeliest comb
+        assert nothing.lead < 0.3
+
+
+def test_it_is_the_same_at_every_dose_and_grey_level(drawn: Distinctness) -> None:
+    darker = of_images(lambda grey, plane: 0.6 * (grey - ring(plane) + noise(plane, 8.0)))
+    assert darker.poles == pytest.approx(drawn.poles, rel=0.05)
+    assert darker.curve == pytest.approx(drawn.curve, rel=0.05)
+
+
+def test_where_much_else_is_as_dark_it_stands_out_less(drawn: Distinctness) -> None:
+    def with_spots(grey: np.ndarray, plane: str) -> np.ndarray:
+        # As many spots as electrodes about the ring, and as dark.
+        random = np.random.default_rng([5, ord(plane)])
+        places = VIEWS[plane].project(LOOP.centre) + random.uniform(-90.0, 90.0, (160, 2))
+        y, x = np.mgrid[: grey.shape[0], : grey.shape[1]]
+        for at in places:
+            grey = grey - 50.0 * np.exp(-0.5 * ((x - at[0]) ** 2 + (y - at[1]) ** 2) / 4.0**2)
+        return grey - ring(plane) + noise(plane, 8.0)
+
+    among = of_images(with_spots)
+    assert among.poles < 0.8 * drawn.poles
+    assert among.lead < drawn.lead
+
+
+def test_beyond_the_picture_there_is_nothing_to_stand_out() -> None:
+    seen = {
+        plane: working_image(
+            Frame(0, noisy(lasso_image(CURVE, view), 1, 5.0), view), LOOP.centre, bright=False, shift=np.zeros(2)
+        )
+        for plane, view in VIEWS.items()
+    }
+    along = {plane: image.projection.project(NOWHERE[::4]) for plane, image in seen.items()}
+    found = CurveElsewhere(seen, along).with_poles(NOWHERE[::4], (4.0, 8.0))
+    assert found == Distinctness(0.0, 0.0, 0.0)
+    assert CurveElsewhere(seen, along).with_poles(NOWHERE[::4], ()).poles == 0.0
