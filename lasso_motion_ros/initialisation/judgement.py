@@ -55,7 +55,7 @@ class _Tuning:
     enough_roundness: float = 0.93
     enough_worth: float = 1.2
     nothing: float = 31.8
-    believed: float = 1.5
+    believed: float = 2.5
     rival: float = -1.0
     # With all that is not known yet at its best: no ring has everything, so that less of it leaves no hope.
     hope_of_circle: float = 11.0  # before there is a model,

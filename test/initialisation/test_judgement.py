@@ -96,7 +96,7 @@ def test_electrodes_no_rarer_than_chance_makes_them_speak_against_a_ring() -> No
         support=2.06,
         worth=1.1,
         rareness=0.0,
-        distinct=Distinctness(11.0, 12.5, 0.5),
+        distinct=Distinctness(11.5, 13.5, 0.6),
     )
     assert not row.missing
     assert not row.is_ring
@@ -121,7 +121,7 @@ def test_a_chain_of_poles_on_a_line_that_goes_on_is_none() -> None:
     )
     assert not line.missing
     assert not line.is_ring
-    assert dataclasses.replace(line, distinct=Distinctness(11.0, 14.0, 0.6)).is_ring
+    assert dataclasses.replace(line, distinct=Distinctness(12.0, 15.0, 0.7)).is_ring
 
 
 def test_one_that_shows_nearly_as_much_is_a_rival() -> None:
@@ -162,7 +162,7 @@ def test_what_leaves_no_hope_is_known_step_by_step() -> None:
     assert not is_hopeful(at_best(**curve, distinct=hardly_there), Known.CURVE)
     assert not is_hopeful(at_best(**curve | {"roundness": 0.72, "diameter_mm": 14.0}, distinct=there), Known.CURVE)
     # All that is believed was hopeful.
-    for one in (GOOD, ORDINARY, dataclasses.replace(ORDINARY, rareness=1.0, roundness=0.9)):
+    for one in (GOOD, ORDINARY, dataclasses.replace(ORDINARY, rareness=2.0, roundness=0.9)):
         assert one.is_ring
         found = {"worth": one.worth, "rareness": one.rareness, "line_beyond": one.line_beyond}
         assert is_hopeful(at_most(**found), Known.CIRCLE)
