@@ -47,6 +47,9 @@ class CompanionSlideTuning:
     put_m: float = 7e-3
     known_m: float = 8e-4  # in every direction: then companions tell of a slide what the ring's own past cannot,
     known_for_s: float = 2.0  # for so long after both planes have shown some
+    alone: float = (
+        0.5  # chance that the ring slides, not the device, where one plane alone shows one, and nothing else tells
+    )
     own_m: float = 4e-4  # to which the ring's own past tells how far it has slid across its breathing
 
 
@@ -187,7 +190,7 @@ class CompanionSlide:
     def joined(self, own: Slide) -> CompanionSlide:
         """With what the ring's own past tells of a slide: it does not count for later pairs, which tell it anew."""
         if own.log_odds <= 0.0:
-            return self
+            return self if self.unseen_s <= self.tuning.known_for_s else self._doubted()
         tuning, across = self.tuning, np.asarray(own.across)
         size = float(np.linalg.norm(across))
         state, covariance = self.states[SLIDES], self.covariances[SLIDES]
@@ -201,6 +204,11 @@ class CompanionSlide:
         log_odds = self.log_odds_of_slide + own.log_odds - 0.5 * innovation**2 / variance
         log_odds = min(max(log_odds, -25.0), 25.0)
         return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds)
+
+    def _doubted(self) -> CompanionSlide:
+        """As one plane alone tells it: what is seen to leave the ring may be a device that a hand moves."""
+        slides = self.tuning.alone * self.probability
+        return replace(self, log_odds_of_slide=math.log(slides / (1.0 - slides)))
 
     @property
     def probability(self) -> float:

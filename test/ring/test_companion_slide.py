@@ -254,3 +254,15 @@ def test_one_plane_and_its_own_past_tell_together_of_a_slide_and_of_none():
     assert stands.joined(own).beyond(2.0 * MM) < 0.01
     assert slides.joined(own).probability > 0.9
     assert slides.joined(own).offset[1] == pytest.approx(1.2 * MM, abs=0.15 * MM)
+
+
+def test_what_one_plane_alone_tells_may_be_a_device_that_was_moved():
+    alone = both = CompanionSlide.first(CompanionSlideTuning())
+    for index in range(1, 11):
+        seen = shown(XY, [0.0, 0.3 * index], 0.1)
+        alone, both = alone.after(0.5, [seen]), both.after(0.5, [seen, shown(XZ, [0.0, 0.0], 0.1)])
+    assert min(alone.probability, both.probability) > 0.98
+    assert alone.joined(Slide()).probability == pytest.approx(0.5 * alone.probability)
+    assert both.joined(Slide()) is both
+    # Its own past tells that it is the ring.
+    assert alone.joined(Slide((0.0, 3.0 * MM, 0.0), 5.0)).probability > 0.98
