@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.curves import arc_length
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
@@ -72,9 +73,7 @@ class CurveElsewhere:
             points: (L, 3) of the curve, metres.
             places_mm: of the poles, from its beginning.
         """
-        steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        arc_mm = 1e3 * np.concatenate([[0.0], np.cumsum(steps)])
-        away = (arc_mm[:, None] - np.asarray(places_mm)[None]) / TUNING.pole_mm
+        away = (1e3 * arc_length(points)[:, None] - np.asarray(places_mm)[None]) / TUNING.pole_mm
         weights = np.exp(-0.5 * (away**2).min(axis=1, initial=np.inf))
         weights = (weights / max(float(weights.sum()), 1e-9)).astype(np.float32)
         told = [_stands_out(shown @ weights) for shown in self._shown.values()]

@@ -47,9 +47,6 @@ class CompanionSlideTuning:
     put_m: float = 7e-3
     known_m: float = 8e-4  # in every direction: then companions tell of a slide what the ring's own past cannot,
     known_for_s: float = 2.0  # for so long after both planes have shown some
-    alone: float = (
-        0.5  # chance that the ring slides, not the device, where one plane alone shows one, and nothing else tells
-    )
     own_m: float = 4e-4  # to which the ring's own past tells how far it has slid across its breathing
 
 
@@ -82,6 +79,7 @@ class CompanionSlide:
         since_s: time since a plane has shown companions, seconds; minus infinity where none has.
         unseen_s: time since both planes have, seconds.
         was_unlike: whether the last pair that showed some was unlike what was known before.
+        trust: probability that it is the ring that has moved, where they tell that ring and device have parted.
     """
 
     tuning: CompanionSlideTuning
@@ -91,6 +89,7 @@ class CompanionSlide:
     since_s: float = -math.inf
     unseen_s: float = math.inf
     was_unlike: bool = False
+    trust: float = 1.0
 
     @staticmethod
     def first(tuning: CompanionSlideTuning) -> CompanionSlide:
@@ -189,8 +188,11 @@ class CompanionSlide:
 
     def joined(self, own: Slide) -> CompanionSlide:
         """With what the ring's own past tells of a slide: it does not count for later pairs, which tell it anew."""
+        # What one plane alone shows to leave the ring may be a device that a hand moves: as likely as not, unless the
+        # ring's own past tells.
+        trust = logistic(max(own.log_odds, 0.0)) if self._is_of_one_plane else 1.0
         if own.log_odds <= 0.0:
-            return self if self.unseen_s <= self.tuning.known_for_s else self._doubted()
+            return self if trust == self.trust else replace(self, trust=trust)
         tuning, across = self.tuning, np.asarray(own.across)
         size = float(np.linalg.norm(across))
         state, covariance = self.states[SLIDES], self.covariances[SLIDES]
@@ -203,12 +205,12 @@ class CompanionSlide:
         # Where they tell of another way it is the less likely that either slides.
         log_odds = self.log_odds_of_slide + own.log_odds - 0.5 * innovation**2 / variance
         log_odds = min(max(log_odds, -25.0), 25.0)
-        return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds)
+        return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds, trust=trust)
 
-    def _doubted(self) -> CompanionSlide:
-        """As one plane alone tells it: what is seen to leave the ring may be a device that a hand moves."""
-        slides = self.tuning.alone * self.probability
-        return replace(self, log_odds_of_slide=math.log(slides / (1.0 - slides)))
+    @property
+    def _is_of_one_plane(self) -> bool:
+        """Whether only one plane had shown companions for a while when the last word on them came."""
+        return self.unseen_s - self.since_s > self.tuning.known_for_s
 
     @property
     def probability(self) -> float:
@@ -255,7 +257,7 @@ class CompanionSlide:
             _beyond(limit_m, state[PLACE], covariance[PLACE, PLACE])
             for state, covariance in zip(self.states, self.covariances, strict=True)
         )
-        return (1.0 - slides) * stands + slides * moves
+        return self.trust * ((1.0 - slides) * stands + slides * moves)
 
 
 class _Innovation(NamedTuple):

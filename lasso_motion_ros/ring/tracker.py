@@ -247,6 +247,7 @@ class RingTracker:
             # not tell.
             is_back = companions.is_known and track.was_told_away and track.belief.in_place < states.pose
             track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
+            # Once they are gone, what they told holds undoubted: nothing tells that the ring is back.
             track.beside = companions.joined(track.slide) if companions.is_told else companions
             slid = math.sqrt(2.0 * max(track.beside.log_odds(1e-3 * states.misleading_mm), 0.0))
             alone = Slide() if companions.is_told else track.slide

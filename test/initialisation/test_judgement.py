@@ -81,6 +81,7 @@ def test_what_does_not_stand_out_from_what_lies_about_it_is_hardly_one(less: dic
     faint = dataclasses.replace(ORDINARY, worth=1.0)
     assert faint.is_ring
     hidden = dataclasses.replace(faint, distinct=dataclasses.replace(faint.distinct, **less))
+    assert not hidden.is_ring
     assert hidden.evidence < faint.evidence - 1.5
 
 

@@ -261,8 +261,16 @@ def test_what_one_plane_alone_tells_may_be_a_device_that_was_moved():
     for index in range(1, 11):
         seen = shown(XY, [0.0, 0.3 * index], 0.1)
         alone, both = alone.after(0.5, [seen]), both.after(0.5, [seen, shown(XZ, [0.0, 0.0], 0.1)])
-    assert min(alone.probability, both.probability) > 0.98
-    assert alone.joined(Slide()).probability == pytest.approx(0.5 * alone.probability)
-    assert both.joined(Slide()) is both
-    # Its own past tells that it is the ring.
-    assert alone.joined(Slide((0.0, 3.0 * MM, 0.0), 5.0)).probability > 0.98
+    assert min(alone.beyond(2.0 * MM), both.beyond(2.0 * MM)) > 0.98
+    doubted = alone.joined(Slide()).beyond(2.0 * MM)
+    assert doubted == pytest.approx(0.5 * alone.beyond(2.0 * MM))
+    assert both.joined(Slide()).beyond(2.0 * MM) == both.beyond(2.0 * MM)
+    # Its own past tells that it is the ring, the more the surer it is.
+    hardly, surely = (alone.joined(Slide((0.0, 3.0 * MM, 0.0), odds)).beyond(2.0 * MM) for odds in (1e-6, 5.0))
+    assert hardly == pytest.approx(doubted, abs=0.01)
+    assert surely > 0.98
+    # When they are gone it is known as it was: by one plane, or by both.
+    for _ in range(6):
+        alone, both = alone.after(0.5, []), both.after(0.5, [])
+    assert alone.joined(Slide()).beyond(2.0 * MM) == pytest.approx(doubted)
+    assert both.joined(Slide()).beyond(2.0 * MM) > 0.98
