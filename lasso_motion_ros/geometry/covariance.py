@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+from scipy.special import gammaincc
 
 from lasso_motion_ros.geometry.transforms import cross_product_matrix
 
@@ -89,3 +90,38 @@ def squared_mahalanobis(offset: Array, covariance: Array) -> float:
             raise np.linalg.LinAlgError("singular covariance")
         return float((x * (d * x - b * y) + y * (a * y - c * x)) / determinant)
     return float(offset @ np.linalg.solve(covariance, offset))
+
+
+def probability_beyond(limit: float, covariance: Array, offset: Array | None = None) -> float:
+    """Probability that a normal deviate in space is farther off than a limit.
+
+    The square of its length is taken for a gamma variable of the same mean and variance, which about no offset it is
+    where all directions are known as well, or one alone is not (Satterthwaite 1946, An approximate distribution of
+    estimates of variance components; Patnaik, Biometrika 36, 1949).
+
+    Args:
+        limit: of its length.
+        covariance: (3, 3), in units of the limit's square.
+        offset: (3,) its mean, in units of the limit; none if not given.
+    """
+    mean = float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2])
+    half_variance, size2 = float((covariance * covariance).sum()), 0.0
+    if offset is not None:
+        size2 = float(offset @ offset)
+        half_variance += 2.0 * float(offset @ covariance @ offset)
+    mean += size2
+    if half_variance <= 0.0:
+        return float(size2 > limit**2)
+    return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit**2 * mean / half_variance))
+
+
+def log_student(distance: Array, determinant: Array, freedom: float) -> Array:
+    """Natural logarithm of the density of Student's distribution in the plane.
+
+    Args:
+        distance: (...) squared Mahalanobis distance.
+        determinant: (...) of the (2, 2) scale matrix.
+        freedom: degrees of freedom.
+    """
+    peak = -math.log(2.0 * math.pi) - 0.5 * np.log(determinant)
+    return np.asarray(peak - 0.5 * (freedom + 2.0) * np.log1p(distance / freedom))

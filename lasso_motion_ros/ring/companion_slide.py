@@ -16,10 +16,9 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaincc
 
 from lasso_motion_ros.core.logistic import logistic
-from lasso_motion_ros.geometry.covariance import inverses, largest_sigma
+from lasso_motion_ros.geometry.covariance import inverses, largest_sigma, log_student, probability_beyond
 from lasso_motion_ros.geometry.frames import PLANES
 from lasso_motion_ros.ring.slide import Slide
 
@@ -133,9 +132,7 @@ class CompanionSlide:
         for number, (one, (across, value, noise)) in enumerate(zip(told, seen, strict=True)):
             if number or is_put:  # models that have changed since foretell something else
                 one = _innovation(states, covariances, across, value, noise)
-            likelihood = -0.5 * np.log(one.determinant) - 0.5 * (tuning.freedom + 2.0) * np.log1p(
-                one.far / tuning.freedom
-            )
+            likelihood = log_student(one.far, one.determinant, tuning.freedom)
             log_odds += float(likelihood[SLIDES] - likelihood[STANDS])
             precision, unusual = one.precision, (tuning.freedom + one.far) / (tuning.freedom + 2.0)
             if max(unusual) > 1.0:
@@ -254,7 +251,7 @@ class CompanionSlide:
         """Probability that it has slid by more than a limit, metres."""
         slides = self.probability
         stands, moves = (
-            _beyond(limit_m, state[PLACE], covariance[PLACE, PLACE])
+            probability_beyond(limit_m, covariance[PLACE, PLACE], state[PLACE])
             for state, covariance in zip(self.states, self.covariances, strict=True)
         )
         return self.trust * ((1.0 - slides) * stands + slides * moves)
@@ -296,16 +293,3 @@ def _merged(
     spread = share * (1.0 - share) * (apart[:, None] * apart)
     merged = (1.0 - share) * covariance + share * other_covariance + spread
     return mean, merged, total
-
-
-def _beyond(limit_m: float, offset: Array, covariance: Array) -> float:
-    """Probability that a normal deviate in space about an offset (3,) m is farther off than a limit.
-
-    The square of its length is taken for a gamma variable of the same mean and variance (Patnaik, Biometrika 36, 1949).
-    """
-    size2 = float(offset @ offset)
-    mean = float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2]) + size2
-    half_variance = float((covariance * covariance).sum()) + 2.0 * float(offset @ covariance @ offset)
-    if half_variance <= 0.0:
-        return float(size2 > limit_m**2)
-    return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit_m**2 * mean / half_variance))

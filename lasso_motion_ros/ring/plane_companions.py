@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
-from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import inverses, log_student, squared_mahalanobis
 from lasso_motion_ros.geometry.frames import Frame
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
@@ -186,10 +186,10 @@ class PlaneCompanions:
         mean = self._ring_sum / self._ring_count
         own = self._ring_square / self._ring_count - np.outer(mean, mean)
         least = np.maximum(sighting.variance, tuning.explained_mm**2)
-        with_it = _student(np.square(sighting.off).sum(axis=1) / least, least**2, tuning.freedom)
+        with_it = log_student(np.square(sighting.off).sum(axis=1) / least, least**2, tuning.freedom)
         spread = own + tuning.explained_mm**2 * _IDENTITY_2
         away = np.asarray(squared_mahalanobis(ring - mean, spread))
-        alone = _student(away, inverses(spread)[1], tuning.freedom)
+        alone = log_student(away, inverses(spread)[1], tuning.freedom)
         return np.minimum(with_it - alone, tuning.most_step)
 
     def learn(self, time_s: float, sighting: Sighting) -> None:
@@ -308,7 +308,7 @@ class PlaneCompanions:
             return 0.0
         tuning = self._tuning
         squares = np.square(off).sum(axis=1)
-        here = _student(squares / variance, variance**2, tuning.freedom)
+        here = log_student(squares / variance, variance**2, tuning.freedom)
         elsewhere = -0.5 * squares / tuning.elsewhere_mm**2 - math.log(2.0 * math.pi * tuning.elsewhere_mm**2)
         moves = (1.0 - tuning.fails) * moves
         odds = np.log(moves * np.exp(here - elsewhere) + 1.0 - moves)
@@ -345,15 +345,3 @@ def is_same_view(one: Projection, other: Projection, centre: Array, tuning: Comp
         return True
     points = centre + 0.01 * np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     return bool(np.abs(one.project(points) - other.project(points)).max() < tuning.same_view_px)
-
-
-def _student(distance: Array, determinant: Array, freedom: float) -> Array:
-    """Logarithm of the density of Student's distribution in the plane.
-
-    Args:
-        distance: squared Mahalanobis distance.
-        determinant: of the (2, 2) scale matrix.
-        freedom: degrees of freedom.
-    """
-    peak = -math.log(2.0 * math.pi) - 0.5 * np.log(determinant)
-    return np.asarray(peak - 0.5 * (freedom + 2.0) * np.log1p(distance / freedom))

@@ -58,7 +58,7 @@ class Track:
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
         slide: whether it has slid off its place by the last pair, as its own past tells.
-        beside: how far it has slid from its companions by the last pair, its own past considered where they tell.
+        joined_slide: how far it has slid from its companions by the last pair, its own past considered where they tell.
         was_told_away: they have told that it was displaced since it was in its place last.
         last_s: time of the last pair, seconds since the seed pair.
         interval_s: between the last two pairs, seconds.
@@ -96,7 +96,7 @@ class Track:
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
     slide: Slide = field(default_factory=Slide)
-    beside: CompanionSlide = field(default_factory=lambda: CompanionSlide.first(CompanionSlideTuning()))
+    joined_slide: CompanionSlide = field(default_factory=lambda: CompanionSlide.first(CompanionSlideTuning()))
     was_told_away: bool = False
     sightings: int = 0
     last_support: float = -1.0
@@ -123,7 +123,7 @@ class Track:
         if self.displacement is not None:
             self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
-        self.last_support, self.slide, self.beside = -1.0, Slide(), self.companions.slide
+        self.last_support, self.slide, self.joined_slide = -1.0, Slide(), self.companions.slide
         return time_s
 
     def way(self, displacement: Array) -> Array:

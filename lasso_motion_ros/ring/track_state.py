@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
-from scipy.special import gammaincc
 
 Array = npt.NDArray[np.float64]
 
@@ -42,22 +41,10 @@ class StateTuning:
     misleads_tracking: float = 0.01  # with more a pose is DEGRADED,
     misleads_pose: float = 0.05  # and with more than this there is none: it is within that in 19 of 20 cases
 
-
-def probability_beyond(limit: float, covariance: Array) -> float:
-    """Probability that a normal deviate in space is farther off than a limit.
-
-    The square of its length is taken for a gamma variable of the same mean and variance, which it is where all
-    directions are known as well, or one alone is not (Satterthwaite 1946, An approximate distribution of estimates of
-    variance components).
-
-    Args:
-        limit: of its length.
-        covariance: (3, 3), in units of the limit's square.
-    """
-    mean, half_variance = float(np.trace(covariance)), float(np.sum(covariance**2))
-    if half_variance <= 0.0:
-        return 0.0
-    return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit**2 * mean / half_variance))
+    @property
+    def misleading_m(self) -> float:
+        """How far off a pose misleads, metres."""
+        return 1e-3 * self.misleading_mm
 
 
 @dataclass(frozen=True)

@@ -248,8 +248,8 @@ class RingTracker:
             is_back = companions.is_known and track.was_told_away and track.belief.in_place < states.pose
             track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
             # Once they are gone, what they told holds undoubted: nothing tells that the ring is back.
-            track.beside = companions.joined(track.slide) if companions.is_told else companions
-            slid = math.sqrt(2.0 * max(track.beside.log_odds(1e-3 * states.misleading_mm), 0.0))
+            track.joined_slide = companions.joined(track.slide) if companions.is_told else companions
+            slid = math.sqrt(2.0 * max(track.joined_slide.log_odds(states.misleading_m), 0.0))
             alone = Slide() if companions.is_told else track.slide
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, alone, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
@@ -265,7 +265,7 @@ class RingTracker:
             if is_back:
                 track.curve.forget_aside()
             track.was_told_away = False
-        elif track.beside.beyond(1e-3 * states.misleading_mm) > 0.5:
+        elif track.joined_slide.beyond(states.misleading_m) > 0.5:
             track.was_told_away = True
         return departure
 

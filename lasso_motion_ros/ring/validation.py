@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.ring import JudgementConfig
-from lasso_motion_ros.geometry.covariance import largest_sigma
+from lasso_motion_ros.geometry.covariance import largest_sigma, probability_beyond
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.track import Track
-from lasso_motion_ros.ring.track_state import StateTuning, probability_beyond
+from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.tracking.tracker import TrackerState
 
 Array = npt.NDArray[np.float64]
@@ -77,7 +77,7 @@ def left_behind(track: Track, departure: float, states: StateTuning) -> str:
         departure: how far it is from breathing, standard deviations.
         states: how far off it is as likely displaced as in place.
     """
-    is_told = track.companions.deny or track.beside.beyond(_limit_m(states)) > 0.5
+    is_told = track.companions.deny or track.joined_slide.beyond(states.misleading_m) > 0.5
     if departure >= states.elsewhere_sigmas or not is_told:
         return ""
     return "it has left what moves with the heart beside it, or that was moved"
@@ -102,13 +102,13 @@ def misleading(
         best: the one that the pose is of.
         states: how far off misleads.
     """
-    limit_m = _limit_m(states)
+    limit_m = states.misleading_m
     # A place far off is as wrong as can be, however far, and only as probable as it is: no normal deviate.
     elsewhere = 1.0 - best.believed
     near = position - association.spread_beyond(limit_m)
     sigma_mm = 1e3 * largest_sigma(near)
     vague, slid = probability_beyond(limit_m, near), track.slide.beyond(limit_m)
-    across_mm, companions = 1e3 * track.slide.across_m, track.beside
+    across_mm, companions = 1e3 * track.slide.across_m, track.joined_slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions. Where they have been lost since, what they last told still counts if it was a slide;
     # a doubt that nobody can take back does not: it would last for good.
@@ -164,10 +164,6 @@ def quality(
     if best.detection.support < tuning.faint_share * track.usual_support:
         return TrackerState.DEGRADED, f"plane {weak} shows less of the lasso than it did"
     return TrackerState.TRACKING, ""
-
-
-def _limit_m(states: StateTuning) -> float:
-    return 1e-3 * states.misleading_mm
 
 
 def _stand_apart(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning) -> bool:

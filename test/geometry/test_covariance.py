@@ -1,8 +1,17 @@
 import numpy as np
 import pytest
+from scipy.stats import multivariate_t
 
 from lasso_motion_ros.evaluation.measures import centre_covariance
-from lasso_motion_ros.geometry.covariance import at_point, at_world_origin, inverses, largest_sigma, squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import (
+    at_point,
+    at_world_origin,
+    inverses,
+    largest_sigma,
+    log_student,
+    probability_beyond,
+    squared_mahalanobis,
+)
 
 RANDOM = np.random.default_rng(8)
 
@@ -71,3 +80,33 @@ def test_the_largest_sigma_of_any_covariance():
     assert largest_sigma(np.diag([4.0, 4.0, 4.0])) == 2.0
     assert largest_sigma(np.diag([9.0, 4.0, 9.0])) == pytest.approx(3.0)
     assert largest_sigma(np.zeros((3, 3))) == 0.0
+
+
+def test_the_probability_of_being_off_by_hand():
+    # Within one, two and three standard deviations: 68.27, 95.45 and 99.73 %.
+    for limit, inside in ((1.0, 0.6827), (2.0, 0.9545), (3.0, 0.9973)):
+        assert probability_beyond(2.0 * limit, np.diag([4.0, 0.0, 0.0])) == pytest.approx(1.0 - inside, abs=1e-4)
+    # In all directions alike: 19.87, 73.85 and 97.07 % (chi squared of three degrees of freedom).
+    for limit, inside in ((1.0, 0.1987), (2.0, 0.7385), (3.0, 0.9707)):
+        assert probability_beyond(2.0 * limit, 4.0 * np.eye(3)) == pytest.approx(1.0 - inside, abs=1e-4)
+    assert probability_beyond(2.0, np.zeros((3, 3))) == 0.0
+
+
+def test_the_probability_of_being_off_is_that_of_drawn_deviates():
+    random = np.random.default_rng(6)
+    for sigmas in ((0.3, 0.5, 0.9), (0.1, 0.7, 0.8), (0.6, 0.6, 1.2)):
+        axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        drawn = random.normal(size=(200_000, 3)) * sigmas @ axes.T
+        share = (np.linalg.norm(drawn, axis=1) > 2.0).mean()
+        assert probability_beyond(2.0, axes @ np.diag(np.square(sigmas)) @ axes.T) == pytest.approx(share, rel=0.1)
+        beside = np.array([0.5, -1.0, 0.7])
+        share = (np.linalg.norm(drawn + beside, axis=1) > 2.0).mean()
+        covariance = axes @ np.diag(np.square(sigmas)) @ axes.T
+        assert probability_beyond(2.0, covariance, beside) == pytest.approx(share, rel=0.1)
+    assert probability_beyond(2.0, np.zeros((3, 3)), np.array([0.0, 3.0, 0.0])) == 1.0
+
+
+def test_students_density_is_the_librarys():
+    scale, away = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, -2.0])
+    expected = multivariate_t(np.zeros(2), scale, df=4.0).logpdf(away)
+    assert log_student(squared_mahalanobis(away, scale), np.linalg.det(scale), 4.0) == pytest.approx(expected)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief, probability_beyond
+from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
 
 TUNING = StateTuning()
 PAIR_S = 1.0 / 3.0
@@ -26,25 +26,6 @@ def is_displaced(belief):
 
 def has_pose(belief):
     return belief.in_place >= TUNING.pose
-
-
-def test_the_probability_of_being_off_by_hand():
-    # Within one, two and three standard deviations: 68.27, 95.45 and 99.73 %.
-    for limit, inside in ((1.0, 0.6827), (2.0, 0.9545), (3.0, 0.9973)):
-        assert probability_beyond(2.0 * limit, np.diag([4.0, 0.0, 0.0])) == pytest.approx(1.0 - inside, abs=1e-4)
-    # In all directions alike: 19.87, 73.85 and 97.07 % (chi squared of three degrees of freedom).
-    for limit, inside in ((1.0, 0.1987), (2.0, 0.7385), (3.0, 0.9707)):
-        assert probability_beyond(2.0 * limit, 4.0 * np.eye(3)) == pytest.approx(1.0 - inside, abs=1e-4)
-    assert probability_beyond(2.0, np.zeros((3, 3))) == 0.0
-
-
-def test_the_probability_of_being_off_is_that_of_drawn_deviates():
-    random = np.random.default_rng(6)
-    for sigmas in ((0.3, 0.5, 0.9), (0.1, 0.7, 0.8), (0.6, 0.6, 1.2)):
-        axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
-        drawn = random.normal(size=(200_000, 3)) * sigmas @ axes.T
-        share = (np.linalg.norm(drawn, axis=1) > 2.0).mean()
-        assert probability_beyond(2.0, axes @ np.diag(np.square(sigmas)) @ axes.T) == pytest.approx(share, rel=0.1)
 
 
 def test_what_moves_with_the_heart_beside_it_speaks_against_it_only():

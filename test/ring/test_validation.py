@@ -46,7 +46,7 @@ def track(
     contradicts=0.0,
     size_mm=4.0,
     slide=Slide(),  # noqa: B008
-    beside=CompanionSlide.first(CompanionSlideTuning()),  # noqa: B008
+    joined_slide=CompanionSlide.first(CompanionSlideTuning()),  # noqa: B008
     denied=False,
 ):
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
@@ -58,7 +58,7 @@ def track(
         contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
         usual_support=usual,
         slide=slide,
-        beside=beside,
+        joined_slide=joined_slide,
         companions=SimpleNamespace(deny=denied),
     )
 
@@ -183,27 +183,27 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     seems = Slide((1e-3, 0.0, 0.0), 50.0)
     # It has not, whatever its own past makes of it: two standard deviations from where it would mislead, in a million
     # such places 49,700 times.
-    slid, said = misled(track(slide=seems, beside=companions(1.0)), 0.1)
+    slid, said = misled(track(slide=seems, joined_slide=companions(1.0)), 0.1)
     assert slid == pytest.approx(0.0497, abs=2e-3)
     assert said == "it seems to slide: 1.0 mm from what moves with the heart beside it"
     # It has, along the way of its breathing, where its past shows nothing.
-    slid, said = misled(track(beside=companions(3.0)), 0.1)
+    slid, said = misled(track(joined_slide=companions(3.0)), 0.1)
     assert slid == pytest.approx(0.986, abs=6e-3)
     # What is not seen any more tells of no innocence, but of what it told before.
-    slid, said = misled(track(slide=seems, beside=companions(0.5, since_s=5.0)), 0.1)
+    slid, said = misled(track(slide=seems, joined_slide=companions(0.5, since_s=5.0)), 0.1)
     assert said.endswith("across its breathing, and perhaps more along it")
-    slid, said = misled(track(slide=seems, beside=companions(3.0, since_s=5.0)), 0.1)
+    slid, said = misled(track(slide=seems, joined_slide=companions(3.0, since_s=5.0)), 0.1)
     assert slid == pytest.approx(0.986, abs=6e-3)
     # But a doubt, once they are gone, is one that nobody could take back.
-    assert misled(track(beside=companions(1.5, since_s=1.0)), 0.1)[0] > 0.15
-    assert misled(track(beside=companions(1.5, since_s=5.0)), 0.1)[0] < 1e-6
+    assert misled(track(joined_slide=companions(1.5, since_s=1.0)), 0.1)[0] > 0.15
+    assert misled(track(joined_slide=companions(1.5, since_s=5.0)), 0.1)[0] < 1e-6
 
 
 def test_it_says_what_the_ring_has_left():
     slid = CompanionSlide.at(CompanionSlideTuning(), np.array([8e-3, 0.0, 0.0]), 1e-7 * np.eye(3), 0.0)
     left = "it has left what moves with the heart beside it, or that was moved"
     assert left_behind(track(denied=True), 1.0, STATES) == left
-    assert left_behind(track(beside=slid), 1.0, STATES) == left
+    assert left_behind(track(joined_slide=slid), 1.0, STATES) == left
     assert left_behind(track(), 1.0, STATES) == ""
     assert left_behind(track(denied=True), 4.0, STATES) == ""  # it has left its breathing, whatever the others do
 

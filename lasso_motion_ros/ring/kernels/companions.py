@@ -239,7 +239,7 @@ def found(
 
 @compiled("float64(float64, float64, float64)")
 def _student(distance: float, determinant: float, freedom: float) -> float:
-    """`plane_companions._student` of one distance."""
+    """`geometry.covariance.log_student` of one distance."""
     peak = -math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
     return peak - 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
 
