@@ -104,11 +104,14 @@ def probability_beyond(limit: float, covariance: Array, offset: Array | None = N
         covariance: (3, 3), in units of the limit's square.
         offset: (3,) its mean, in units of the limit; none if not given.
     """
-    mean = float(covariance[0, 0] + covariance[1, 1] + covariance[2, 2])
-    half_variance, size2 = float((covariance * covariance).sum()), 0.0
+    # Written out, as in `largest_sigma`.
+    (a, d, e), (_, b, f), (_, _, c) = covariance.tolist()
+    mean, size2 = a + b + c, 0.0
+    half_variance = a * a + b * b + c * c + 2.0 * (d * d + e * e + f * f)
     if offset is not None:
-        size2 = float(offset @ offset)
-        half_variance += 2.0 * float(offset @ covariance @ offset)
+        x, y, z = offset.tolist()
+        size2 = x * x + y * y + z * z
+        half_variance += 2.0 * (a * x * x + b * y * y + c * z * z + 2.0 * (d * x * y + e * x * z + f * y * z))
     mean += size2
     if half_variance <= 0.0:
         return float(size2 > limit**2)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.logistic import logistic
 from lasso_motion_ros.geometry.covariance import inverses, largest_sigma, log_student, probability_beyond
 from lasso_motion_ros.geometry.frames import PLANES
@@ -121,10 +122,50 @@ class CompanionSlide:
         since_s = max(since_s, interval_s)
         tuning = self.tuning
         directions = _IDENTITY_3 if len(shown) == len(PLANES) else shown[0].across.T @ shown[0].across
-        states, covariances, log_odds = self._moved_on(since_s, directions)
         # What is shared by several pairs counts as one: each of them tells less.
         beat, breath = (max(1.0, time_s / max(since_s, 1e-3)) for time_s in (tuning.spacing_s, tuning.breath_s))
-        seen = [(one.across, one.value, (beat * one.noise + breath * one.learned) * _IDENTITY_2) for one in shown]
+        noises = [beat * one.noise + breath * one.learned for one in shown]
+        states, covariances, log_odds, is_unlike = self._taken_in(since_s, directions, shown, noises)
+        return CompanionSlide(tuning, states, covariances, log_odds, 0.0, unseen_s, is_unlike)
+
+    def _taken_in(
+        self, interval_s: float, directions: Array, shown: Sequence[SlideSight], noises: Sequence[float]
+    ) -> tuple[Array, Array, float, bool]:
+        """States, covariances and log odds with what planes show after an interval, and whether that is unlike them.
+
+        Args:
+            interval_s: seconds.
+            directions: (3, 3) onto those in which it is seen.
+            shown: by each plane that shows companions.
+            noises: likewise, m² along either of its directions.
+        """
+        tuning = self.tuning
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels.companion_slide import taken_in
+
+            known: tuple[Array, Array, float, bool] = taken_in(
+                self.states,
+                self.covariances,
+                self.log_odds_of_slide,
+                self.was_unlike,
+                interval_s,
+                directions,
+                np.array([one.across for one in shown]),
+                np.array([one.value for one in shown]),
+                np.array(noises),
+                (
+                    tuning.wander_m,
+                    tuning.begins_per_s,
+                    tuning.rests_per_s,
+                    tuning.speed_m_s,
+                    tuning.freedom,
+                    tuning.unlike,
+                    tuning.put_m,
+                ),
+            )
+            return known
+        states, covariances, log_odds = self._moved_on(interval_s, directions)
+        seen = [(one.across, one.value, noise * _IDENTITY_2) for one, noise in zip(shown, noises, strict=True)]
         told = [_innovation(states, covariances, *one) for one in seen]
         is_unlike = bool(np.sum([one.far for one in told], axis=0).min() > tuning.unlike * len(shown))
         if is_put := is_unlike and self.was_unlike:
@@ -144,7 +185,7 @@ class CompanionSlide:
             covariances = covariances - gain @ cross.swapaxes(-1, -2)
         covariances = 0.5 * (covariances + covariances.swapaxes(-1, -2))
         log_odds = min(max(log_odds, -25.0), 25.0)
-        return CompanionSlide(tuning, states, covariances, log_odds, 0.0, unseen_s, is_unlike)
+        return states, covariances, log_odds, is_unlike
 
     def _moved_on(self, interval_s: float, directions: Array) -> tuple[Array, Array, float]:
         """States, covariances and log odds after an interval in which it may have begun to slide, or come to rest.

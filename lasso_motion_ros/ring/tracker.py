@@ -245,7 +245,7 @@ class RingTracker:
             companions = track.companions.slide
             # Where they told that it was displaced and now that it is back, its own past, full of where it was, need
             # not tell.
-            is_back = companions.is_known and track.was_told_away and track.belief.in_place < states.pose
+            is_back = track.was_told_away and track.belief.in_place < states.pose and companions.is_known
             track.slide = Slide() if is_back else track.curve.slide(time_s, best.displacement)
             # Once they are gone, what they told holds undoubted: nothing tells that the ring is back.
             track.joined_slide = companions.joined(track.slide) if companions.is_told else companions

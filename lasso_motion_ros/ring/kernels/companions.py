@@ -238,7 +238,7 @@ def found(
 
 
 @compiled("float64(float64, float64, float64)")
-def _student(distance: float, determinant: float, freedom: float) -> float:
+def student(distance: float, determinant: float, freedom: float) -> float:
     """`geometry.covariance.log_student` of one distance."""
     peak = -math.log(2.0 * math.pi) - 0.5 * math.log(determinant)
     return peak - 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
@@ -300,7 +300,7 @@ def told(
             for m in range(3):
                 variance[c] += row[k] * known[i, k, m] * row[m]
         moves[c] = 1.0 / (1.0 + math.exp(-log_odds[i]))
-        here = _student(square / variance[c], variance[c] * variance[c], freedom)
+        here = student(square / variance[c], variance[c] * variance[c], freedom)
         wide = elsewhere_mm * elsewhere_mm
         elsewhere = -0.5 * square / wide - math.log(2.0 * math.pi * wide)
         works = (1.0 - fails) * moves[c]
@@ -346,12 +346,12 @@ def steps(
     b = ring_square[0, 1] / count - x * y
     c = ring_square[1, 1] / count - y * y + least
     u, v, determinant = ring[0] - x, ring[1] - y, a * c - b * b
-    alone = _student((u * (c * u - b * v) + v * (a * v - b * u)) / determinant, determinant, freedom)
+    alone = student((u * (c * u - b * v) + v * (a * v - b * u)) / determinant, determinant, freedom)
     made = np.empty(variance.size)
     for n in range(made.size):
         spread = max(variance[n], least)
         square = off[n, 0] * off[n, 0] + off[n, 1] * off[n, 1]
-        made[n] = min(_student(square / spread, spread * spread, freedom) - alone, most)
+        made[n] = min(student(square / spread, spread * spread, freedom) - alone, most)
     return made
 
 
