@@ -287,7 +287,7 @@ def cloned(state: Array, covariance: Array, h: Array, first: int) -> tuple[Array
 
 
 @compiled("float64[::1](float64[:, ::1])")
-def _principal_axis(matrix: Array) -> Array:
+def principal_axis(matrix: Array) -> Array:
     """(3,) unit eigenvector of the largest eigenvalue of a symmetric matrix (3, 3), by Jacobi's rotations."""
     a, vectors = matrix.copy(), np.eye(3)
     for _ in range(12):
@@ -365,7 +365,7 @@ def regression(
     for k in range(3):
         for m in range(3):
             scatter[k, m] = sums[1 + k, 1 + m] - sums[0, 1 + k] * sums[0, 1 + m] / count
-    axis = _principal_axis(scatter)
+    axis = principal_axis(scatter)
     # Sums of products of the regressors, and of these and the turn's components; in units of the prior.
     columns, square, cross = np.zeros((5, 3)), np.zeros((3, 3)), np.zeros((3, 3))
     columns[0, 0], columns[4, 2] = prior_sd[0], prior_sd[2]

@@ -154,6 +154,11 @@ class Spread:
         """(3, 3) of the motion about its mean, m²."""
         return self._with(0.0, self.tuning.smallest_spread_m, self.tuning.seen_spread_m)
 
+    @cached_property
+    def way(self) -> Array:
+        """(3,) unit vector along which the motion is largest."""
+        return np.asarray(np.linalg.eigh(self.covariance)[1][:, -1])
+
     def _with(self, first_m: float, least_m: float, enough_m: float) -> Array:
         """(3, 3) m² with spreads, metres: expected in every direction, at least, and seen to outweigh the first."""
         tuning, seen = self.tuning, float(np.trace(self.scatter))

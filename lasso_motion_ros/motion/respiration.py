@@ -100,6 +100,7 @@ class RespiratoryMotion:
         self._state = np.zeros((len(self._heart), SIZE))
         self._covariance = first_covariance(self.spread, self._heart, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
+        self._foretold: tuple[float, Estimate] | None = None  # the last time that was asked for
         self._blocks: dict[int, Estimate] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
@@ -134,8 +135,10 @@ class RespiratoryMotion:
         return self._spread.mean.copy()
 
     def predict(self, time_s: float) -> Estimate:
-        """The displacement expected at a later time, nothing being changed."""
-        return self._seen_along(DISPLACEMENT, *self._propagated(time_s))
+        """The displacement expected at a later time, nothing being changed; kept, and not to be changed in place."""
+        if self._foretold is None or self._foretold[0] != time_s:
+            self._foretold = time_s, self._seen_along(DISPLACEMENT, *self._propagated(time_s))
+        return self._foretold[1]
 
     def sideways_sigmas(self, time_s: float, found: Estimate) -> float:
         """How far a displacement is from what was foretold, in standard deviations, whatever breath was drawn since.
@@ -150,7 +153,7 @@ class RespiratoryMotion:
         foretold = self.predict(time_s)
         precision = np.linalg.inv(foretold.covariance + found.covariance)
         off = found.displacement - foretold.displacement
-        breath = np.linalg.eigh(self.spread)[1][:, -1]
+        breath = self._spread.way
         explained = float(breath @ precision @ off) ** 2 / float(breath @ precision @ breath)
         return math.sqrt(max(float(off @ precision @ off) - explained, 0.0))
 
@@ -244,7 +247,7 @@ class RespiratoryMotion:
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
-        self._spread, self._ahead = self._spread.learned(displacement), {}
+        self._spread, self._ahead, self._foretold = self._spread.learned(displacement), {}, None
         # At the one plane's exposure and at the other's: each shows what the other does not.
         moment = 0.5 * (self._beat(*self._marked) + self._beat_now)
         self._become_shaped(self._shape.learned(moment, self._time_s))
@@ -345,11 +348,12 @@ class RespiratoryMotion:
     def _become(self, state: Array, covariance: Array) -> None:
         # New dictionaries: a copy of this filter goes on with the old ones.
         self._state, self._covariance, self._ahead, self._blocks = state, covariance, {}, {}
+        self._foretold = None
 
     def _weigh(self, log_weights: Array) -> None:
         """Take over other weights (filters,), by their logarithms; what they sum up to is worked out when asked for."""
         self._log_weights = log_weights
-        self._weights = None
+        self._weights = self._foretold = None
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:

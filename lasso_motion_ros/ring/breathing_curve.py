@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import distance_of_point
 from lasso_motion_ros.ring.slide import SeenPlaces, Slide, SlideTuning
 
@@ -202,8 +203,12 @@ class BreathingCurve:
     def _compared(self, displacement: Array, curve: Array) -> tuple[float, float, float]:
         """What `_off_curve` tells, for a curve (N, 3)."""
         axis, spread_m = (self._axis, self._spread_m) if curve is self._points else _principal_axis(curve)
-        mean = curve.sum(axis=0) / len(curve)
         axis = axis if len(curve) > 2 else self._axis
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels.breathing_curve import compared
+
+            return *compared(displacement, curve, axis, self._complete_s is None), spread_m
+        mean = curve.sum(axis=0) / len(curve)
         along = (curve - mean) @ axis
         at = float((displacement - mean) @ axis)
         beyond = max(at - float(along.max()), float(along.min()) - at, 0.0)
@@ -231,6 +236,11 @@ def _count_turns(along: Array, tuning: CurveTuning) -> int:
 
 def _principal_axis(points: Array) -> tuple[Array, float]:
     """(3,) direction of largest spread, and the root mean square along it, metres."""
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.breathing_curve import direction
+
+        axis_and_spread: tuple[Array, float] = direction(points)
+        return axis_and_spread
     off = points - points.sum(axis=0) / len(points)
     squares, directions = np.linalg.eigh(off.T @ off)
     return directions[:, -1], float(np.sqrt(max(squares[-1], 0.0) / len(points)))

@@ -33,6 +33,7 @@ MODULES = tuple(
         "ring.kernels.seed",
         "ring.kernels.band",
         "ring.kernels.blur",
+        "ring.kernels.breathing_curve",
         "ring.kernels.companions",
         "ring.kernels.companion_slide",
         "ring.kernels.curve",
