@@ -85,26 +85,48 @@ class Projection:
         gram = self.matrix[:, :3] @ self.matrix[:, :3].T
         return float(((gram[0, 0] - gram[0, 2] ** 2) * (gram[1, 1] - gram[1, 2] ** 2)) ** 0.25)
 
+    @cached_property
+    def _rows(self) -> list[list[float]]:
+        return self.matrix.tolist()  # type: ignore[no-any-return]
+
+    def _homogeneous(self, point: Array) -> tuple[float, float, float]:
+        """A world point (3,) times the matrix: written out, since numpy takes six times as long for so little."""
+        x, y, z = point.tolist()
+        (a, b, c, d), (e, f, g, h), (i, j, k, m) = self._rows
+        return a * x + b * y + c * z + d, e * x + f * y + g * z + h, i * x + j * y + k * z + m
+
     def depth(self, points: Array) -> Array:
         """Depth of world points (..., 3) in metres along the central ray; shape (...)."""
         return np.asarray(np.asarray(points) @ self.matrix[2, :3] + self.matrix[2, 3])
 
     def project(self, points: Array) -> Array:
         """World points (..., 3) in metres to pixels (..., 2); a point at the source gives non-finite."""
-        homogeneous = np.asarray(points, dtype=np.float64) @ self.matrix[:, :3].T + self.matrix[:, 3]
+        points = np.asarray(points, dtype=np.float64)
+        if points.ndim == 1:
+            x, y, depth = self._homogeneous(points)
+            if depth != 0.0:
+                return np.array([x / depth, y / depth])
+        homogeneous = points @ self.matrix[:, :3].T + self.matrix[:, 3]
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.asarray(homogeneous[..., :2] / homogeneous[..., 2:])
 
     def jacobian(self, points: Array) -> Array:
         """Derivative of `project` by the point: world points (..., 3) to (..., 2, 3) pixels per metre."""
         points = np.asarray(points, dtype=np.float64)
+        if points.ndim == 1:
+            x, y, depth = self._homogeneous(points)
+            (a, b, c, _), (d, e, f, _), (g, h, i, _) = self._rows
+            if depth != 0.0:
+                x, y = x / depth, y / depth
+                along_x = [(a - x * g) / depth, (b - x * h) / depth, (c - x * i) / depth]
+                return np.array([along_x, [(d - y * g) / depth, (e - y * h) / depth, (f - y * i) / depth]])
         pixels = self.project(points)
         numerator = self.matrix[:2, :3] - pixels[..., :, None] * self.matrix[2, :3]
         return np.asarray(numerator / self.depth(points)[..., None, None])
 
     def millimetres_per_pixel(self, point: Array) -> float:
         """Size of a pixel at a world point's depth, in mm (pixel pitch × source–object / source–detector)."""
-        return float(1e3 * self.depth(point) / self.focal_length_px)
+        return 1e3 * self._homogeneous(np.asarray(point, dtype=np.float64))[2] / self.focal_length_px
 
     def rays(self, pixels: Array) -> Array:
         """Unit directions (..., 3) from the source through pixels (..., 2), pointing in front of it."""
@@ -180,7 +202,9 @@ class Projection:
         matrix = self.matrix.copy()
         matrix[0] = (matrix[0] - (x + (binning_x - 1) / 2.0) * matrix[2]) / binning_x
         matrix[1] = (matrix[1] - (y + (binning_y - 1) / 2.0) * matrix[2]) / binning_y
-        return Projection(matrix, width, height, detector_width=self.detector_width / binning_x, derived_from=self)
+        made = Projection(matrix, width, height, detector_width=self.detector_width / binning_x, derived_from=self)
+        object.__setattr__(made, "focal_length_px", self.focal_length_px / math.sqrt(binning_x * binning_y))
+        return made
 
 
 def _normalised(matrix: Array) -> Array:
