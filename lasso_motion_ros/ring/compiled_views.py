@@ -10,7 +10,7 @@ from lasso_motion_ros.ring.gauss_newton import TUNING, Descent
 from lasso_motion_ros.ring.kernels import alignment as kernels
 from lasso_motion_ros.ring.loop_views import TUNING as SAMPLING
 from lasso_motion_ros.ring.loop_views import LoopViews
-from lasso_motion_ros.ring.working_image import PIXEL_MM
+from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
 
@@ -86,3 +86,10 @@ class CompiledLoopViews(LoopViews):
         ]
         visible, beside = np.array(seen).T
         return visible, beside
+
+    def _summed(self, values: Image, pixels: Array, image: WorkingImage) -> tuple[float, float, float]:
+        height, width = image.values.shape
+        sums: tuple[float, float, float] = kernels.summed(
+            values, pixels, width, height, self._arc_weights, self._between
+        )
+        return sums

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.directions import reflected_axes
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.ring.strip import HALF_WIDTH, sample_at, strip_about, upper_median
 from lasso_motion_ros.ring.template import RingTemplate
@@ -99,13 +100,13 @@ class LoopViews:
         # (L, columns) each, columns being 2·HALF_WIDTH + 1: the same in all planes.
         self._pattern = template.values
         self._slopes = np.array(template.slopes)[:, None]  # (2, 1, L, columns), along and sideways
-        self._arc_weights, self._between = template.weights, template.between
+        self._arc_weights, self._between = template.weights.astype(np.float64), template.between
         self._wire = [template.wire[plane] for plane in planes]
         self.usual = np.array([template.usual[plane] for plane in planes])
         self.centres = centres
         rays = centres - np.array([p.source for p in projections])
         self._rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
-        self._across = np.linalg.svd(rays[:, None])[2][:, 1:]  # (P, 2, 3)
+        self._across = reflected_axes(self._rays)  # (P, 2, 3)
         self.correlation = np.zeros(len(images))
 
     @property
@@ -256,14 +257,21 @@ class LoopViews:
         shown, evidence, wire, coverage = [], [], [], []
         for pixels, image, own in zip(self._pixels, self._images, self._wire, strict=True):
             values = image.evidence_at(pixels)
-            inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
-            share = float(self._arc_weights @ inside)
+            at_electrodes, between, share = self._summed(values, pixels, image)
             shown.append(values)
-            evidence.append(float(self._arc_weights @ values) / max(share, 1e-6) if share > 0.0 else 0.0)
+            evidence.append(at_electrodes)
             # What is darker than its wire is a line of something else: it is not the more the ring for that.
-            wire.append(min(float(values[self._between].sum()) / max(int(inside[self._between].sum()), 1), own))
+            wire.append(min(between, own))
             coverage.append(share)
         return shown, evidence, wire, coverage
+
+    def _summed(self, values: Image, pixels: Array, image: WorkingImage) -> tuple[float, float, float]:
+        """Evidence (L,) at pixels (L, 2) of an image: its mean at the electrodes and between them; and the coverage."""
+        inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
+        share = float(self._arc_weights @ inside)
+        at_electrodes = float(self._arc_weights @ values) / max(share, 1e-6) if share > 0.0 else 0.0
+        between = values[self._between].sum(dtype=np.float64) / max(int(inside[self._between].sum()), 1)
+        return at_electrodes, float(between), share
 
     def _derivative(self) -> Array:
         """(2, N, P·L) by how much each parameter moves each point of the curves, along them and sideways.

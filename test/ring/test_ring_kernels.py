@@ -21,6 +21,7 @@ from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
+from lasso_motion_ros.ring.loop_views import LoopViews
 from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
 from lasso_motion_ros.ring.seed_images import SeedImages
@@ -400,3 +401,29 @@ def test_what_an_image_covers_is_the_same() -> None:
         shares.append(share)
     assert min(shares) < 0.1
     assert 0.1 < max(shares) <= 1.0
+
+
+@pytest.mark.parametrize("place", [(250.0, 200.0), (2.0, 3.0), (-40.0, 90.0), (1e5, 1e5)])
+def test_a_contrast_is_told_in_the_same_unit(place: tuple[float, float]) -> None:
+    generator = np.random.default_rng(5)
+    noise = generator.uniform(1.0, 9.0, (300, 400)).astype(np.float32)
+    grey = generator.integers(0, 4096, (300, 400)).astype(np.uint16)
+    view = VIEWS["a"]
+    image = WorkingImage(noise, view, noise, grey)
+    centre = view.source + view.rays(np.array(place)) * 0.7
+    unit, plainly = both(lambda: image.contrast_unit(centre))
+    assert unit == pytest.approx(plainly, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_curve_shows_is_summed_up_alike(seed: int) -> None:
+    from lasso_motion_ros.ring.compiled_views import CompiledLoopViews
+
+    generator = np.random.default_rng(seed)
+    seen = images(generator, np.zeros(3), np.zeros(3))
+    pattern = template(seen)
+    views = CompiledLoopViews(seen, pattern, np.array([LOOP.centre] * 2))
+    pixels = generator.uniform(-60.0, 300.0, (len(pattern.weights), 2)) * (seed > 0)
+    values = generator.uniform(-1.0, 2.0, len(pattern.weights)).astype(np.float32)
+    sums = views._summed(values, pixels, seen["a"])
+    np.testing.assert_allclose(sums, LoopViews._summed(views, values, pixels, seen["a"]), rtol=1e-9, atol=1e-12)

@@ -351,6 +351,39 @@ def seen(
     return visible / max(total, 1e-9), distance / max(count, 1)
 
 
+@compiled(
+    "UniTuple(float64, 3)(float32[::1], float64[:, ::1], int64, int64, Array(float64, 1, 'C', readonly=True),"
+    " Array(boolean, 1, 'C', readonly=True))"
+)
+def summed(
+    values: Image, pixels: Array, width: int, height: int, weights: Array, between: npt.NDArray[np.bool_]
+) -> tuple[float, float, float]:
+    """What one plane's evidence along the curve comes to: `LoopViews._summed`.
+
+    Args:
+        values: (L,) the evidence.
+        pixels: (L, 2) where.
+        width: of the image, pixels.
+        height: likewise.
+        weights: (L,) of the electrodes, of sum 1.
+        between: (L,) where there is none.
+
+    Returns:
+        Its mean at the electrodes, and between them; the share of the weights that lies inside the image.
+    """
+    shown, share, wire, count = 0.0, 0.0, 0.0, 0
+    for n in range(values.size):
+        x, y = pixels[n, 0], pixels[n, 1]
+        is_inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0
+        shown += weights[n] * values[n]
+        if is_inside:
+            share += weights[n]
+        if between[n]:
+            wire += values[n]
+            count += 1 if is_inside else 0
+    return shown / max(share, 1e-6) if share > 0.0 else 0.0, wire / max(count, 1), share
+
+
 @compiled("void(float64[:, ::1], float64[:, ::1])")
 def _factorise(matrix: Array, factor: Array) -> None:
     """Cholesky's factor (N, N) of a matrix that is positive, written below the diagonal and on it."""

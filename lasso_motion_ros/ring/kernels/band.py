@@ -350,3 +350,27 @@ def evidence_at(
         lower += _inside(values, row + 1, column + 1) * right_share
         made[n] = upper * (_ONE - lower_share) + lower * lower_share
     return made
+
+
+@compiled(
+    "float64(Array(float32, 2, 'A', readonly=True), Array(uint16, 2, 'A', readonly=True), float64, float64, int64)"
+)
+def contrast_unit(noise: Image, grey: Grey, x: float, y: float, half: int) -> float:
+    """The noise at a pixel as a share of the grey about it: `WorkingImage.contrast_unit`.
+
+    Args:
+        noise: (h, w) of an image.
+        grey: (h, w) of it.
+        x: of the pixel, or beside the image.
+        y: likewise.
+        half: how far about it the grey counts, pixels.
+    """
+    height, width = noise.shape
+    column, row = min(max(round(x), 0), width - 1), min(max(round(y), 0), height - 1)
+    top, bottom = max(row - half, 0), min(row + half + 1, height)
+    left, right = max(column - half, 0), min(column + half + 1, width)
+    total = 0
+    for i in range(top, bottom):
+        for j in range(left, right):
+            total += grey[i, j]
+    return float(noise[row, column]) / max(total / ((bottom - top) * (right - left)), 1.0)
