@@ -78,7 +78,7 @@ def squared_mahalanobis(offset: Array, covariance: Array) -> float:
     """Squared Mahalanobis distance dᵀ Σ⁻¹ d of an offset (N,) under a covariance (N, N); no unit.
 
     For a normally distributed offset it follows the χ² distribution with N degrees of freedom. In the plane, as of a
-    plane's two measurements, it is written out: the library takes six times as long.
+    plane's two measurements, and in space it is written out: the library takes six times as long.
 
     Raises:
         numpy.linalg.LinAlgError: the covariance is singular.
@@ -89,6 +89,22 @@ def squared_mahalanobis(offset: Array, covariance: Array) -> float:
         if determinant == 0.0:
             raise np.linalg.LinAlgError("singular covariance")
         return float((x * (d * x - b * y) + y * (a * y - c * x)) / determinant)
+    if len(offset) == 3:
+        (x, y, z), ((a, d, e), (_, b, f), (_, _, c)) = offset.tolist(), covariance.tolist()
+        # The adjugate's elements: of xx, yy, zz, xy, xz and yz.
+        xx, yy, zz, xy, xz, yz = (
+            b * c - f * f,
+            a * c - e * e,
+            a * b - d * d,
+            e * f - c * d,
+            d * f - b * e,
+            d * e - a * f,
+        )
+        determinant = a * xx + d * xy + e * xz
+        if determinant == 0.0:
+            raise np.linalg.LinAlgError("singular covariance")
+        crossed = 2.0 * (x * y * xy + x * z * xz + y * z * yz)
+        return float((x * x * xx + y * y * yy + z * z * zz + crossed) / determinant)
     return float(offset @ np.linalg.solve(covariance, offset))
 
 

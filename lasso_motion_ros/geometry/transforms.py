@@ -12,7 +12,7 @@ Array = npt.NDArray[np.float64]
 
 def rotation_from_vector(vector: npt.ArrayLike) -> Array:
     """(3, 3) rotation about the axis `vector` (3,) by its length in radians (Rodrigues' formula)."""
-    x, y, z = (float(component) for component in np.asarray(vector, dtype=np.float64))
+    x, y, z = np.asarray(vector, dtype=np.float64).tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     # Below, the next term of each series is under the rounding of the first.
     if angle < 1e-4:
@@ -31,7 +31,7 @@ def rotation_from_vector(vector: npt.ArrayLike) -> Array:
 
 def cross_product_matrix(vector: npt.ArrayLike) -> Array:
     """(3, 3) skew-symmetric matrix [v]ₓ of a vector (3,), for which [v]ₓ w = v × w."""
-    x, y, z = np.asarray(vector, dtype=np.float64)
+    x, y, z = np.asarray(vector, dtype=np.float64).tolist()
     return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 

@@ -151,11 +151,10 @@ class RespiratoryMotion:
             found: the displacement, not taken in yet.
         """
         foretold = self.predict(time_s)
-        precision = np.linalg.inv(foretold.covariance + found.covariance)
-        off = found.displacement - foretold.displacement
-        breath = self._spread.way
-        explained = float(breath @ precision @ off) ** 2 / float(breath @ precision @ breath)
-        return math.sqrt(max(float(off @ precision @ off) - explained, 0.0))
+        off, breath = found.displacement - foretold.displacement, self._spread.way
+        both = np.stack([off, breath])
+        (alone, along), (_, way) = both @ np.linalg.solve(foretold.covariance + found.covariance, both.T)
+        return math.sqrt(max(alone - along * along / way, 0.0))
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""

@@ -16,7 +16,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.covariance import largest_sigma
+from lasso_motion_ros.geometry.covariance import largest_sigma, squared_mahalanobis
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -234,8 +234,8 @@ def _hypothesis(
         outcomes.append(after)
         if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
             break
-    motion_odds = float(np.logaddexp.reduce(odds))
-    after = outcomes[int(np.argmax(odds))]
+    motion_odds = float(np.logaddexp.reduce(odds)) if len(odds) > 1 else odds[0]
+    after = outcomes[odds.index(max(odds))]
     log_odds = sum(
         _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
     )
@@ -269,7 +269,7 @@ def _place_odds(away: Array, covariance: Array, tuning: AssociationTuning) -> fl
     Being there proves nothing: what looks like the ring is often right beside it.
     """
     spread = covariance + tuning.foretold_m**2 * _IDENTITY_3
-    distance = float(away @ np.linalg.solve(spread, away))
+    distance = squared_mahalanobis(away, spread)
     widening = math.log(largest_sigma(spread) / tuning.foretold_m)
     return math.log((1.0 + distance) ** -2 + tuning.anywhere) + tuning.by_spread * widening
 
@@ -294,7 +294,7 @@ def _disagreement(
     """How far the planes' rays pass each other, and what the motion between their exposures may do to that, mm."""
     between = after_a.expected_between(times["b"])
     gap, across = detection.gap(model.centre + between.displacement)
-    return 1e3 * gap, 1e3 * float(np.sqrt(across @ between.covariance @ across))
+    return 1e3 * gap, 1e3 * math.sqrt(across @ between.covariance @ across)
 
 
 def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:

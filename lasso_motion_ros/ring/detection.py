@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.directions import cross
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.transforms import cross_product_matrix
 from lasso_motion_ros.motion.motion_model import Observation
 from lasso_motion_ros.ring.alignment import Alignment
 from lasso_motion_ros.ring.loop_views import PlaneFit
@@ -95,6 +95,6 @@ class Detection:
             The signed gap in metres, and the (3,) unit direction along which it was measured.
         """
         a, b = (self.planes[plane] for plane in PLANES)
-        across = cross_product_matrix(a.ray) @ b.ray
-        across /= np.linalg.norm(across)
+        across = cross(a.ray, b.ray)
+        across /= math.sqrt(across @ across)
         return float(across @ (b.centre - expected_b)), across

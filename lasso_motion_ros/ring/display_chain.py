@@ -341,6 +341,10 @@ def block_means(values: Image, size: int) -> Image:
 def grey_change(sample: Sample, before: Sample) -> float:
     """Relative change of the grey between two samples, of the median block: most of an image does not move."""
     now, then = sample.grey, before.grey
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import display as kernels
+
+        return float(kernels.grey_change(now, then))
     change = np.asarray((now - then) / np.maximum(np.maximum(now, then), 1.0), dtype=np.float32)
     return float(upper_median(change[None])[0])
 

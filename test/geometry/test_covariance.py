@@ -55,6 +55,12 @@ def test_squared_mahalanobis_by_hand():
     assert squared_mahalanobis(np.array([4.0, 3.0]), np.diag([4.0, 1.0])) == pytest.approx(13.0)
     # Correlated: Σ⁻¹ = (2 −1; −1 2) / 3.
     assert squared_mahalanobis(np.array([1.0, 0.0]), np.array([[2.0, 1.0], [1.0, 2.0]])) == pytest.approx(2.0 / 3.0)
+    # As the library solves it, which is asked in four dimensions and more.
+    for size in (2, 3, 4):
+        half, offset = np.random.default_rng(size).normal(size=(2, size, size))
+        assert squared_mahalanobis(offset[0], half @ half.T) == pytest.approx(
+            offset[0] @ np.linalg.solve(half @ half.T, offset[0]), rel=1e-9
+        )
 
 
 @pytest.mark.parametrize("size", [2, 3])

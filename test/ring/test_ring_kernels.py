@@ -20,7 +20,14 @@ from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
-from lasso_motion_ros.ring.display_chain import DisplayChainTuning, difference, filter_of, group_sums, sampled
+from lasso_motion_ros.ring.display_chain import (
+    DisplayChainTuning,
+    difference,
+    filter_of,
+    grey_change,
+    group_sums,
+    sampled,
+)
 from lasso_motion_ros.ring.loop_views import LoopViews
 from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
@@ -229,9 +236,10 @@ def test_a_display_filter_is_seen_alike(shape: tuple[int, int], dtype: type) -> 
     def sums() -> tuple[Any, ...]:
         samples = [sampled(pixels.astype(dtype), tuning) for pixels in film]
         changes = [difference(after, before, tuning) for before, after in pairwise(samples)]
-        return samples[0], changes[1], group_sums(changes[1], changes[0], tuning)
+        return samples[0], changes[1], group_sums(changes[1], changes[0], tuning), grey_change(samples[0], samples[1])
 
-    (sample, change, groups), (plain_sample, plain_change, plain_groups) = both(sums)
+    (sample, change, groups, grey), (plain_sample, plain_change, plain_groups, plain_grey) = both(sums)
+    assert grey == pytest.approx(plain_grey, rel=1e-5)
     np.testing.assert_array_equal(sample.values, plain_sample.values)
     np.testing.assert_allclose(sample.grey, plain_sample.grey, rtol=1e-6)
     np.testing.assert_allclose(change.fine, plain_change.fine, atol=2e-5)

@@ -139,6 +139,16 @@ def _order(values: Image) -> npt.NDArray[np.int64]:
     return order
 
 
+@compiled("float32(float32[::1], float32[::1])", is_exact=True)
+def grey_change(now: Image, then: Image) -> np.float32:
+    """Relative change of blocks' grey (n,), of the median block: `display_chain.grey_change`."""
+    change, one = np.empty_like(now), np.float32(1.0)
+    for k in range(now.size):
+        change[k] = (now[k] - then[k]) / max(now[k], then[k], one)
+    middle: np.float32 = change[_order(change)[now.size // 2]]
+    return middle
+
+
 @compiled(
     "float64[:, ::1](float32[:, ::1], float32[:, ::1], float32[:, ::1], float32[:, ::1], int64, float32, float32,"
     " float64, int64, float32, int64)"
