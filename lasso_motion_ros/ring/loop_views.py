@@ -267,7 +267,7 @@ class LoopViews:
 
     def _summed(self, values: Image, pixels: Array, image: WorkingImage) -> tuple[float, float, float]:
         """Evidence (L,) at pixels (L, 2) of an image: its mean at the electrodes and between them; and the coverage."""
-        inside = ((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1)
+        inside = np.asarray(((pixels >= 0.0) & (pixels <= np.array(image.values.shape[::-1]) - 1.0)).all(axis=1))
         share = float(self._arc_weights @ inside)
         at_electrodes = float(self._arc_weights @ values) / max(share, 1e-6) if share > 0.0 else 0.0
         between = values[self._between].sum(dtype=np.float64) / max(int(inside[self._between].sum()), 1)

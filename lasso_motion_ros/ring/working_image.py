@@ -133,13 +133,13 @@ class WorkingImage:
 
     def contrast_unit(self, centre: Array) -> float:
         """What 1 in `values` is about a world point (3,) m, as a share of the grey there."""
-        place, half = self.projection.project(centre).tolist(), NOISE_WINDOW_PX // 2
+        (x, y), half = self.projection.project(centre).tolist(), NOISE_WINDOW_PX // 2
         if has_kernels():
             from lasso_motion_ros.ring.kernels.band import contrast_unit
 
-            return float(contrast_unit(self.noise, self.grey, *place, half))
+            return float(contrast_unit(self.noise, self.grey, x, y, half))
         height, width = self.noise.shape
-        x, y = (min(max(round(v), 0), side - 1) for v, side in zip(place, (width, height), strict=True))
+        x, y = (min(max(round(v), 0), side - 1) for v, side in ((x, width), (y, height)))
         grey = cv2.mean(self.grey[max(y - half, 0) : y + half + 1, max(x - half, 0) : x + half + 1])[0]
         return float(self.noise[y, x]) / max(grey, 1.0)
 

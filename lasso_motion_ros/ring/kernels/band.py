@@ -373,4 +373,5 @@ def contrast_unit(noise: Image, grey: Grey, x: float, y: float, half: int) -> fl
     for i in range(top, bottom):
         for j in range(left, right):
             total += grey[i, j]
-    return float(noise[row, column]) / max(total / ((bottom - top) * (right - left)), 1.0)
+    share: float = noise[row, column] / max(total / ((bottom - top) * (right - left)), 1.0)
+    return share
