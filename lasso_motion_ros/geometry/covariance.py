@@ -134,6 +134,24 @@ def probability_beyond(limit: float, covariance: Array, offset: Array | None = N
     return float(gammaincc(0.5 * mean**2 / half_variance, 0.5 * limit**2 * mean / half_variance))
 
 
+def probabilities_beyond(limit: float, covariances: Array, offsets: Array) -> Array:
+    """Probabilities (N,) that normal deviates in space are farther off than a limit: `probability_beyond` of many.
+
+    Args:
+        limit: of the length.
+        covariances: (N, 3, 3), in units of the limit's square.
+        offsets: (N, 3) their means, in units of the limit.
+    """
+    along = np.einsum("ni,nij,nj->n", offsets, covariances, offsets)
+    sizes2 = np.square(offsets).sum(axis=1)
+    means = np.trace(covariances, axis1=1, axis2=2) + sizes2
+    half_variances = np.square(covariances).sum(axis=(1, 2)) + 2.0 * along
+    is_sure = half_variances <= 0.0
+    half_variances = np.where(is_sure, 1.0, half_variances)
+    likely = gammaincc(0.5 * means**2 / half_variances, 0.5 * limit**2 * means / half_variances)
+    return np.asarray(np.where(is_sure, sizes2 > limit**2, likely))
+
+
 def log_student(distance: Array, determinant: Array, freedom: float) -> Array:
     """Natural logarithm of the density of Student's distribution in the plane.
 

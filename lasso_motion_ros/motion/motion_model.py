@@ -18,6 +18,7 @@ import numpy.typing as npt
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
 from lasso_motion_ros.motion import matern, oscillator
+from lasso_motion_ros.motion.hearts import Hearts, hearts
 
 Array = npt.NDArray[np.float64]
 
@@ -53,22 +54,18 @@ class MotionTuning:
     longest_history: int = 16  # sure displacements after which the past is no longer kept
     # Of breathing, which is smoother than a Matérn process: longer than its period over 2π.
     time_scale_s: float = 1.0
-    # Standard deviations of the heart's motion, alike in all directions.
-    heartbeats_m: tuple[float, ...] = (0.0001, 0.0004, 0.0009, 0.0018)
-    # Or of the shape that was learned: a heart moves to and fro on nearly the same way, whichever that is, so that what
-    # a plane shows of it tells what is in that plane's depth.
-    heartbeats_shaped_m: tuple[float, ...] = (0.0003, 0.0006, 0.0012, 0.0020)
-    # Before any beat was seen, the shape is one along the direction that both planes see, with this share of it across,
-    first_beat_m: float = 0.0005  # which counts as one beat of so much;
-    across_share: float = 0.35
-    smallest_share: float = 0.15  # and at least this across, whatever was learned.
-    # Before any measurement, of the one kind and the other.
-    heartbeat_odds: tuple[float, ...] = (0.1, 0.1, 0.05, 0.05, 0.2, 0.2, 0.2, 0.1)
+    # The heart's motion: standard deviation, metres, and odds before any measurement. Alike in all directions,
+    heartbeats_any_way: tuple[tuple[float, float], ...] = ((1e-4, 0.1), (4e-4, 0.1), (9e-4, 0.06), (1.8e-3, 0.04))
+    # or to and fro on one way, which tells of what a plane shows of it what is in that plane's depth,
+    heartbeats_one_way: tuple[tuple[float, float], ...] = ((4e-4, 0.25), (8e-4, 0.2), (1.4e-3, 0.15), (2.2e-3, 0.1))
+    heartbeat_ways: int = 48  # of so many, 8 degrees from any on average,
+    heartbeat_across_share: float = 0.15  # from which it strays by so much of how far it goes.
+    heartbeat_kept: float = 1e-3  # ways that are less probable than the likeliest by this are not gone on with
     # A beat is smooth, and swings back: its correlation with itself is 0.89, 0.67, 0.31 and -0.08 after 40, 80, 140 and
     # 300 ms with these (docs/constants.md).
     heartbeat_damping_per_s: float = 8.0
     heartbeat_turning_rad_s: float = 10.0
-    heartbeat_memory_s: float = 60.0  # measurements older than this fade from weights and shape: rhythms change
+    heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
     surge_m_s: float = 0.02  # of place and speed
@@ -76,28 +73,15 @@ class MotionTuning:
     times_ahead: int = 8  # predictions kept; while the loop stays lost they are for ever new times
 
     @cached_property
-    def heart_variances(self) -> Array:
-        """(filters,) m², along the direction in which it is largest."""
-        return np.square((*self.heartbeats_m, *self.heartbeats_shaped_m))
-
-    @cached_property
-    def odds(self) -> Array:
-        """(filters,) of the heartbeat's sizes and directions, before any measurement."""
-        return np.array(self.heartbeat_odds)
-
-    @cached_property
-    def log_odds(self) -> Array:
-        """(filters,) their natural logarithms."""
-        return np.log(self.odds)
+    def hearts(self) -> Hearts:
+        """What the heart may do, before any measurement."""
+        return hearts(
+            self.heartbeats_any_way, self.heartbeats_one_way, self.heartbeat_ways, self.heartbeat_across_share
+        )
 
     def heart_kept(self, interval_s: float) -> float:
         """Share of what was learned of the heart that is left after an interval, seconds."""
         return math.exp(-interval_s / self.heartbeat_memory_s)
-
-    def heart_covariances(self, shape: Array) -> Array:
-        """(filters, 3, 3) m² of the heartbeat; `shape` (3, 3) is what was learned of it, 1 in its largest direction."""
-        shapes = [_IDENTITY_3] * len(self.heartbeats_m) + [shape] * len(self.heartbeats_shaped_m)
-        return self.heart_variances[:, None, None] * np.stack(shapes)
 
 
 TUNING = MotionTuning()
@@ -196,41 +180,6 @@ class Spread:
         (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
         """
         return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
-
-
-@dataclass(frozen=True, eq=False)
-class HeartShape:
-    """Which way the heart moves the ring, learned from what is taken for its beats.
-
-    Each beat counts by its second moment, what is unknown of it included, so that what no plane shows stays as it was:
-    a step of expectation maximisation (Dempster, Laird and Rubin, Journal of the Royal Statistical Society B 39, 1977).
-
-    Attributes:
-        along: (3,) unit vector that both planes see.
-        tuning: what is expected of it.
-        time_s: of the newest beat, seconds.
-        moments: (3, 3) m², sum over the beats; older ones have faded.
-    """
-
-    along: Array
-    tuning: MotionTuning
-    time_s: float
-    moments: Array = field(default_factory=lambda: np.zeros((3, 3)))
-
-    @cached_property
-    def covariance(self) -> Array:
-        """(3, 3) of it, in units of the variance along the direction in which it is largest."""
-        tuning = self.tuning
-        across = tuning.across_share**2
-        first = across * _IDENTITY_3 + (1.0 - across) * np.outer(self.along, self.along)
-        sum_ = tuning.first_beat_m**2 * first + self.moments
-        share = tuning.smallest_share**2
-        return np.asarray((1.0 - share) * sum_ / np.linalg.eigvalsh(sum_)[-1] + share * _IDENTITY_3)
-
-    def learned(self, moment: Array, time_s: float) -> HeartShape:
-        """With another beat's second moment (3, 3) m² at a time, seconds."""
-        kept = self.tuning.heart_kept(time_s - self.time_s)
-        return replace(self, time_s=time_s, moments=kept * self.moments + moment)
 
 
 def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:

@@ -4,10 +4,10 @@ Every exposure of a plane measures the centre across its ray, at its own time. A
 stationary process (`motion_model`) joins them: it brackets plane A's exposure between two of plane B's, carries the
 depth over a missing plane, predicts the next pair and gives the covariance of all that.
 
-How far the heartbeat moves the atrium differs tenfold between patients, and which way. Both are learned: the way by
-what the filter takes for the heart's part of the motion (`HeartShape`); how far by filters that differ only in that,
-side by side, each weighted by the probability that it gives to the measurements so far (a static bank of models:
-Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation", 2001, section 11.6.2).
+How far the heartbeat moves the atrium differs tenfold between patients, and which way. Both are learned by filters that
+differ only in that (`hearts`), side by side, each weighted by the probability that it gives to the measurements so far
+(a static bank of models: Bar-Shalom, Li and Kirubarajan, "Estimation with Applications to Tracking and Navigation",
+2001, section 11.6.2). Those of next to no weight are dropped, and taken up anew after a while: rhythms change.
 """
 
 from __future__ import annotations
@@ -19,6 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
+from lasso_motion_ros.geometry.covariance import probabilities_beyond
+from lasso_motion_ros.motion.hearts import Hearts
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
     DISPLACEMENT,
@@ -31,7 +33,6 @@ from lasso_motion_ros.motion.motion_model import (
     TUNING,
     VELOCITY,
     Estimate,
-    HeartShape,
     MotionTuning,
     Observation,
     Spread,
@@ -44,7 +45,6 @@ Array = npt.NDArray[np.float64]
 
 _IDENTITY_3 = np.eye(3)
 _BLOCKS = {block.start: np.eye(SIZE)[block] for block in (HEARTBEAT, ORIGIN_B, AT_A)}  # as functions of the state
-_ALONG_BODY = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,6 @@ class RespiratoryMotion:
         *,
         shape: Array = _IDENTITY_3,
         between: Observation | None = None,
-        along: Array = _ALONG_BODY,
         tuning: MotionTuning = TUNING,
     ) -> None:
         """Start at the seed pair.
@@ -81,13 +80,12 @@ class RespiratoryMotion:
             time_b_s: plane B's, not earlier.
             shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
             between: what the seed pair shows of the displacement at plane B's exposure.
-            along: (3,) unit vector that both planes see, across their rays.
             tuning: what is expected of breathing and heart.
         """
         self._start_s = time_a_s, time_b_s
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
-        self._become_shaped(HeartShape(along, tuning, time_a_s))
+        self._hearts, self._since_all_s = tuning.hearts, time_a_s
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._weights: Array | None = None  # not worked out yet
@@ -96,21 +94,20 @@ class RespiratoryMotion:
     def _begin(self) -> None:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
-        self._weigh(self._tuning.log_odds)
-        self._state = np.zeros((len(self._heart), SIZE))
-        self._covariance = first_covariance(self.spread, self._heart, self._tuning)
+        self._weigh(self._hearts.log_odds)
+        self._state = np.zeros((len(self._hearts), SIZE))
+        self._covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
         self._foretold: tuple[float, Estimate] | None = None  # the last time that was asked for
         self._blocks: dict[int, Estimate] = {}
         # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
         self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
-        self._marked = self._state, self._covariance
         self._clone(AT_A)
         self._advance(time_b_s)
         if self._between is not None:
             self._update(self._between.across @ DISPLACEMENT, self._between.value, self._between.covariance)
         self._clone(ORIGIN_B)
-        self._weigh(self._tuning.log_odds)  # what holds by definition tells nothing of the heart
+        self._weigh(self._hearts.log_odds)  # what holds by definition tells nothing of the heart
 
     def copy(self) -> RespiratoryMotion:
         """An independent filter in the same state; arrays are never changed in place, so they are shared."""
@@ -161,22 +158,24 @@ class RespiratoryMotion:
         return self._seen_along(SINCE_B, *self._propagated(time_s))
 
     @property
+    def hearts(self) -> Hearts:
+        """What the heart may do: of each filter."""
+        return self._hearts
+
+    @property
     def weights(self) -> Array:
-        """(filters,) probability of each size and direction of the heartbeat; not to be changed in place."""
+        """(filters,) probability of each of the hearts; not to be changed in place."""
         if self._weights is None:
             weights = np.exp(self._log_weights - self._log_weights.max())
             self._weights = np.asarray(weights / weights.sum())
         return self._weights
 
     @property
-    def heartbeat_m(self) -> float:
-        """Standard deviation of the heartbeat's motion along its largest direction, as learned so far, metres."""
-        return float(np.sqrt(self.weights @ self._tuning.heart_variances))
-
-    @property
-    def heart_shape(self) -> Array:
-        """(3, 3) covariance of the heart's motion, learned so far, in units of that along its largest direction."""
-        return self._shape.covariance
+    def heartbeat_sideways(self) -> Array:
+        """(3, 3) m² covariance of the heartbeat's motion across the direction of breathing, as learned so far."""
+        breath = self._spread.way
+        across = _IDENTITY_3 - np.outer(breath, breath)
+        return np.asarray(across @ np.tensordot(self.weights, self._hearts.covariances, 1) @ across)
 
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
         """A linear function h (3, SIZE) of the state, over all filters."""
@@ -217,7 +216,6 @@ class RespiratoryMotion:
         """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
         self._remember(_Exposure(time_s, None, None, is_mark=True))
         self._advance(time_s)
-        self._marked = self._state, self._covariance
         self._clone(AT_A)
 
     @property
@@ -229,6 +227,19 @@ class RespiratoryMotion:
     def at_a(self) -> Estimate:
         """The displacement at plane A's last exposure, with all that came since."""
         return self._block(AT_A)
+
+    def beyond(self, limit_m: float, more: Array) -> float:
+        """Probability that `at_a` is farther off than a limit, metres, each heart by itself.
+
+        A heart that is seldom so strong is seldom far off, and then by much: no one normal distribution says so.
+
+        Args:
+            limit_m: of the distance.
+            more: (3, 3) m² of what else it may be off by.
+        """
+        off = self._state[:, AT_A] - self.at_a.displacement
+        beyond = probabilities_beyond(limit_m, self._covariance[:, AT_A, AT_A] + more, off)
+        return float(self.weights @ beyond)
 
     def _block(self, block: slice) -> Estimate:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""
@@ -247,9 +258,7 @@ class RespiratoryMotion:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
         self._spread, self._ahead, self._foretold = self._spread.learned(displacement), {}, None
-        # At the one plane's exposure and at the other's: each shows what the other does not.
-        moment = 0.5 * (self._beat(*self._marked) + self._beat_now)
-        self._become_shaped(self._shape.learned(moment, self._time_s))
+        self._choose_hearts()
         if not self._keeps_history:
             return
         if is_revised:
@@ -257,17 +266,30 @@ class RespiratoryMotion:
         if self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
 
-    def _beat(self, state: Array, covariance: Array) -> Array:
-        """(3, 3) m² second moment of the heart's motion in a state."""
-        beat = self._seen_along(_BLOCKS[HEARTBEAT.start], state, covariance)
-        return np.asarray(np.outer(beat.displacement, beat.displacement) + beat.covariance)
+    def _choose_hearts(self) -> None:
+        """Go on without the ways that the heart does not go; once in a while with all of them again."""
+        tuning = self._tuning
+        if self._time_s - self._since_all_s >= tuning.heartbeat_memory_s:
+            self._take_up_all()
+        kept = self._hearts.is_any_way | (self.weights >= tuning.heartbeat_kept * self.weights.max())
+        if not kept.all():
+            log_weights = self._log_weights[kept]
+            self._hearts = self._hearts.only(kept)
+            self._become(self._state[kept], self._covariance[kept])
+            self._weigh(log_weights)
 
-    @property
-    def _beat_now(self) -> Array:
-        return self._beat(self._state, self._covariance)
-
-    def _become_shaped(self, shape: HeartShape) -> None:
-        self._shape, self._heart = shape, self._tuning.heart_covariances(shape.covariance)
+    def _take_up_all(self) -> None:
+        """All hearts again: the dropped ones in the state of all the others; what spoke against them has faded."""
+        every, old = self._tuning.hearts, self._hearts.number
+        against = math.log(self._tuning.heartbeat_kept) * self._tuning.heart_kept(self._time_s - self._since_all_s)
+        off = self._state - self.weights @ self._state
+        within = self._weighted(self._covariance) + (self.weights[:, None] * off).T @ off
+        state, covariance = np.tile(self.weights @ self._state, (len(every), 1)), np.tile(within, (len(every), 1, 1))
+        log_weights = every.log_odds + (self._log_weights - every.log_odds[old]).max() + against
+        state[old], covariance[old], log_weights[old] = self._state, self._covariance, self._log_weights
+        self._hearts, self._since_all_s = every, self._time_s
+        self._become(state, covariance)
+        self._weigh(log_weights)
 
     def move(self, displacement: Array) -> None:
         """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
@@ -320,16 +342,11 @@ class RespiratoryMotion:
         """Filter the past again, with the spread learned since."""
         history, self._history = self._history, ()
         self._begin()
-        shape = HeartShape(self._shape.along, self._tuning, self._start_s[0])
         for exposure in history:
             if exposure.is_mark:
                 self.mark_a(exposure.time_s)
-                shape = shape.learned(0.5 * self._beat(*self._marked), self._time_s)
             else:
                 self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
-                if exposure.b is not None:
-                    shape = shape.learned(0.5 * self._beat_now, self._time_s)
-        self._become_shaped(shape)
 
     def _propagated(self, time_s: float) -> tuple[Array, Array]:
         """State and covariance at a later time, kept for when they are asked for again."""
@@ -340,7 +357,9 @@ class RespiratoryMotion:
             if len(self._ahead) >= self._tuning.times_ahead:
                 self._ahead.clear()
             interval_s = time_s - self._time_s
-            ahead = moved_on(self._state, self._covariance, interval_s, self.spread, self._heart, self._tuning)
+            ahead = moved_on(
+                self._state, self._covariance, interval_s, self.spread, self._hearts.covariances, self._tuning
+            )
             self._ahead[time_s] = ahead
         return ahead
 
@@ -358,7 +377,7 @@ class RespiratoryMotion:
         if time_s > self._time_s:
             self._become(*self._propagated(time_s))
             fading = self._tuning.heart_kept(time_s - self._time_s)
-            usual = self._tuning.log_odds
+            usual = self._hearts.log_odds
             self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s
 
@@ -388,7 +407,7 @@ class RespiratoryMotion:
                 value,
                 noise,
                 self._log_weights,
-                self._tuning.odds,
+                self._hearts.odds,
                 self._tuning.freedom,
                 self._tuning.unusual_share,
             )
@@ -400,7 +419,7 @@ class RespiratoryMotion:
         freedom, unusual = self._tuning.freedom, self._tuning.unusual_share
         # Of Student's distribution: a beat or a breath unlike those before is rare, not impossible.
         densities = peaks - 0.5 * (freedom + len(value)) * np.log1p(distance / freedom)
-        weights = (1.0 - unusual) * self.weights + unusual * self._tuning.odds
+        weights = (1.0 - unusual) * self.weights + unusual * self._hearts.odds
         self._weigh(self._log_weights + densities)
         highest = float(densities.max())
         return highest + math.log(float(weights @ np.exp(densities - highest)) + 1e-300)

@@ -120,7 +120,6 @@ class RingTracker:
             max(0.0, detector.seconds(frames["b"].stamp_ns)),
             shape=breathing_shape(projections, self._config.posture),
             between=model.between,
-            along=model.normal,
         )
         anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
         require_clicked_place(detector.detect(pair, anywhere, self._config, whole), model)
@@ -237,7 +236,7 @@ class RingTracker:
         is_back = False
         if best is not None:
             covariance = best.motion.at_a.covariance + association.spread
-            sigma_m = math.hypot(largest_sigma(covariance), track.motion.heartbeat_m)
+            sigma_m = largest_sigma(covariance + track.motion.heartbeat_sideways)
             is_away = track.belief.away > states.displaced
             is_believed = best.believed >= states.pose
             foretold = track.model.centre + track.motion.predict(time_s).displacement

@@ -107,7 +107,13 @@ def misleading(
     elsewhere = 1.0 - best.believed
     near = position - association.spread_beyond(limit_m)
     sigma_mm = 1e3 * largest_sigma(near)
-    vague, slid = probability_beyond(limit_m, near), track.slide.beyond(limit_m)
+    # Where one plane is alone, what is known of its depth is not the filter's.
+    motion = track.motion
+    if best.is_whole:
+        vague = motion.beyond(limit_m, near - motion.at_a.covariance)
+    else:
+        vague = probability_beyond(limit_m, near)
+    slid = track.slide.beyond(limit_m)
     across_mm, companions = 1e3 * track.slide.across_m, track.joined_slide
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions. Where they have been lost since, what they last told still counts if it was a slide;

@@ -9,6 +9,7 @@ from lasso_motion_ros.geometry.covariance import (
     inverses,
     largest_sigma,
     log_student,
+    probabilities_beyond,
     probability_beyond,
     squared_mahalanobis,
 )
@@ -110,6 +111,15 @@ def test_the_probability_of_being_off_is_that_of_drawn_deviates():
         covariance = axes @ np.diag(np.square(sigmas)) @ axes.T
         assert probability_beyond(2.0, covariance, beside) == pytest.approx(share, rel=0.1)
     assert probability_beyond(2.0, np.zeros((3, 3)), np.array([0.0, 3.0, 0.0])) == 1.0
+
+
+def test_many_probabilities_of_being_off_are_those_of_each():
+    random = np.random.default_rng(7)
+    half = random.normal(size=(20, 3, 3))
+    covariances, offsets = half @ half.swapaxes(1, 2), random.normal(size=(20, 3))
+    covariances[3:5], offsets[3], offsets[4] = 0.0, [0.0, 3.0, 0.0], [0.5, 0.0, 0.0]  # which are sure
+    each = [probability_beyond(2.0, *one) for one in zip(covariances, offsets, strict=True)]
+    np.testing.assert_allclose(probabilities_beyond(2.0, covariances, offsets), each, rtol=1e-12)
 
 
 def test_students_density_is_the_librarys():

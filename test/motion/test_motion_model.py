@@ -67,7 +67,7 @@ def test_what_is_seen_along_the_body_tells_the_depth_before_any_breath():
     # Of a still heart: what a heartbeat may have risen tells no depth, and takes a sixth of it.
     beating = RespiratoryMotion(0.0, 0.15, shape=SHAPE, between=RISE).origin_b
     assert 0.7e-3 < beating.displacement[1] < 0.95e-3
-    still = replace(TUNING, heartbeats_m=(1e-4,), heartbeats_shaped_m=(), heartbeat_odds=(1.0,))
+    still = replace(TUNING, heartbeats_any_way=((1e-4, 1.0),), heartbeats_one_way=())
     told = RespiratoryMotion(0.0, 0.15, shape=SHAPE, between=RISE, tuning=still).origin_b
     np.testing.assert_allclose(told.displacement, [0.0, 0.001, 0.004], atol=1e-4)
     untold = RespiratoryMotion(0.0, 0.15, shape=SHAPE, tuning=still).origin_b

@@ -8,8 +8,10 @@ import pytest
 from support.ring_fits import detection_of, plane_fit
 
 from lasso_motion_ros.config.ring import JudgementConfig
+from lasso_motion_ros.geometry.covariance import probability_beyond
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
@@ -33,6 +35,8 @@ VIEW = Projection(np.array([[900.0, 0.0, 64.0, 50.0], [0.0, 900.0, 64.0, 50.0], 
 FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A, ONLY_B = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None), FramePair(0, None, FRAME)
 HERE = np.array([0.010, -0.020, 0.015])
+# Of a motion that is known exactly: whatever is not known of a pose is given beside it.
+KNOWN = SimpleNamespace(at_a=Estimate(np.zeros(3), np.zeros((3, 3))), beyond=probability_beyond)
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
@@ -60,6 +64,7 @@ def track(
         slide=slide,
         joined_slide=joined_slide,
         companions=SimpleNamespace(deny=denied),
+        motion=KNOWN,
     )
 
 
@@ -153,6 +158,16 @@ def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
     both, said = misled(track(slide=Slide((1e-3, 0.0, 0.0), 50.0)), 0.8)
     assert both == pytest.approx(1.0 - (1.0 - vague) * (1.0 - slid))
     assert said.startswith("it seems to slide")
+
+
+def test_each_heart_that_the_motion_considers_counts_by_itself_unless_one_plane_was_alone():
+    of_track = track()
+    of_track.motion = SimpleNamespace(at_a=Estimate(np.zeros(3), 1e-8 * np.eye(3)), beyond=lambda limit, more: 0.4)
+    share, said = misled(of_track, 0.1)
+    assert share == pytest.approx(0.4, abs=2e-3)
+    assert "its place is known to 0.1 mm only" in said
+    alone, _ = misleading(of_track, 1e-8 * np.eye(3), Association((), 0.0), best(b=None, probability=1.0), STATES)
+    assert alone < 1e-3
 
 
 def test_what_is_not_the_ring_misleads_as_often_as_it_is_not_however_far_off_the_ring_is():
