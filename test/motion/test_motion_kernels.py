@@ -64,7 +64,7 @@ def test_a_ring_is_followed_alike() -> None:
         plainly, plain_likelihood = followed()
     assert likelihood == pytest.approx(plain_likelihood, rel=1e-9)
     for one, other in zip(compiled, plainly, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-12)
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -79,8 +79,8 @@ def test_a_rotation_is_told_alike(seed: int) -> None:
         rotation.learn(*pair)
         with plain():
             plainly.learn(*pair)
-        assert rotation.probability == pytest.approx(plainly.probability, rel=1e-8)
+        assert rotation.probability == pytest.approx(plainly.probability, rel=1e-9)
         there = generator.normal(size=3) * 1e-2
         one, other = rotation.between(displacement, there), plainly.between(displacement, there)
-        np.testing.assert_allclose(one.vector, other.vector, rtol=1e-8, atol=1e-14)
-        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-8, atol=1e-14)
+        np.testing.assert_allclose(one.vector, other.vector, rtol=1e-9, atol=1e-14)
+        np.testing.assert_allclose(one.covariance, other.covariance, rtol=1e-9, atol=1e-14)
