@@ -15,6 +15,7 @@ from rclpy.node import Node
 from sensor_msgs.msg import Image
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.nodes.joint_inputs import JointInputs
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH
 from lasso_motion_ros.nodes.running import RunnableNode, ThrottledLog, run_node
 from lasso_motion_ros.nodes.subscriptions import OfferedSubscription
@@ -40,10 +41,11 @@ class BenchSubscriber(Node):  # type: ignore[misc]
 
     def start(self) -> None:
         """Listen."""
+        inputs = JointInputs(self)
         self._images = [
             OfferedSubscription(
                 self, Image, self._topic(plane).name, partial(self._on_image, plane), reliability="auto",
-                depth=IMAGE_DEPTH,
+                depth=IMAGE_DEPTH, inputs=inputs,
             )
             for plane in PLANES
         ]  # fmt: skip

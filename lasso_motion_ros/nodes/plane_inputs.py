@@ -12,6 +12,7 @@ from sensor_msgs.msg import CameraInfo, Image
 from std_msgs.msg import Header
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.nodes.joint_inputs import JointInputs
 from lasso_motion_ros.nodes.qos import IMAGE_DEPTH, qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, image_subscription
 from msg_adapters.topics import camera_info_topic, overlay_drawn_topic, overlay_topic
@@ -32,14 +33,22 @@ class PlaneInputs:
     def __init__(
         self, node: Node, on_image: Callable[[Plane, Any], None], on_camera_info: Callable[[Plane, Any, bool], None]
     ) -> None:
+        inputs = JointInputs(node)
         self._infos = [
             CalibrationSubscription(
-                node, CameraInfo, camera_info_topic(plane).name, partial(on_camera_info, plane), CALIBRATION_DEPTH
+                node,
+                CameraInfo,
+                camera_info_topic(plane).name,
+                partial(on_camera_info, plane),
+                CALIBRATION_DEPTH,
+                inputs,
             )
             for plane in PLANES
         ]
         self._images = [
-            image_subscription(node, plane, partial(on_image, plane), reliability="auto", depth=IMAGE_DEPTH)
+            image_subscription(
+                node, plane, partial(on_image, plane), reliability="auto", depth=IMAGE_DEPTH, inputs=inputs
+            )
             for plane in PLANES
         ]
 

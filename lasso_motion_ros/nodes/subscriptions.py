@@ -11,15 +11,14 @@ from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
-from sensor_msgs.msg import CompressedImage, Image
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image
 
 from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.nodes.joint_inputs import JointInputs
 from lasso_motion_ros.nodes.qos import offered_reliably, qos
-from lasso_motion_ros.nodes.steady_timer import steady_timer
 from msg_adapters.input_bytes import READERS
 from msg_adapters.topics import compressed_image_topic, image_topic
 
-DISCOVERY_PERIOD_S = 0.1
 REMEMBERED = 32  # messages of which a second hearing is known as such; latched ones are few
 
 
@@ -37,6 +36,7 @@ class OfferedSubscription:
         reliability: `auto`, or `reliable` or `best_effort` to have it fixed and at once.
         depth: of the queue.
         instead: class and name of another topic with the same content, heard while nobody publishes on the first.
+        inputs: those that this one belongs to.
     """
 
     def __init__(
@@ -48,9 +48,10 @@ class OfferedSubscription:
         *,
         reliability: str,
         depth: int,
+        inputs: JointInputs,
         instead: tuple[type, str] | None = None,
     ) -> None:
-        self._node = node
+        self._node, self._inputs = node, inputs
         self._types = {topic: message_type} | ({} if instead is None else {instead[1]: instead[0]})
         self._callback = callback
         self._depth = depth
@@ -58,11 +59,10 @@ class OfferedSubscription:
         self._topic, self._reliable = topic, None if reliability == "auto" else reliability == "reliable"
         self._by_offer = reliability == "auto"
         self._said = ""
-        self._timer = None
         if self._reliable is not None:
             self._subscribe(topic, self._reliable)
         if self._by_offer or instead is not None:
-            self._timer = steady_timer(node, DISCOVERY_PERIOD_S, self._discover)
+            inputs.look_for(self._discover)
             self._discover()
 
     @property
@@ -78,10 +78,12 @@ class OfferedSubscription:
         }
 
     def destroy(self) -> None:
-        """Stop listening."""
-        if self._timer is not None:
-            self._node.destroy_timer(self._timer)
+        """Stop listening, once its publishers are not looked for any more."""
+        self._unsubscribe()
+
+    def _unsubscribe(self) -> None:
         if self._subscription is not None:
+            self._inputs.remove(self._subscription)
             self._node.destroy_subscription(self._subscription)
 
     def _offers(self, topic: str) -> list[Any]:
@@ -112,13 +114,12 @@ class OfferedSubscription:
             self._node.get_logger().info(f"{topic} is {said}")
 
     def _subscribe(self, topic: str, reliable: bool) -> None:
-        if self._subscription is not None:
-            self._node.destroy_subscription(self._subscription)
+        self._unsubscribe()
         self._topic, self._reliable = topic, reliable
         # What asks for what is offered is never told that it asks for too much: see `topic_publisher`.
         events = SubscriptionEventCallbacks(use_default_callbacks=not self._by_offer)
         profile, kind = qos(depth=self._depth, reliable=reliable), self._types[topic]
-        self._subscription = _subscribed(self._node, kind, topic, self._callback, profile, events)
+        self._subscription = _subscribed(self._node, kind, topic, self._callback, profile, events, self._inputs)
 
 
 def _subscribed(
@@ -128,16 +129,21 @@ def _subscribed(
     callback: Callable[[Any], None],
     profile: QoSProfile,
     events: SubscriptionEventCallbacks,
+    inputs: JointInputs | None,
 ) -> Subscription:
     """A subscription; images and calibrations are taken as bytes, and read without rclpy's copies."""
     read = READERS.get(_type_name(message_type))
-    if read is None:
-        return node.create_subscription(message_type, topic, callback, profile, event_callbacks=events)
+    is_raw, is_calibration = read is not None, message_type is CameraInfo
 
-    def take(data: bytes) -> None:
-        callback(read(data))
+    def take(message: Any) -> None:
+        callback(message if read is None else read(message))
+        if inputs is not None and not is_calibration:
+            inputs.take_calibrations()
 
-    return node.create_subscription(message_type, topic, take, profile, event_callbacks=events, raw=True)
+    subscription = node.create_subscription(message_type, topic, take, profile, event_callbacks=events, raw=is_raw)
+    if inputs is not None and is_calibration:
+        inputs.add_calibration(subscription, take)
+    return subscription
 
 
 def _type_name(message_type: type) -> str:
@@ -145,7 +151,13 @@ def _type_name(message_type: type) -> str:
 
 
 def image_subscription(
-    node: Node, plane: Plane, callback: Callable[[Any], None], *, reliability: str, depth: int
+    node: Node,
+    plane: Plane,
+    callback: Callable[[Any], None],
+    *,
+    reliability: str,
+    depth: int,
+    inputs: JointInputs,
 ) -> OfferedSubscription:
     """Hears a plane's images, raw where they are published raw, else compressed as image_transport does it.
 
@@ -155,13 +167,21 @@ def image_subscription(
         callback: called with each image, as `ReadImage` or CompressedImage.
         reliability: as for `OfferedSubscription`.
         depth: of the queue.
+        inputs: likewise.
     """
     raw, compressed = image_topic(plane).name, compressed_image_topic(plane).name
     if node.resolve_topic_name(compressed) == node.resolve_topic_name(compressed, only_expand=True):
         # Not remapped itself: as in image_transport it then follows the raw topic, wherever that is remapped to.
         compressed = node.resolve_topic_name(raw) + compressed.removeprefix(raw)
     return OfferedSubscription(
-        node, Image, raw, callback, reliability=reliability, depth=depth, instead=(CompressedImage, compressed)
+        node,
+        Image,
+        raw,
+        callback,
+        reliability=reliability,
+        depth=depth,
+        instead=(CompressedImage, compressed),
+        inputs=inputs,
     )
 
 
@@ -177,14 +197,27 @@ class CalibrationSubscription:
         topic: name, relative or absolute, before remapping.
         callback: called with each message, and whether it is known to come from a publisher that latches.
         depth: of the queues.
+        inputs: those that this one belongs to.
     """
 
     def __init__(
-        self, node: Node, message_type: type, topic: str, callback: Callable[[Any, bool], None], depth: int
+        self,
+        node: Node,
+        message_type: type,
+        topic: str,
+        callback: Callable[[Any, bool], None],
+        depth: int,
+        inputs: JointInputs,
     ) -> None:
         self._node = node
         self._per_frame = OfferedSubscription(
-            node, message_type, topic, lambda message: callback(message, False), reliability="auto", depth=depth
+            node,
+            message_type,
+            topic,
+            lambda message: callback(message, False),
+            reliability="auto",
+            depth=depth,
+            inputs=inputs,
         )
         # It is meant not to match a volatile publisher: no warning about that.
         self._latched = _subscribed(
@@ -194,6 +227,7 @@ class CalibrationSubscription:
             lambda message: callback(message, True),
             qos(depth=depth, latched=True),
             SubscriptionEventCallbacks(use_default_callbacks=False),
+            None,  # it comes once, and is in no haste
         )
 
     def destroy(self) -> None:

@@ -14,6 +14,7 @@ from std_msgs.msg import Header
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.nodes.joint_inputs import JointInputs
 from lasso_motion_ros.nodes.qos import qos
 from lasso_motion_ros.nodes.subscriptions import CalibrationSubscription, SeedSubscription, image_subscription
 from lasso_motion_ros.nodes.watch import Offer
@@ -45,6 +46,7 @@ class TrackerInputs:
 
     def __init__(self, node: Node, config: StreamConfig, callbacks: InputCallbacks) -> None:
         self._node = node
+        self._joint = JointInputs(node)
         self._images = {
             plane: image_subscription(
                 node,
@@ -52,6 +54,7 @@ class TrackerInputs:
                 partial(callbacks.image, plane),
                 reliability=config.image_reliability,
                 depth=config.image_depth,
+                inputs=self._joint,
             )
             for plane in PLANES
         }
@@ -62,6 +65,7 @@ class TrackerInputs:
                 camera_info_topic(plane).name,
                 partial(callbacks.camera_info, plane),
                 CALIBRATION_DEPTH,
+                self._joint,
             )
             for plane in PLANES
         }
@@ -80,6 +84,7 @@ class TrackerInputs:
 
     def destroy(self) -> None:
         """Stop listening."""
+        self._joint.destroy()
         for images in self._images.values():
             images.destroy()
         for infos in self._infos.values():

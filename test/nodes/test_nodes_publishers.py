@@ -17,6 +17,7 @@ from support.node_harness import PATIENCE_S, Graph
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, UncalibratedFrame
 from lasso_motion_ros.nodes import tracker_publishers
+from lasso_motion_ros.nodes.joint_inputs import JointInputs
 from lasso_motion_ros.nodes.subscriptions import OfferedSubscription
 from lasso_motion_ros.nodes.tracker_publishers import TrackerPublishers, TrackingPicture
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -82,10 +83,18 @@ def test_only_a_subscription_that_may_ask_for_too_much_is_watched(reliability: s
     topic = image_topic("a")
     with Graph([], tmp_path) as graph:
         published = graph.publisher(topic)
+        inputs = JointInputs(graph.listener.node)
         images = OfferedSubscription(
-            graph.listener.node, Image, topic.recorded_name, lambda _: None, reliability=reliability, depth=1
+            graph.listener.node,
+            Image,
+            topic.recorded_name,
+            lambda _: None,
+            reliability=reliability,
+            depth=1,
+            inputs=inputs,
         )
         graph.wait_until(lambda: images.reliable is not None and published.get_subscription_count() > 0)
         assert images._subscription is not None
         assert bool(images._subscription.event_handlers) == (reliability != "auto")
+        inputs.destroy()
         images.destroy()
