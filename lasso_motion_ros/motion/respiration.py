@@ -258,6 +258,7 @@ class RespiratoryMotion:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
         self._spread, self._ahead, self._foretold = self._spread.learned(displacement), {}, None
+        self._spread.way  # noqa: B018 - worked out while no pair waits: the next one asks for it
         self._choose_hearts()
         if not self._keeps_history:
             return
