@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum
+from enum import Enum, auto
 
 import numpy as np
 import numpy.typing as npt
@@ -188,16 +188,23 @@ class Glance:
 
 
 class Known(Enum):
-    """What is known of a ring that may be believed in the end, and the least evidence that leaves hope for it."""
+    """What is known of a ring that may be believed in the end."""
 
-    CIRCLE = TUNING.hope_of_circle  # judged by `at_most`
-    CURVE = TUNING.hope_of_curve
-    POLES = TUNING.hope_of_model
+    CIRCLE = auto()  # judged by `at_most`
+    CURVE = auto()
+    POLES = auto()
 
 
-def is_hopeful(before: Judgement, known: Known) -> bool:
+_LEAST_HOPE = {
+    Known.CIRCLE: TUNING.hope_of_circle,
+    Known.CURVE: TUNING.hope_of_curve,
+    Known.POLES: TUNING.hope_of_model,
+}
+
+
+def is_hopeful(best: Judgement, known: Known) -> bool:
     """Whether a ring may be believed in the end, judged by `at_best` of what is known."""
-    return not before.missing and before.evidence >= known.value
+    return not best.missing and best.evidence >= _LEAST_HOPE[known]
 
 
 def at_best(
@@ -209,11 +216,12 @@ def at_best(
     line_beyond: float,
     comb: float = np.inf,
     distinct: Distinctness = MOST_DISTINCT,
+    before: float = 0.0,
 ) -> Judgement:
     """The judgement of a ring that shows all that one can show once it is followed; arguments as of `Judgement`."""
     spread, agreement = TUNING.most_spread, TUNING.most_agreement
     return Judgement(
-        1.0, spread, agreement, comb, roundness, np.inf, diameter_mm, worth, rareness, line_beyond, distinct
+        1.0, spread, agreement, comb, roundness, np.inf, diameter_mm, worth, rareness, line_beyond, distinct, before
     )
 
 

@@ -28,7 +28,7 @@ class _Tuning:
     same_m: float = 1.5e-3  # mean distance of its curve
     most: int = 4  # rings that are remembered
     share: float = 0.5  # of an earlier look's log likelihood that a later one adds
-    unseen: float = -1.9  # log odds of what is followed, before anything is known of it
+    unseen: float = -1.9  # log odds of what is followed, before anything is known of it: of the fit in `judgement`
     bounds: tuple[float, float] = (-1.0, 2.5)  # of what is added
 
 

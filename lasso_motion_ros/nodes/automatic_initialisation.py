@@ -10,7 +10,8 @@ from functools import partial
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
+from lasso_motion_ros.initialisation.ring_finder import OvertakenError
 from lasso_motion_ros.nodes.worker import Worker
 from lasso_motion_ros.stream.automatic_start import ProposedRings, RingLookout, only_ring
 from lasso_motion_ros.stream.ring_need import Need, RingNeed

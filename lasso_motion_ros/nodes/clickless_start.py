@@ -11,7 +11,7 @@ from std_srvs.srv import Trigger
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
 from lasso_motion_ros.nodes.service_answer import answered
 from lasso_motion_ros.tracking.tracker import TrackerState

@@ -17,7 +17,7 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.compiled import arithmetic
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, TrackingError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.nodes.clickless_start import ClicklessStart
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
 from lasso_motion_ros.nodes.describer import Describer

@@ -16,7 +16,7 @@ from rclpy.publisher import Publisher
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, UncalibratedFrame
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.nodes.qos import topic_publisher
 from lasso_motion_ros.nodes.standard_views import StandardViews, TransformPublisher
 from lasso_motion_ros.nodes.worker import Worker

@@ -11,7 +11,8 @@ from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
 from lasso_motion_ros.geometry.frames import FramePair
 from lasso_motion_ros.initialisation.known_rings import FollowedRing
-from lasso_motion_ros.initialisation.ring_finder import PAIRS, SAME_M, Proposal, find_rings
+from lasso_motion_ros.initialisation.proposal import SAME_M, Proposal
+from lasso_motion_ros.initialisation.ring_finder import PAIRS, find_rings
 
 Array = npt.NDArray[np.float64]
 

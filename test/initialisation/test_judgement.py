@@ -174,6 +174,19 @@ def test_what_leaves_no_hope_is_known_step_by_step() -> None:
         assert is_hopeful(at_best(**found, comb=one.comb, distinct=one.distinct), Known.POLES)
 
 
+def test_what_earlier_looks_saw_of_a_ring_gives_hope() -> None:
+    doubtful: dict[str, Any] = {
+        "roundness": 0.9,
+        "diameter_mm": 20.0,
+        "worth": 1.1,
+        "rareness": 9.0,
+        "line_beyond": 0.0,
+    }
+    doubtful |= {"comb": 12.0, "distinct": HARDLY}
+    assert not is_hopeful(at_best(**doubtful), Known.POLES)
+    assert is_hopeful(at_best(**doubtful, before=2.5), Known.POLES)
+
+
 def test_a_ring_squeezed_by_its_vein_is_one_where_all_else_is_plain() -> None:
     assert dataclasses.replace(GOOD, roundness=0.75).is_ring
 

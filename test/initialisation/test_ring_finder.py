@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,10 +14,9 @@ from support.tracking_inputs import LOOP, VIEWS
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
-from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.judgement import MOST_DISTINCT, Judgement
-from lasso_motion_ros.initialisation.ring_finder import OvertakenError, Proposal, find_rings
+from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.stream.automatic_start import only_ring
@@ -90,40 +88,6 @@ def test_a_ring_that_a_plane_sees_edge_on_is_proposed_and_a_look_asks_often_whet
     assert distance_to_curve(curve, ring.points).mean() < 0.6e-3
     # Whoever clicks waits for none of it: so much of a look goes on at most.
     assert max(np.diff([*asked, time.thread_time()])) < 0.25 * (time.thread_time() - asked[0])
-
-
-def test_an_outline_of_each_of_two_rings_makes_no_third() -> None:
-    other = CURVE + np.array([0.02, 0.01, 0.0])
-    places = np.linspace(0, len(CURVE) - 1, 21).astype(int)[:-1]
-    a, b = ({plane: view.project(curve[places]) for plane, view in VIEWS.items()} for curve in (CURVE, other))
-
-    def proposal(curve: np.ndarray, seen_a: np.ndarray, seen_b: np.ndarray) -> Proposal:
-        judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, MOST_DISTINCT)
-        return Proposal(pair(0), Seed(seen_a, seen_b), curve, judgement, 0, "")
-
-    one, two = proposal(CURVE, a["a"], a["b"]), proposal(other, b["a"], b["b"])
-    assert one.can_be_beside(two)
-    assert not one.can_be_beside(replace(two, points=CURVE + 1e-3))
-    third = proposal(CURVE + np.array([-0.02, 0.02, 0.0]), a["a"] + 1.0, b["b"])
-    assert not third.can_be_beside(one)
-    assert not third.can_be_beside(two)
-
-
-def test_an_arc_of_a_ring_and_what_lies_beside_it_make_no_other() -> None:
-    middle = CURVE.mean(axis=0)
-    judgement = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, MOST_DISTINCT)
-    away = np.arange(20) * 40.0
-
-    def proposal(curve: np.ndarray, shift_px: float) -> Proposal:
-        clicks = np.stack([away + shift_px, away * 0.5], axis=1)
-        return Proposal(pair(0), Seed(clicks, clicks), curve, judgement, 0, "")
-
-    arc = CURVE[: len(CURVE) // 3]
-    beside = np.concatenate([arc, arc[-1] + np.linspace(0.0, 1.0, 300)[:, None] * 3.0 * (arc[-1] - middle)])
-    one, part = proposal(CURVE, 0.0), proposal(beside, 300.0)
-    assert np.linalg.norm(part.centre - one.centre) > 8e-3
-    assert not part.can_be_beside(one)
-    assert proposal(CURVE + np.array([0.0, 0.0, 0.03]), 300.0).can_be_beside(one)
 
 
 def test_one_plane_alone_proposes_nothing() -> None:

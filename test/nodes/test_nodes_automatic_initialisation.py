@@ -15,7 +15,8 @@ from support.proposed_ring import ring
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import PAIRS, Look, Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
+from lasso_motion_ros.initialisation.ring_finder import PAIRS, Look
 from lasso_motion_ros.nodes.automatic_initialisation import AutomaticInitialisation
 from lasso_motion_ros.stream.ring_need import LONG_NS
 from lasso_motion_ros.tracking.tracker import TrackerState

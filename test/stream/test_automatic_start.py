@@ -8,7 +8,7 @@ from support.proposed_ring import ring
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import TrackingError
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.stream.automatic_start import ProposedRings, RingLookout
 
 

@@ -11,7 +11,7 @@ from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, curve_pair, lasso_pair,
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.geometry.frames import FramePair
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.stream.automatic_start import RingLookout
 from lasso_motion_ros.stream.ring_need import LONG_NS, Need, RingNeed

@@ -7,10 +7,11 @@ from support.breathing_lasso import pair
 from support.lasso_inputs import CURVE
 
 from lasso_motion_ros.geometry.frames import Seed
-from lasso_motion_ros.initialisation.judgement import MOST_DISTINCT, Judgement
-from lasso_motion_ros.initialisation.ring_finder import Proposal
+from lasso_motion_ros.initialisation.distinctness import Distinctness
+from lasso_motion_ros.initialisation.judgement import Judgement
+from lasso_motion_ros.initialisation.proposal import Proposal
 
-JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, MOST_DISTINCT)
+JUDGEMENT = Judgement(1.0, 1.0, 1.0, 30.0, 1.0, 2.3, 20.0, 1.1, 40.0, 0.0, Distinctness(18.0, 20.0, 1.2))
 
 
 def ring(x: float) -> Proposal:
