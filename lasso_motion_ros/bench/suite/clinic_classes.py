@@ -75,7 +75,8 @@ def _heart(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
 def _b_late(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     rate = float(random.choice([2.0, 3.0, 3.75]))
     depth = {"amplitude_mm": float(random.uniform(12.0, 28.0))}
-    return altered(scenario, plane_b_offset=0.5, rate_hz=rate, breathing=depth), START
+    heart = {"amplitude_mm": float(random.uniform(0.0, 4.0))}
+    return altered(scenario, plane_b_offset=0.5, rate_hz=rate, breathing=depth, heart=heart), START
 
 
 def _one_plane(random: Random, scenario: Scenario) -> tuple[Scenario, float]:

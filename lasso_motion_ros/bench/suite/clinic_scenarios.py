@@ -104,7 +104,9 @@ def clinic_scenario(seed: int, index: int) -> ClinicScenario:
             if one.name not in (*names, "core") and (not group or one.group != group)
         ]
         names.append(str(random.choice(others)))
-    scenario = _ordinary(random)
+    # Which way a heart moves the ring differs between patients: where plane B is late, its depth hangs on that.
+    way = as_vector(direction(np.random.default_rng([seed, 12, index])))
+    scenario = altered(_ordinary(random), heart={"direction": way})
     since = {}
     # An orientation first: shutters and others look where the loop lies.
     for name in sorted(names, key=lambda name: name != "edge_on"):

@@ -107,7 +107,9 @@ def _heart(scenario: Scenario, value: float) -> Scenario:
 
 
 def _heart_late(scenario: Scenario, value: float) -> Scenario:
-    return _offset(_heart(scenario, value), 0.5)
+    # What it did between the exposures is in the depth: only its way tells, which differs between patients.
+    way = np.random.default_rng(scenario.seed).normal(size=3)
+    return altered(_offset(_heart(scenario, value), 0.5), heart={"direction": tuple(way.tolist())})
 
 
 def _start(scenario: Scenario, value: float) -> Scenario:
@@ -141,7 +143,7 @@ SWEEPS: Mapping[str, Sweep] = {
         Sweep("clicks", "noise of the clicks (px)", (0.5, 1.0, 2.0, 3.0, 4.0), _clicks),
         Sweep("tip", "ablation tip from the ring (mm)", (20.0, 10.0, 5.0, 3.0, 1.0, 0.0), _tip),
         Sweep("heart", "motion by an irregular heart (mm)", (0.0, 1.0, 2.0, 3.5, 5.0), _heart),
-        Sweep("heart_late", "the same, B half a period later (mm)", (0.0, 1.0, 2.0, 3.5, 5.0), _heart_late),
+        Sweep("heart_late", "the same, any way, B half a period later (mm)", (0.0, 1.0, 2.0, 3.5, 5.0), _heart_late),
     )
 }
 

@@ -54,6 +54,14 @@ def test_every_sequence_is_a_scenario_that_a_file_could_hold() -> None:
         assert one.scenario.exact_place
 
 
+def test_hearts_move_the_ring_any_way_and_strongly_where_plane_b_is_late_too() -> None:
+    ways = np.array([one.scenario.heart.direction for one in suite()])
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    np.testing.assert_allclose(np.linalg.eigvalsh(ways.T @ ways / len(ways)), 1.0 / 3.0, atol=0.1)
+    late = [one.scenario for one in of_class("b_late")]
+    assert max(one.heart.amplitude_mm for one in late) > 2.0
+
+
 def test_lassos_are_as_wide_as_catalogues() -> None:
     lassos = [one.scenario.lasso for one in suite()]
     for name, low, high in (("electrodes", 8, 20), ("diameter_mm", 16.0, 30.0), ("turns", 0.86, 1.24)):

@@ -26,6 +26,8 @@ def test_a_sweep_varies_one_property_of_the_same_sequences() -> None:
     assert [one.ablation_work.nearest_mm for one in sweep_scenarios(SWEEPS["tip"], 5, 2)[3.0]] == [3.0, 3.0]
     late = sweep_scenarios(SWEEPS["heart_late"], 5, 1)[5.0][0]
     assert (late.heart.amplitude_mm, late.plane_b_offset) == (5.0, 0.5)
+    ways = {one.heart.direction for one in sweep_scenarios(SWEEPS["heart_late"], 5, 4)[2.0]}
+    assert len(ways) == 4  # of which plane A's depth hangs
     wide = sweep_scenarios(SWEEPS["separation"], 5, 1)[40.0][0].geometry
     assert wide.plane_b.lao_deg - wide.plane_a.lao_deg == pytest.approx(40.0)
     assert sweep_scenarios(SWEEPS["rate"], 5, 1)[15.0][0].pairs == 60
