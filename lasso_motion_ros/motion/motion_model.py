@@ -60,6 +60,9 @@ class MotionTuning:
     heartbeats_one_way: tuple[tuple[float, float], ...] = ((4e-4, 0.25), (8e-4, 0.2), (1.4e-3, 0.15), (2.2e-3, 0.1))
     heartbeat_ways: int = 48  # of so many, 8 degrees from any on average,
     heartbeat_across_share: float = 0.15  # from which it strays by so much of how far it goes.
+    heartbeat_ways_in_step: int = 12  # So many will do where plane B is exposed with plane A, or nearly so:
+    heartbeat_across_share_in_step: float = 0.3
+    in_step_s: float = 0.005
     heartbeat_kept: float = 1e-3  # ways that are less probable than the likeliest by this are not gone on with
     # A beat is smooth, and swings back: its correlation with itself is 0.89, 0.67, 0.31 and -0.08 after 40, 80, 140 and
     # 300 ms with these (docs/constants.md).
@@ -72,12 +75,20 @@ class MotionTuning:
     unusual_share: float = 0.1  # a heartbeat may be of any size once in a while, whatever was learned
     times_ahead: int = 8  # predictions kept; while the loop stays lost they are for ever new times
 
+    def hearts(self, late_s: float) -> Hearts:
+        """What the heart may do, before any measurement, where plane B is exposed so much later than plane A."""
+        return self._hearts_in_step if late_s <= self.in_step_s else self._hearts
+
     @cached_property
-    def hearts(self) -> Hearts:
-        """What the heart may do, before any measurement."""
+    def _hearts(self) -> Hearts:
         return hearts(
             self.heartbeats_any_way, self.heartbeats_one_way, self.heartbeat_ways, self.heartbeat_across_share
         )
+
+    @cached_property
+    def _hearts_in_step(self) -> Hearts:
+        ways, across_share = self.heartbeat_ways_in_step, self.heartbeat_across_share_in_step
+        return hearts(self.heartbeats_any_way, self.heartbeats_one_way, ways, across_share)
 
     def heart_kept(self, interval_s: float) -> float:
         """Share of what was learned of the heart that is left after an interval, seconds."""

@@ -85,7 +85,8 @@ class RespiratoryMotion:
         self._start_s = time_a_s, time_b_s
         self._between, self._tuning = between, tuning
         self._spread = Spread(shape, tuning)
-        self._hearts, self._since_all_s = tuning.hearts, time_a_s
+        self._every_heart = tuning.hearts(time_b_s - time_a_s)
+        self._hearts, self._since_all_s = self._every_heart, time_a_s
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._weights: Array | None = None  # not worked out yet
@@ -281,7 +282,7 @@ class RespiratoryMotion:
 
     def _take_up_all(self) -> None:
         """All hearts again: the dropped ones in the state of all the others; what spoke against them has faded."""
-        every, old = self._tuning.hearts, self._hearts.number
+        every, old = self._every_heart, self._hearts.number
         against = math.log(self._tuning.heartbeat_kept) * self._tuning.heart_kept(self._time_s - self._since_all_s)
         off = self._state - self.weights @ self._state
         within = self._weighted(self._covariance) + (self.weights[:, None] * off).T @ off

@@ -37,7 +37,7 @@ def test_sizes_ways_and_odds_by_hand():
 
 
 def test_what_is_left_of_them_knows_which_it_is():
-    every = TUNING.hearts
+    every = TUNING.hearts(0.1)
     kept = np.zeros(len(every), bool)
     kept[[0, 7, 50]] = True
     left = every.only(kept)
@@ -45,3 +45,10 @@ def test_what_is_left_of_them_knows_which_it_is():
     np.testing.assert_allclose(left.covariances, every.covariances[left.number])
     np.testing.assert_allclose(left.odds, every.odds[left.number] / every.odds[left.number].sum())
     np.testing.assert_array_equal(left.only(np.array([False, True, True])).number, [7, 50])
+
+
+def test_fewer_ways_will_do_where_both_planes_are_exposed_together():
+    in_step, late = TUNING.hearts(0.0), TUNING.hearts(0.02)
+    assert len(in_step) == 4 + 4 * TUNING.heartbeat_ways_in_step
+    assert len(late) == 4 + 4 * TUNING.heartbeat_ways
+    assert TUNING.hearts(0.03) is late

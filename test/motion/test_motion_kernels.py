@@ -21,7 +21,7 @@ def test_states_move_on_and_are_measured_alike(seed: int) -> None:
     half = generator.normal(size=(8, SIZE, SIZE)) * 1e-3
     covariance = half @ half.swapaxes(1, 2)
     spread = np.cov(generator.normal(size=(3, 9)) * 1e-2)
-    heart = generator.permutation(TUNING.hearts.covariances)[:8]
+    heart = generator.permutation(TUNING.hearts(0.1).covariances)[:8]
     h = np.linalg.qr(generator.normal(size=(3, 3)))[0][:2] @ (SINCE_B if seed % 2 else DISPLACEMENT)
     value, noise = generator.normal(size=2) * 1e-3, np.cov(generator.normal(size=(2, 5)) * 1e-4)
 

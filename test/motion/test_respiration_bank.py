@@ -127,15 +127,15 @@ def test_the_heart_across_the_breath_by_hand():
 
 def test_ways_that_the_heart_does_not_go_are_dropped():
     motion, _ = beating(1.6e-3, 0.15, pairs=25, way=OBLIQUE)
-    assert len(motion.weights) < 0.2 * len(TUNING.hearts)
+    assert len(motion.weights) < 0.2 * len(TUNING.hearts(0.15))
     assert np.count_nonzero(motion.hearts.is_any_way) == len(TUNING.heartbeats_any_way)  # of which any may come again
     assert motion.weights.sum() == pytest.approx(1.0)
 
 
 def test_before_any_measurement_the_heart_is_of_any_size():
-    odds = TUNING.hearts.odds
-    np.testing.assert_allclose(RespiratoryMotion(0.0, 0.0).weights, odds, atol=1e-12)
-    np.testing.assert_allclose(RespiratoryMotion(0.0, 0.15, between=RISE).weights, odds, atol=1e-12)
+    for late_s, between in ((0.0, None), (0.15, RISE)):
+        weights = RespiratoryMotion(0.0, late_s, between=between).weights
+        np.testing.assert_allclose(weights, TUNING.hearts(late_s).odds, atol=1e-12)
 
 
 def test_what_was_learned_of_the_heart_fades():
