@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -79,6 +79,7 @@ class CompanionSlide:
         since_s: time since a plane has shown companions, seconds; minus infinity where none has.
         unseen_s: time since both planes have, seconds.
         was_unlike: whether the last pair that showed some was unlike what was known before.
+        directions: (3, 3) onto those in which they told of it last.
         trust: probability that it is the ring that has moved, where they tell that ring and device have parted.
     """
 
@@ -89,6 +90,7 @@ class CompanionSlide:
     since_s: float = -math.inf
     unseen_s: float = math.inf
     was_unlike: bool = False
+    directions: Array = field(default_factory=lambda: np.eye(3))
     trust: float = 1.0
 
     @staticmethod
@@ -126,7 +128,7 @@ class CompanionSlide:
         beat, breath = (max(1.0, time_s / max(since_s, 1e-3)) for time_s in (tuning.spacing_s, tuning.breath_s))
         noises = [beat * one.noise + breath * one.learned for one in shown]
         states, covariances, log_odds, is_unlike = self._taken_in(since_s, directions, shown, noises)
-        return CompanionSlide(tuning, states, covariances, log_odds, 0.0, unseen_s, is_unlike)
+        return CompanionSlide(tuning, states, covariances, log_odds, 0.0, unseen_s, is_unlike, directions)
 
     def _taken_in(
         self, interval_s: float, directions: Array, shown: Sequence[SlideSight], noises: Sequence[float]
@@ -233,7 +235,9 @@ class CompanionSlide:
             return self if trust == self.trust else replace(self, trust=trust)
         tuning, across = self.tuning, np.asarray(own.across)
         size = float(np.linalg.norm(across))
-        state, covariance = self.states[SLIDES], self.covariances[SLIDES]
+        state, covariance = self.states[SLIDES], self.covariances[SLIDES].copy()
+        # A slide has gone on since their last word, or begun.
+        covariance[PLACE, PLACE] += (tuning.speed_m_s * self.since_s) ** 2 * _IDENTITY_3
         cross = covariance[:, PLACE] @ (across / size)
         variance = float(across @ cross[PLACE]) / size + tuning.own_m**2
         innovation = size - float(across @ state[PLACE]) / size
@@ -244,6 +248,13 @@ class CompanionSlide:
         log_odds = self.log_odds_of_slide + own.log_odds - 0.5 * innovation**2 / variance
         log_odds = min(max(log_odds, -25.0), 25.0)
         return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds, trust=trust)
+
+    def hidden(self, own: Slide) -> Slide:
+        """The part of a slide by the ring's own past of which companions tell nothing, where one plane alone shows them."""
+        if not self._is_of_one_plane:
+            return Slide()
+        x, y, z = ((_IDENTITY_3 - self.directions) @ np.asarray(own.across)).tolist()
+        return Slide((x, y, z), own.log_odds)
 
     @property
     def _is_of_one_plane(self) -> bool:

@@ -118,10 +118,13 @@ def misleading(
     by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
     # They know of all directions. Where they have been lost since, what they last told still counts if it was a slide;
     # a doubt that nobody can take back does not: it would last for good.
-    told = companions.beyond(limit_m)
-    if companions.is_told or told > max(slid, 0.5):
+    # And along the ray of the plane that alone shows them, they tell nothing.
+    told, hidden = companions.beyond(limit_m), companions.hidden(track.slide).beyond(limit_m)
+    if (companions.is_told or told > max(slid, 0.5)) and told >= hidden:
         slid = told
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
+    elif companions.is_told:
+        slid = hidden
     why = {
         f"it seems to slide: {by}": slid,
         f"its place is known to {sigma_mm:.1f} mm only": vague,

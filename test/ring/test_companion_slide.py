@@ -256,6 +256,29 @@ def test_one_plane_and_its_own_past_tell_together_of_a_slide_and_of_none():
     assert slides.joined(own).offset[1] == pytest.approx(1.2 * MM, abs=0.15 * MM)
 
 
+def test_along_the_ray_of_the_plane_that_alone_shows_them_its_own_past_tells():
+    own = Slide((0.5 * MM, 0.0, 2.0 * MM), 6.0)
+    alone = both = CompanionSlide.first(CompanionSlideTuning())
+    for _ in range(10):
+        seen = shown(XY, [0.0, 0.0], 0.1)
+        alone, both = alone.after(0.5, [seen]), both.after(0.5, [seen, shown(XZ, [0.0, 0.0], 0.1)])
+    assert alone.hidden(own) == Slide((0.0, 0.0, 2.0 * MM), 6.0)
+    assert both.hidden(own) == Slide()
+
+
+def test_a_slide_may_have_gone_on_or_begun_since_their_last_word():
+    known = CompanionSlide.at(CompanionSlideTuning(), np.zeros(3), 0.09 * MM**2 * np.eye(3), 0.0)
+    own = Slide((0.0, 2.0 * MM, 0.0), 9.0)
+    later = known
+    for _ in range(4):
+        later = later.after(0.5, [])
+    now, then = known.joined(own), later.joined(own)
+    # By 0.4 mm in each of two seconds: 0.09 + 0.64 mm2 beside the 0.16 of its own past, where it was 0.09.
+    np.testing.assert_allclose(now.states[1, 1], 2.0 * MM * 0.09 / 0.25)
+    np.testing.assert_allclose(then.states[1, 1], 2.0 * MM * 0.73 / 0.89)
+    assert then.log_odds_of_slide > now.log_odds_of_slide
+
+
 def test_what_one_plane_alone_tells_may_be_a_device_that_was_moved():
     alone = both = CompanionSlide.first(CompanionSlideTuning())
     for index in range(1, 11):

@@ -13,7 +13,7 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.association import Association, Hypothesis
-from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning
+from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning, SlideSight
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
@@ -158,6 +158,17 @@ def test_a_pose_misleads_by_what_is_not_known_of_it_or_by_a_slide():
     both, said = misled(track(slide=Slide((1e-3, 0.0, 0.0), 50.0)), 0.8)
     assert both == pytest.approx(1.0 - (1.0 - vague) * (1.0 - slid))
     assert said.startswith("it seems to slide")
+
+
+def test_companions_that_one_plane_alone_shows_have_no_say_along_its_ray():
+    stands = CompanionSlide.first(CompanionSlideTuning())
+    sight = SlideSight(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), np.zeros(2), 1e-7, 0.0)
+    for _ in range(10):
+        stands = stands.after(0.5, [sight])
+    for away, expected in (([0.0, 0.0, 1.5e-3], 1.0 - np.sqrt(1.0 - 0.75**2)), ([0.0, 1.5e-3, 0.0], 0.0)):
+        own = Slide(tuple(away), 50.0)
+        slid, _ = misled(track(slide=own, joined_slide=stands.joined(own)), 0.1)
+        assert slid == pytest.approx(expected, abs=5e-3)
 
 
 def test_each_heart_that_the_motion_considers_counts_by_itself_unless_one_plane_was_alone():
