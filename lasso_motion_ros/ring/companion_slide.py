@@ -250,7 +250,7 @@ class CompanionSlide:
         return replace(self, states=states, covariances=covariances, log_odds_of_slide=log_odds, trust=trust)
 
     def hidden(self, own: Slide) -> Slide:
-        """The part of a slide by the ring's own past of which companions tell nothing, where one plane alone shows them."""
+        """The part of a slide by the ring's own past of which companions tell nothing: one plane alone shows them."""
         if not self._is_of_one_plane:
             return Slide()
         x, y, z = ((_IDENTITY_3 - self.directions) @ np.asarray(own.across)).tolist()
