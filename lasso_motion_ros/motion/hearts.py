@@ -8,16 +8,15 @@ few of them.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from lasso_motion_ros.geometry.directions import half_sphere
 
-_GOLDEN_ANGLE = math.pi * (1.0 + math.sqrt(5.0))
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +65,7 @@ def hearts(
         across_share: how far it strays from its way, as a share of how far it goes, standard deviations.
     """
     across = across_share**2
-    directions = spread_directions(ways)
+    directions = half_sphere(ways)
     along = across * np.eye(3) + (1.0 - across) * directions[:, :, None] * directions[:, None, :]
     shapes = [np.eye(3)[None]] * len(any_way) + [along] * len(one_way)
     sizes = (*any_way, *one_way)
@@ -76,15 +75,3 @@ def hearts(
     variances = np.repeat([size_m**2 for size_m, _ in sizes], counts)
     covariances = variances[:, None, None] * np.concatenate(shapes)
     return Hearts(covariances, odds / odds.sum(), is_any_way, np.arange(len(odds)))
-
-
-def spread_directions(count: int) -> Array:
-    """(count, 3) unit vectors, evenly spread over half of the sphere: to and fro are one direction.
-
-    A Fibonacci lattice (González, "Measurement of areas on a sphere using Fibonacci and latitude-longitude lattices",
-    Mathematical Geosciences 42, 2010).
-    """
-    at = np.arange(count) + 0.5
-    height, angle = 1.0 - at / count, _GOLDEN_ANGLE * at
-    radius = np.sqrt(1.0 - height**2)
-    return np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=1)

@@ -63,7 +63,7 @@ class MotionTuning:
     heartbeat_ways_in_step: int = 12  # So many will do where plane B is exposed with plane A, or nearly so:
     heartbeat_across_share_in_step: float = 0.3
     in_step_s: float = 0.005
-    heartbeat_kept: float = 1e-3  # ways that are less probable than the likeliest by this are not gone on with
+    heartbeat_kept: float = 1e-3  # ways less likely than the likeliest by this, odds apart, are not gone on with
     # A beat is smooth, and swings back: its correlation with itself is 0.89, 0.67, 0.31 and -0.08 after 40, 80, 140 and
     # 300 ms with these (docs/constants.md).
     heartbeat_damping_per_s: float = 8.0

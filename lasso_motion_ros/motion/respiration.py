@@ -260,20 +260,18 @@ class RespiratoryMotion:
         is_revised = self.is_revised_next
         self._spread, self._ahead, self._foretold = self._spread.learned(displacement), {}, None
         self._spread.way  # noqa: B018 - worked out while no pair waits: the next one asks for it
-        self._choose_hearts()
-        if not self._keeps_history:
-            return
+        if self._time_s - self._since_all_s >= self._tuning.heartbeat_memory_s:
+            self._take_up_all()
         if is_revised:
             self._rebuild()
-        if self._spread.count >= self._tuning.longest_history:
+        self._drop_hearts()  # by what the past says with the spread known by now
+        if self._keeps_history and self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
 
-    def _choose_hearts(self) -> None:
-        """Go on without the ways that the heart does not go; once in a while with all of them again."""
-        tuning = self._tuning
-        if self._time_s - self._since_all_s >= tuning.heartbeat_memory_s:
-            self._take_up_all()
-        kept = self._hearts.is_any_way | (self.weights >= tuning.heartbeat_kept * self.weights.max())
+    def _drop_hearts(self) -> None:
+        """Go on without the ways for which the measurements speak far less than for the best, whatever their odds."""
+        evidence = self._log_weights - self._hearts.log_odds
+        kept = self._hearts.is_any_way | (evidence >= evidence.max() + math.log(self._tuning.heartbeat_kept))
         if not kept.all():
             log_weights = self._log_weights[kept]
             self._hearts = self._hearts.only(kept)
@@ -374,6 +372,7 @@ class RespiratoryMotion:
         """Take over other weights (filters,), by their logarithms; what they sum up to is worked out when asked for."""
         self._log_weights = log_weights
         self._weights = self._foretold = None
+        self._blocks = {}
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:

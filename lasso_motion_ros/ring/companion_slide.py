@@ -237,7 +237,8 @@ class CompanionSlide:
         size = float(np.linalg.norm(across))
         state, covariance = self.states[SLIDES], self.covariances[SLIDES].copy()
         # A slide has gone on since their last word, or begun.
-        covariance[PLACE, PLACE] += (tuning.speed_m_s * self.since_s) ** 2 * _IDENTITY_3
+        gone_on_m = tuning.speed_m_s * max(self.since_s, 0.0)
+        covariance[PLACE, PLACE] += gone_on_m**2 * _IDENTITY_3
         cross = covariance[:, PLACE] @ (across / size)
         variance = float(across @ cross[PLACE]) / size + tuning.own_m**2
         innovation = size - float(across @ state[PLACE]) / size

@@ -3,13 +3,14 @@
 import numpy as np
 import pytest
 
-from lasso_motion_ros.motion.hearts import hearts, spread_directions
+from lasso_motion_ros.geometry.directions import half_sphere
+from lasso_motion_ros.motion.hearts import hearts
 from lasso_motion_ros.motion.motion_model import TUNING
 
 
 @pytest.mark.parametrize("count", [1, 48, 300])
 def test_directions_are_spread_evenly(count):
-    directions = spread_directions(count)
+    directions = half_sphere(count)
     assert directions.shape == (count, 3)
     np.testing.assert_allclose(np.linalg.norm(directions, axis=1), 1.0)
     if count > 1:
@@ -18,7 +19,7 @@ def test_directions_are_spread_evenly(count):
 
 
 def test_some_way_is_near_to_any_direction():
-    directions = spread_directions(TUNING.heartbeat_ways)
+    directions = half_sphere(TUNING.heartbeat_ways)
     random = np.random.default_rng(0).normal(size=(2000, 3))
     random /= np.linalg.norm(random, axis=1, keepdims=True)
     farthest_deg = np.degrees(np.arccos(np.abs(random @ directions.T).max(axis=1))).max()

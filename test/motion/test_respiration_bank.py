@@ -7,7 +7,7 @@ import pytest
 from support.respiration_inputs import DIRECTION, INTERVAL_S, RISE, SIGHT, breathing, observation, run, step
 
 from lasso_motion_ros.geometry.covariance import largest_sigma, probability_beyond
-from lasso_motion_ros.motion.hearts import spread_directions
+from lasso_motion_ros.geometry.directions import half_sphere
 from lasso_motion_ros.motion.motion_model import TUNING
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
@@ -97,7 +97,7 @@ def test_whichever_way_a_strong_heart_goes_the_first_poses_are_as_far_off_as_the
     # From the second pair on, plane B half a frame late, before the way can be known: a filter that takes the first
     # beats for its way is surer than it may be.
     normalised = np.concatenate(
-        [beating(1.4e-3, 0.15, pairs=8, seed=seed, way=way)[1][1:] for seed, way in enumerate(spread_directions(40))]
+        [beating(1.4e-3, 0.15, pairs=8, seed=seed, way=way)[1][1:] for seed, way in enumerate(half_sphere(40))]
     )
     assert np.mean(normalised < 7.8) > 0.88  # 95 % of three, were hearts not mostly weaker
     assert np.mean(normalised) < 4.5

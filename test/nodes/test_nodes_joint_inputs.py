@@ -7,6 +7,8 @@ from typing import Any
 
 import pytest
 
+pytest.importorskip("rclpy", reason="needs ROS 2")
+
 from lasso_motion_ros.nodes import joint_inputs
 from lasso_motion_ros.nodes.joint_inputs import JointInputs
 

@@ -75,7 +75,7 @@ def _heart(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
 def _b_late(random: Random, scenario: Scenario) -> tuple[Scenario, float]:
     rate = float(random.choice([2.0, 3.0, 3.75]))
     depth = {"amplitude_mm": float(random.uniform(12.0, 28.0))}
-    heart = {"amplitude_mm": float(random.uniform(0.0, 4.0))}
+    heart = {"amplitude_mm": max(scenario.heart.amplitude_mm, float(random.uniform(0.0, 4.0)))}
     return altered(scenario, plane_b_offset=0.5, rate_hz=rate, breathing=depth, heart=heart), START
 
 
@@ -270,7 +270,7 @@ CLASSES: Mapping[str, EventClass] = {
         EventClass("ablation", "an ablation tip works at the ring, 0 to 20 mm from it", _ablation),
         EventClass("edge_on", "edge-on in one plane", _edge_on),
         EventClass("heart", "a heart of 2 to 5 mm, regular or fibrillating, B half a frame late or not", _heart),
-        EventClass("b_late", "B half a frame late, 12 to 28 mm of breathing", _b_late, "breath"),
+        EventClass("b_late", "B half a frame late, 12 to 28 mm of breathing, a heart of up to 4 mm", _b_late, "breath"),
         EventClass("one_plane", "pictures of either plane are lost now and then", _one_plane, "planes"),
         EventClass("plane_off", "a plane is off for 3 to 20 s", _plane_off, "planes"),
         EventClass("cough", "one or two coughs of 6 to 12 mm", _cough, "breath"),
