@@ -76,7 +76,7 @@ class MotionTuning:
     times_ahead: int = 8  # predictions kept; while the loop stays lost they are for ever new times
 
     def hearts(self, late_s: float) -> Hearts:
-        """What the heart may do, before any measurement, where plane B is exposed so much later than plane A."""
+        """What the heart may do, before any measurement, where plane B is exposed so many seconds after plane A."""
         return self._hearts_in_step if late_s <= self.in_step_s else self._hearts
 
     @cached_property

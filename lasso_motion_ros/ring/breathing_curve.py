@@ -141,7 +141,7 @@ class BreathingCurve:
         Args:
             time_s: when.
             displacement: (3,) metres.
-            sigma_m: of the displacement itself, with the heartbeat's, metres.
+            sigma_m: of the displacement itself, with the heartbeat's across the breath, metres.
             slide: by that displacement.
             is_away: the ring has been displaced, and has to come back to where it was seen.
         """
@@ -166,7 +166,7 @@ class BreathingCurve:
         Args:
             time_s: when.
             displacement: (3,) metres.
-            sigma_m: of the displacement itself, with the heartbeat's, metres.
+            sigma_m: of the displacement itself, with the heartbeat's across the breath, metres.
         """
         across, beyond, spread_m = self._off_curve(time_s, displacement)
         if not self.is_complete and spread_m < self._tuning.first_axis_m:

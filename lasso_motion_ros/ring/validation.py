@@ -113,18 +113,17 @@ def misleading(
         vague = motion.beyond(limit_m, near - motion.at_a.covariance)
     else:
         vague = probability_beyond(limit_m, near)
-    slid = track.slide.beyond(limit_m)
-    across_mm, companions = 1e3 * track.slide.across_m, track.joined_slide
-    by = f"{across_mm:.1f} mm across its breathing, and perhaps more along it"
-    # They know of all directions. Where they have been lost since, what they last told still counts if it was a slide;
-    # a doubt that nobody can take back does not: it would last for good.
-    # And along the ray of the plane that alone shows them, they tell nothing.
-    told, hidden = companions.beyond(limit_m), companions.hidden(track.slide).beyond(limit_m)
-    if (companions.is_told or told > max(slid, 0.5)) and told >= hidden:
+    # Companions know of all directions, but along the ray of a plane that alone shows them: of that its own past tells.
+    # Where they have been lost since, what they last told still counts if it was a slide; a doubt that nobody can take
+    # back does not: it would last for good.
+    companions, own = track.joined_slide, track.slide
+    if companions.is_told:
+        own = companions.hidden(own)
+    slid, told = own.beyond(limit_m), companions.beyond(limit_m)
+    by = f"{1e3 * own.across_m:.1f} mm across its breathing, and perhaps more along it"
+    if told >= slid if companions.is_told else told > max(slid, 0.5):
         slid = told
         by = f"{1e3 * companions.size_m:.1f} mm from what moves with the heart beside it"
-    elif companions.is_told:
-        slid = hidden
     why = {
         f"it seems to slide: {by}": slid,
         f"its place is known to {sigma_mm:.1f} mm only": vague,
