@@ -151,15 +151,26 @@ def electrode_places(length_m: float, settings: LassoSettings) -> Array:
 
 def loop_segments(points: Array, settings: LassoSettings) -> Segments:
     """The loop's shaft (0.7 mm) with its ring electrodes, from its centreline (N, 3)."""
-    fine, contrast = resample(points, 2 * LOOP_POINTS), settings.contrast
-    parts = [
-        chain(fine, MATERIAL.loop_radius_m, contrast * MATERIAL.loop_shaft),
-        chain(fine, MATERIAL.loop_core_radius_m, contrast * MATERIAL.loop_core),
-    ]
+    fine = resample(points, 2 * LOOP_POINTS)
+    places = electrode_places(curve_length(points), settings)
+    return joined([wire_segments(fine, settings), electrode_segments(fine, places, settings)])
+
+
+def wire_segments(points: Array, settings: LassoSettings) -> Segments:
+    """The loop's shaft (0.7 mm) without electrodes, along a curve (N, 3)."""
+    contrast = settings.contrast
+    return joined(
+        [
+            chain(points, MATERIAL.loop_radius_m, contrast * MATERIAL.loop_shaft),
+            chain(points, MATERIAL.loop_core_radius_m, contrast * MATERIAL.loop_core),
+        ]
+    )
+
+
+def electrode_segments(curve: Array, places: Array, settings: LassoSettings) -> Segments:
+    """The ring electrodes with their middles at distances (E,) along a curve (N, 3), metres."""
     size, radius = 1e-3 * settings.electrode_length_mm, 0.5e-3 * settings.electrode_diameter_mm
-    for at in electrode_places(curve_length(points), settings):
-        parts.append(electrode(fine, at, size, radius, contrast * MATERIAL.ring))
-    return joined(parts)
+    return joined([electrode(curve, at, size, radius, settings.contrast * MATERIAL.ring) for at in places.tolist()])
 
 
 def body_segments(curve: Array, radius_m: float) -> Segments:

@@ -23,15 +23,22 @@ from lasso_motion_ros.phantom.catheters import (
     build_loop,
     curve_length,
     electrode_places,
+    electrode_segments,
     lasso_shaft,
-    loop_segments,
+    wire_segments,
 )
 from lasso_motion_ros.phantom.contrast import Tree, contrast_depth, coronary_tree, vein_tree
 from lasso_motion_ros.phantom.gantry import true_projection
 from lasso_motion_ros.phantom.imaging import Exposure
 from lasso_motion_ros.phantom.lab_devices import TwinLasso, echo_probe, pacing_catheter, skin_discs, star_catheter
 from lasso_motion_ros.phantom.lab_settings import Incident
-from lasso_motion_ros.phantom.motion_incidents import patient_pose, ring_growth, ring_slide, withdrawn_share
+from lasso_motion_ros.phantom.motion_incidents import (
+    patient_pose,
+    ring_growth,
+    ring_slide,
+    seat_motion,
+    withdrawn_share,
+)
 from lasso_motion_ros.phantom.settings import Scenario
 from lasso_motion_ros.phantom.tubes import Segments, joined
 from lasso_motion_ros.phantom.working_ablation import WorkingTip
@@ -59,6 +66,7 @@ class Lab:
 
     def __init__(self, scenario: Scenario, loop: Loop, start: Array, trunk: Body, random: Random) -> None:
         self._scenario, self._loop, self._start = scenario, loop, start
+        self._length_m = curve_length(loop.points)
         self.incidents = scenario.incidents
         bystanders = scenario.bystanders
         duration = (scenario.pairs + 1) / scenario.rate_hz
@@ -98,8 +106,8 @@ class Lab:
         return ring_growth(self.incidents, time_s)
 
     def slide(self, time_s: float) -> Array:
-        """(3,) how far the ring has slid from its place, metres."""
-        return ring_slide(self.incidents, self._loop.normal, time_s)
+        """(3,) how far the ring lies from its place: slid, or to and fro on its seat; metres."""
+        return ring_slide(self.incidents, self._loop.normal, time_s) + seat_motion(self._scenario.lasso, time_s)
 
     def withdrawn(self, time_s: float) -> float:
         """How much of the loop is in its sheath, 0 to 1."""
@@ -116,22 +124,31 @@ class Lab:
     def poles(self, loop: Array, time_s: float) -> Array:
         """(E, 3) the electrodes' middles on a loop (90, 3), where they are still on it; metres."""
         length = curve_length(loop)
-        places = electrode_places(length, self._scenario.lasso) + self.withdrawn(time_s) * length
+        places = self._electrode_places(length, time_s)
         return along_curve(loop, places[places <= length])
+
+    def _electrode_places(self, length_m: float, time_s: float) -> Array:
+        """(E,) the electrodes' middles along a loop of a length and on along its shaft, metres from the loop's tip.
+
+        They sit on the wire: a loop that the heart widens draws wire out of its shaft.
+        """
+        return electrode_places(self._length_m, self._scenario.lasso) + self.withdrawn(time_s) * length_m
 
     def lasso(self, loop: Array, motion: Array, time_s: float) -> Segments:
         """The lasso with its shaft; what is withdrawn lies in the shaft."""
         shaft = lasso_shaft(loop, self._loop.normal, motion)
-        parts = [body_segments(shaft, SHAFT_RADIUS)]
-        share = self.withdrawn(time_s)
-        wire = loop
+        share, length, lasso = self.withdrawn(time_s), curve_length(loop), self._scenario.lasso
+        wire, whole = loop, np.concatenate([loop, shaft[1:]])
         if share > 0.0:
-            length = curve_length(loop)
-            whole = np.concatenate([loop, shaft[1:]])
             # Drawn along itself: the tip goes the way that the loop lies.
             wire = resample(along_curve(whole, np.linspace(share * length, (1.0 + share) * length, 181)), LOOP_POINTS)
-        parts.append(loop_segments(wire, self._scenario.lasso))
-        return joined(parts)
+        return joined(
+            [
+                body_segments(shaft, SHAFT_RADIUS),
+                wire_segments(resample(wire, 2 * LOOP_POINTS), lasso),
+                electrode_segments(whole, self._electrode_places(length, time_s), lasso),
+            ]
+        )
 
     def segments(self, time_s: float, state: BodyState) -> Segments:
         """All that the lab adds to the patient's own catheters, at one instant."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.phantom.lab_settings import Incident
 from lasso_motion_ros.phantom.motion import Breathing
-from lasso_motion_ros.phantom.settings import BreathingSettings
+from lasso_motion_ros.phantom.settings import BreathingSettings, LassoSettings
 
 Array = npt.NDArray[np.float64]
 
@@ -102,6 +102,16 @@ def ring_slide(incidents: Sequence[Incident], out_of_vein: Array, time_s: float)
                 1e-3 * incident.amount * (min(seconds, incident.duration_s) if incident.duration_s else seconds) * unit
             )
     return slid
+
+
+def seat_motion(lasso: LassoSettings, time_s: float) -> Array:
+    """(3,) how far the ring lies to one side on its seat, metres in the atrium's axes: nothing at the first pair.
+
+    It is pressed to the tissue by its shaft, and is not fixed to it.
+    """
+    direction = np.asarray(lasso.seat_direction, dtype=np.float64)
+    off_m = 1e-3 * lasso.seat_mm * np.sin(2.0 * np.pi * time_s / lasso.seat_period_s)
+    return np.asarray(off_m * direction / np.linalg.norm(direction))
 
 
 def withdrawn_share(incidents: Sequence[Incident], time_s: float) -> float:

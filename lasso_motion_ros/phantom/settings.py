@@ -68,6 +68,11 @@ class LassoSettings:
         0.0, "own tilt with the heartbeat, which the atrium has not", unit="deg", minimum=0, maximum=10
     )
     stretch: float = setting(0.0, "own change of diameter with the heartbeat", minimum=0, maximum=0.1)
+    seat_mm: float = setting(
+        0.0, "to and fro against the atrium on which it lies, at most", unit="mm", minimum=0, maximum=3
+    )
+    seat_period_s: float = setting(8.0, "once to and fro", unit="s", minimum=2, maximum=60)
+    seat_direction: Vector = setting((0.0, 0.0, 1.0), "which way; any length but zero", minimum=-10, maximum=10)
 
 
 @dataclass(frozen=True)

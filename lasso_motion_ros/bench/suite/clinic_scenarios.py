@@ -35,6 +35,7 @@ CLINIC_SEQUENCES = 120
 SECOND_CLASS = 0.5  # share of the sequences with two classes
 LARGE = 0.15  # share at 1024², of those that are short enough
 LONGEST_LARGE = 26  # pairs
+UNQUIET = 0.4  # share of the rings that go to and fro on their seat
 LEAST_EDGE_ON_DEG = 15.0  # of what is not meant to be edge-on
 
 
@@ -106,7 +107,9 @@ def clinic_scenario(seed: int, index: int) -> ClinicScenario:
         names.append(str(random.choice(others)))
     # Which way a heart moves the ring differs between patients: where plane B is late, its depth hangs on that.
     way = as_vector(direction(np.random.default_rng([seed, 12, index])))
-    scenario = altered(_ordinary(random), heart={"direction": way})
+    scenario = altered(
+        _ordinary(random), heart={"direction": way}, lasso=_seat(np.random.default_rng([seed, 13, index]))
+    )
     since = {}
     # An orientation first: shutters and others look where the loop lies.
     for name in sorted(names, key=lambda name: name != "edge_on"):
@@ -159,6 +162,17 @@ def _ordinary(random: Random) -> Scenario:
     while min(edge_on_deg(scenario, plane) for plane in range(2)) < LEAST_EDGE_ON_DEG:
         scenario = altered(scenario, lasso={"normal": as_vector(direction(random))})
     return scenario
+
+
+def _seat(random: Random) -> dict[str, object]:
+    """How the ring goes to and fro on its seat, which no picture tells from what the atrium does."""
+    if random.uniform() >= UNQUIET:
+        return {}
+    return {
+        "seat_mm": float(random.uniform(0.2, 0.8)),
+        "seat_period_s": float(random.uniform(4.0, 15.0)),
+        "seat_direction": as_vector(direction(random)),
+    }
 
 
 def _breathing(random: Random) -> BreathingSettings:
