@@ -172,11 +172,20 @@ class RespiratoryMotion:
         return self._weights
 
     @property
+    def way(self) -> Array:
+        """(3,) unit vector of the direction of breathing, as learned so far."""
+        return self._spread.way
+
+    @property
+    def heartbeat(self) -> Array:
+        """(3, 3) m² covariance of the heartbeat's motion, as learned so far."""
+        return np.asarray(np.tensordot(self.weights, self._hearts.covariances, 1))
+
+    @property
     def heartbeat_sideways(self) -> Array:
-        """(3, 3) m² covariance of the heartbeat's motion across the direction of breathing, as learned so far."""
-        breath = self._spread.way
-        across = _IDENTITY_3 - np.outer(breath, breath)
-        return np.asarray(across @ np.tensordot(self.weights, self._hearts.covariances, 1) @ across)
+        """(3, 3) m² of it across the direction of breathing."""
+        across = _IDENTITY_3 - np.outer(self.way, self.way)
+        return np.asarray(across @ self.heartbeat @ across)
 
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
         """A linear function h (3, SIZE) of the state, over all filters."""

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.logistic import logistic
+from lasso_motion_ros.ring.breathing_terms import breathing_terms, speed_along
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -158,13 +159,14 @@ def _change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuni
     along = points @ axis
     mean = points.sum(axis=0) / len(points)
     across = points - mean - (along - mean @ axis)[:, None] * axis
-    speed = _speed(along, intervals)
+    speed = speed_along(along, intervals)
     # What a cough or a sigh does aside is unknown, and how fast it breathed right before and after it.
     is_usual = _is_usual(along, tuning)
     seen &= is_usual & np.append(is_usual[1:], True) & np.append(True, is_usual[:-1])
     if seen.sum() < tuning.fewest:
         return Slide()
-    return _best_drift(times[seen], across[seen], _breathing(along[seen], speed[seen], tuning), tuning)
+    terms = breathing_terms(along[seen], speed[seen], tuning.places_a_term)
+    return _best_drift(times[seen], across[seen], terms, tuning)
 
 
 def _compiled_change_point(points: Array, times: Array, is_whole: Mask, axis: Array, tuning: SlideTuning) -> Slide:
@@ -191,19 +193,6 @@ def _compiled_change_point(points: Array, times: Array, is_whole: Mask, axis: Ar
         tuning.rest_penalty,
     )
     return Slide((x, y, z), odds)
-
-
-def _breathing(along: Array, speed: Array, tuning: SlideTuning) -> Array:
-    """(N, K) what breathing may be a linear function of, across its direction, the most certain first.
-
-    Args:
-        along: (N,) places along the breath, metres.
-        speed: (N,) m/s along it.
-        tuning: how many places tell one of them.
-    """
-    depth = along - along.mean()
-    terms = np.column_stack([np.ones_like(depth), depth, speed, depth * depth, depth * speed])
-    return terms[:, : max(3, len(terms) // tuning.places_a_term)]
 
 
 def _best_drift(times: Array, across: Array, breathing: Array, tuning: SlideTuning) -> Slide:
@@ -266,14 +255,3 @@ def _median(values: Array) -> float:
     """Of a few values (N,), N ≥ 1: numpy's takes ten times as long."""
     ordered = np.sort(values)
     return 0.5 * float(ordered[(len(ordered) - 1) // 2] + ordered[len(ordered) // 2])
-
-
-def _speed(along: Array, intervals: Array) -> Array:
-    """(N,) derivative of values (N,) that lie intervals (N - 1,) apart, of second order but for the ends."""
-    steps = np.diff(along) / intervals
-    speed = np.empty_like(along)
-    speed[0], speed[-1] = steps[0], steps[-1]
-    # Between two steps the shorter one counts for more.
-    before, after = intervals[:-1], intervals[1:]
-    speed[1:-1] = (steps[:-1] * after + steps[1:] * before) / (before + after)
-    return speed

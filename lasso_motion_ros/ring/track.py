@@ -19,6 +19,7 @@ from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
+from lasso_motion_ros.ring.seat import Seat, SeatTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.seed_template import SeedView
 from lasso_motion_ros.ring.slide import Slide
@@ -55,6 +56,7 @@ class Track:
         sightings: pairs in which it was believed to be seen.
         last_support: what the planes showed at the best place in the last pair; -1 where none was found.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
+        seat: how far it goes to and fro in its place.
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
         slide: whether it has slid off its place by the last pair, as its own past tells.
@@ -93,6 +95,7 @@ class Track:
     seed_support: float
     usual_support: float
     contrast: dict[Plane, float]
+    seat: Seat = field(default_factory=lambda: Seat.first(SeatTuning()))
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
     slide: Slide = field(default_factory=Slide)
@@ -168,6 +171,8 @@ class Track:
 
     def _take_for_breathing(self, best: Hypothesis, time_s: float) -> None:
         self.curve.accept(time_s, best.displacement)
+        noise = best.motion.at_a.covariance + self.motion.heartbeat
+        self.seat = self.seat.seen(time_s, best.displacement, noise, self.motion.way)
         self.motion.learn(best.displacement)
         # Half of what the heartbeat did to it is the best guess for the next pair.
         self.turn, self.stretch = 0.5 * best.detection.alignment.turn, 0.5 * best.detection.alignment.stretch
@@ -216,6 +221,7 @@ class Track:
         self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
+        self.seat = self.seat.anew()
         self.companions, self.was_told_away = self.companions.anew(self.last_s), False
 
     @property

@@ -79,7 +79,8 @@ def covariance_since_reference(track: Track, position: Array, best: Hypothesis |
         best: the detection; None at the seed pair.
     """
     calibration = calibration_covariance(track.seen_at - track.reference, track.agreement.gap_mm)
-    position = position + track.reference_covariance + calibration
+    since_s = track.last_s - 1e-9 * (track.reference_ns - track.start_ns)
+    position = position + track.reference_covariance + calibration + track.seat.covariance(since_s)
     if best is not None:
         position = position + pivot_covariance(best.detection.alignment.turn, best.detection.alignment.stretch)
     return position

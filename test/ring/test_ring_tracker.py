@@ -76,7 +76,7 @@ def test_errors_lie_within_the_covariance():
         spread = centre_covariance(result.covariance, LOOP.centre + moved(index))
         normalised.append(error @ np.linalg.solve(spread, error))
     assert np.mean(np.array(normalised) < 7.8) > 0.8  # 95 % of three
-    assert np.mean(normalised) > 0.05
+    assert np.mean(normalised) > 0.01  # a ring that may shift on its seat, and does not, is known better than it says
 
 
 def test_set_reference_counts_from_the_present_phase(tracker):

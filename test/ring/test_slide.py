@@ -7,7 +7,8 @@ import pytest
 from support.breaths import ASIDE, PAIR_S, SIGMA_M, UP, after, breathed, wave
 
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
-from lasso_motion_ros.ring.slide import Slide, SlideTuning, _breathing, _median, _speed
+from lasso_motion_ros.ring.breathing_terms import breathing_terms, speed_along
+from lasso_motion_ros.ring.slide import Slide, SlideTuning, _median
 
 CURVE, TUNING = CurveTuning(), SlideTuning()
 
@@ -64,8 +65,10 @@ def test_a_way_that_opens_as_the_breaths_get_deeper_is_no_slide():
 
 def test_few_places_are_asked_for_few_terms():
     along, speed = np.linspace(-1.0, 2.0, 14), np.linspace(1.0, -1.0, 14) ** 2
-    assert [_breathing(along[:count], speed[:count], TUNING).shape[1] for count in (8, 11, 12, 14)] == [3, 3, 4, 4]
-    terms = _breathing(np.tile(along, 2), np.tile(speed, 2), TUNING)
+    assert [
+        breathing_terms(along[:count], speed[:count], TUNING.places_a_term).shape[1] for count in (8, 11, 12, 14)
+    ] == [3, 3, 4, 4]
+    terms = breathing_terms(np.tile(along, 2), np.tile(speed, 2), TUNING.places_a_term)
     np.testing.assert_allclose(terms[0], [1.0, -1.5, 1.0, 2.25, -1.5])
 
 
@@ -251,6 +254,6 @@ def test_speed_and_median_are_numpys():
     random = np.random.default_rng(2)
     times = np.cumsum(0.1 + random.random(9))
     along = random.normal(size=9)
-    np.testing.assert_allclose(_speed(along, np.diff(times)), np.gradient(along, times), rtol=1e-12)
+    np.testing.assert_allclose(speed_along(along, np.diff(times)), np.gradient(along, times), rtol=1e-12)
     for count in (1, 2, 7, 8):
         assert _median(along[:count]) == np.median(along[:count])

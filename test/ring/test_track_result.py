@@ -11,6 +11,7 @@ from lasso_motion_ros.evaluation.measures import centre_covariance
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import apply
 from lasso_motion_ros.ring.association import Hypothesis
+from lasso_motion_ros.ring.seat import Seat, SeatTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.uncertainty import CALIBRATION_SHARE, PIVOT_M
@@ -38,7 +39,10 @@ def track(**changed):
         "home": np.zeros(3),
         "seen_at": MOVED,
         "reference": REFERENCE,
+        "start_ns": 3,
         "reference_ns": 3,
+        "last_s": 0.0,
+        "seat": Seat.first(SeatTuning()),
         "agreement": SeedAgreement(0.0, ""),
         "electrodes": None,
         "reference_covariance": np.zeros((3, 3)),
@@ -87,6 +91,16 @@ def test_the_covariance_at_the_ring_is_the_sum_of_its_causes_by_hand():
     pivot = (PIVOT_M * 0.03) ** 2 * np.array([0.0, 1.0, 1.0])  # a turn moves nothing along its own axis
     expected = np.diag(np.array([1.0, 4.0, 9.0]) * 1e-10 + 4e-10 + calibration + pivot)
     np.testing.assert_allclose(centre_covariance(result.covariance, LOOP.centre + MOVED), expected, atol=1e-13)
+
+
+def test_a_pose_is_less_sure_the_longer_the_ring_may_have_shifted_on_its_seat():
+    def at_the_ring(last_s):
+        posed_later = posed(track(last_s=last_s, reference=MOVED))
+        return centre_covariance(posed_later.covariance, LOOP.centre + MOVED)
+
+    later = 3.0  # s after the first pair, which is the reference
+    np.testing.assert_allclose(at_the_ring(0.0), np.zeros((3, 3)), atol=1e-15)
+    np.testing.assert_allclose(at_the_ring(later), Seat.first(SeatTuning()).covariance(later), atol=1e-13)
 
 
 def test_an_uncertain_rotation_has_its_lever_at_the_world_origin():
