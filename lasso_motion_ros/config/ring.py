@@ -48,9 +48,9 @@ class JudgementConfig:
     )
     degraded_turn_deg: float = parameter(
         6.0,
-        "DEGRADED where the ring seems turned by this since the seed, as when a C-arm moves and its calibration does"
-        " not",
+        "DEGRADED where the ring is turned by this since the seed, and by much more than it turned before, as when a"
+        " C-arm moves and its calibration does not",
         unit="deg",
         minimum=1.0,
     )
-    lost_turn_deg: float = parameter(8.0, "LOST where the ring seems turned by this", unit="deg", minimum=1.0)
+    lost_turn_deg: float = parameter(8.0, "LOST where the ring is turned by this, likewise", unit="deg", minimum=1.0)

@@ -18,6 +18,7 @@ from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.seat import Seat, SeatTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
@@ -51,6 +52,7 @@ class Track:
         companions: what moves with the heart beside it.
         contradiction: of the planes since: whether one of them shows something else.
         electrodes: what both planes show along its curve.
+        own_turn: how far it turns by itself.
         seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
         sightings: pairs in which it was believed to be seen.
@@ -92,6 +94,7 @@ class Track:
     companions: Companions
     contradiction: PlaneContradiction
     electrodes: RingEvidence
+    own_turn: OwnTurn
     seed_support: float
     usual_support: float
     contrast: dict[Plane, float]
@@ -137,6 +140,10 @@ class Track:
         """
         since_s = self.last_s - self.seen_before_s
         return np.asarray((displacement - self.seen_before) * (self.interval_s / since_s if since_s > 0.0 else 1.0))
+
+    def turn_of(self, best: Hypothesis) -> Array:
+        """(3,) rotation vector by which a detection is turned from how the ring belongs, rad."""
+        return np.asarray(best.detection.alignment.turn - self.home_turn)
 
     def see(self, best: Hypothesis) -> None:
         """Take note of how a ring looks that is believed to be this one, wherever it lies."""

@@ -22,6 +22,7 @@ from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.loop_model import LoopModel
+from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.seed_agreement import seed_agreement
@@ -136,6 +137,7 @@ class RingTracker:
             companions=Companions(options.companions),
             contradiction=PlaneContradiction(options.contradiction),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
+            own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
             seed_support=seen.support,
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
@@ -256,6 +258,7 @@ class RingTracker:
             if best.is_whole:
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
+                    track.own_turn = track.own_turn.seen(track.turn_of(best))
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent

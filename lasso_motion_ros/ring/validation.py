@@ -55,7 +55,7 @@ def refusal(
         return f"plane {_weaker(best)} hardly shows the lasso: {100 * shown:.0f} % of what is usual is left"
     turned_deg = _turned_deg(track, best)
     is_elsewhere = track.belief.elsewhere > states.displaced  # a ring that was moved may lie as it likes
-    if turned_deg > limits.lost_turn_deg and best.is_whole and not is_elsewhere:
+    if turned_deg > limits.lost_turn_deg * track.own_turn.excess and best.is_whole and not is_elsewhere:
         return f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
     return ""
 
@@ -156,8 +156,11 @@ def quality(
         other: Plane = "b" if "a" in planes else "a"
         why = "missing" if pair.frame(other) is None else "does not reach as far as the lasso"
         return TrackerState.DEGRADED, f"plane {other.upper()} {why}: depth from the breathing so far"
-    if (turned_deg := _turned_deg(track, best)) > limits.degraded_turn_deg:
-        return TrackerState.DEGRADED, f"the lasso is turned by {turned_deg:.0f} degrees: {MOVED_C_ARM}"
+    if (turned_deg := _turned_deg(track, best)) > limits.degraded_turn_deg * track.own_turn.excess:
+        return (
+            TrackerState.DEGRADED,
+            f"the lasso is turned by {turned_deg:.0f} degrees, by the heartbeat or a moved C-arm",
+        )
     if _disagree(best, limits, tuning):
         return TrackerState.DEGRADED, f"the planes disagree by {abs(best.gap_mm):.1f} mm"
     if track.contradiction.probability > 1.0 - states.tracking:
@@ -204,7 +207,8 @@ def _unseen(association: Association, pair: FramePair) -> str:
     has_rival = len(association.hypotheses) > 1 and association.hypotheses[1].probability > association.absent
     if has_rival and evidence.get(weak, -1.0) >= SHOWN:
         return OTHER_PLACES
-    return f"plane {weak.upper()} does not show the lasso: hidden there, or {MOVED_C_ARM}"
+    strong = max(PLANES, key=lambda plane: evidence.get(plane, -1.0))
+    return f"plane {weak.upper()} does not show the lasso where plane {strong.upper()} has it"
 
 
 def _disagree(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning) -> bool:
@@ -213,4 +217,4 @@ def _disagree(best: Hypothesis, limits: JudgementConfig, tuning: ValidationTunin
 
 
 def _turned_deg(track: Track, best: Hypothesis) -> float:
-    return float(np.degrees(np.linalg.norm(best.detection.alignment.turn - track.home_turn)))
+    return float(np.degrees(np.linalg.norm(track.turn_of(best))))

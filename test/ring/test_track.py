@@ -12,6 +12,7 @@ from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
 from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.display_chain import DisplayChain, DisplayChainTuning
+from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning, PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
@@ -40,6 +41,7 @@ def track(late_s=0.0):
         companions=Companions(CompanionTuning()),
         contradiction=PlaneContradiction(ContradictionTuning()),
         electrodes=None,
+        own_turn=OwnTurn.expected(np.radians(2.5)),
         seed_support=2.2,
         usual_support=2.2,
         contrast={"a": 0.2, "b": 0.2},
@@ -179,3 +181,12 @@ def test_what_is_usual_is_the_mean_at_first_and_follows_slowly_later():
     before = one.usual_support
     seen(one, 41 * 10**9, np.zeros(3), evidence=0.8)
     assert one.usual_support == pytest.approx(0.9 * before + 0.1 * 1.04)
+
+
+def test_it_counts_turns_from_how_it_belongs():
+    one = track()
+    one.home_turn = np.radians([0.0, 3.0, 0.0])
+    turned = Hypothesis(
+        detection_of({"a": plane_fit("a", CENTRE)}, turn=np.radians([0.0, 5.0, 1.0])), None, 0.0, 0.0, 0.0
+    )
+    np.testing.assert_allclose(np.degrees(one.turn_of(turned)), [0.0, 2.0, 1.0], atol=1e-12)

@@ -40,7 +40,7 @@ LONG = (
     "no 3-D ellipse explains the two outlines: the best lies 12.3 px from them, expected under 2.0 px; do both …",
     "the clicks of both planes must be on one pair: plane A's are on the image at 1760000000.000000000 s, …",
     "the clicked image (1760000000.000000000 s) is not among the last 32 pairs",
-    "plane A does not show the lasso: hidden there, or moved C-arm without a new calibration?",
+    "plane A does not show the lasso where plane B has it",
     "LinAlgError: Singular matrix",
 )
 

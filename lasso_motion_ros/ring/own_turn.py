@@ -1,0 +1,53 @@
+"""How far the ring turns by itself: as expected at first, and as it has turned so far.
+
+The heartbeat tilts it, and the atrium turns with the breath, by a degree in one patient and by ten in another. They do
+so from the first beats on; a C-arm that moves without its calibration turns a ring that did not turn before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+EXPECTED_PAIRS = 4.0  # as which the expectation counts
+REMEMBERED_PAIRS = 24.0  # over which what is usual follows the patient
+
+
+@dataclass(frozen=True)
+class OwnTurn:
+    """What is known of it.
+
+    Attributes:
+        expected_rad: standard deviation about each axis that was expected, rad.
+        variance: rad², of the turn about each axis, as known by now.
+        pairs: as which what is known counts.
+    """
+
+    expected_rad: float
+    variance: float
+    pairs: float = EXPECTED_PAIRS
+
+    @staticmethod
+    def expected(sigma_rad: float) -> OwnTurn:
+        """Before it was seen: a standard deviation about each axis, rad."""
+        return OwnTurn(sigma_rad, sigma_rad**2)
+
+    @property
+    def sigma_rad(self) -> float:
+        """Standard deviation of the turn about each axis, rad."""
+        return math.sqrt(self.variance)
+
+    @property
+    def excess(self) -> float:
+        """How many times as far as expected it turns; 1 at least."""
+        return max(self.sigma_rad / self.expected_rad, 1.0)
+
+    def seen(self, turn: Array) -> OwnTurn:
+        """With one more pair, in which it was turned by a rotation vector (3,) rad from how it belongs."""
+        pairs = min(self.pairs + 1.0, REMEMBERED_PAIRS)
+        return replace(self, variance=self.variance + (float(turn @ turn) / 3.0 - self.variance) / pairs, pairs=pairs)
