@@ -84,6 +84,7 @@ class Hypothesis:
         log_odds: for it, against the ring being out of view.
         gap_mm: by which the planes disagree on its place, mm, signed; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
+        along_mm: how far the ring has gone in the direction of the gap since the seed pair, as both planes have it, mm.
         alike: probability that it is something just like the ring, however plain: such is rare, but lies anywhere.
         probability: of it, among all hypotheses.
         believed: probability that the ring is there or right beside it; of the most probable hypothesis only.
@@ -94,6 +95,7 @@ class Hypothesis:
     log_odds: float
     gap_mm: float
     slack_mm: float
+    along_mm: float = 0.0
     alike: float = 0.0
     probability: float = 0.0
     believed: float = 0.0
@@ -220,14 +222,14 @@ def _hypothesis(
     odds: list[float] = []
     outcomes: list[RespiratoryMotion] = []
     observations = {plane: detection.observation(plane, model.centre) for plane in detection.planes}
-    gap_mm, slack_mm = 0.0, 0.0
+    gap_mm, slack_mm, along_mm = 0.0, 0.0, 0.0
     for prior, motion in ways:
         after, likelihood = motion().copy(), 0.0
         if "a" in observations:
             likelihood += after.observe(times["a"], a=observations["a"])
         after.mark_a(time_s)
         if not odds and len(observations) == len(PLANES):
-            gap_mm, slack_mm = _disagreement(detection, after, times, model)
+            gap_mm, slack_mm, along_mm = _disagreement(detection, after, times, model)
         if "b" in observations:
             likelihood += after.observe(times["b"], b=observations["b"])
         odds.append(prior + likelihood - clutter)
@@ -244,7 +246,7 @@ def _hypothesis(
         log_odds += _gap_odds(1e-3 * gap_mm, 1e-3 * slack_mm, tuning)
     # Which shows whatever the ring does, and anything else.
     alike = tuning.alike / (tuning.alike + usualness * math.exp(motion_odds))
-    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, alike)
+    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, along_mm, alike)
 
 
 def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:
@@ -290,11 +292,17 @@ def _usualness(support: float, usual: float, usual_sigma: float, tuning: Associa
 
 def _disagreement(
     detection: Detection, after_a: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[float, float]:
-    """How far the planes' rays pass each other, and what the motion between their exposures may do to that, mm."""
+) -> tuple[float, float, float]:
+    """How far the planes' rays pass each other, what the motion between their exposures may do to that, mm.
+
+    Returns:
+        These, and how far the ring has gone in that direction as both planes have it.
+    """
     between = after_a.expected_between(times["b"])
     gap, across = detection.gap(model.centre + between.displacement)
-    return 1e3 * gap, 1e3 * math.sqrt(across @ between.covariance @ across)
+    middle = 0.5 * (detection.planes["a"].centre + detection.planes["b"].centre)
+    along = float(across @ (middle - model.centre))
+    return 1e3 * gap, 1e3 * math.sqrt(across @ between.covariance @ across), 1e3 * along
 
 
 def _clutter_density(detection: Detection, tuning: AssociationTuning) -> float:

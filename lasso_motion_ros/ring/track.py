@@ -228,7 +228,7 @@ class Track:
         self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
-        self.seat = self.seat.anew()
+        self.seat, self.contradiction = self.seat.anew(), self.contradiction.anew()
         self.companions, self.was_told_away = self.companions.anew(self.last_s), False
 
     @property

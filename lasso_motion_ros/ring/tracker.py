@@ -135,7 +135,7 @@ class RingTracker:
             start_ns=pair.stamp_ns,
             agreement=agreement,
             companions=Companions(options.companions),
-            contradiction=PlaneContradiction(options.contradiction),
+            contradiction=PlaneContradiction.first(options.contradiction),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
             seed_support=seen.support,
@@ -257,7 +257,7 @@ class RingTracker:
             departure = max(departure, sideways / states.surprise_sigmas)
             if best.is_whole:
                 if not is_away and is_believed:
-                    track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm)
+                    track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)
                     track.own_turn = track.own_turn.seen(track.turn_of(best))
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, states.elsewhere_sigmas)
