@@ -47,7 +47,16 @@ class OwnTurn:
         """How many times as far as expected it turns; 1 at least."""
         return max(self.sigma_rad / self.expected_rad, 1.0)
 
-    def seen(self, turn: Array) -> OwnTurn:
-        """With one more pair, in which it was turned by a rotation vector (3,) rad from how it belongs."""
+    def seen(self, turn: Array, before: Array) -> OwnTurn:
+        """With one more pair.
+
+        What heart and breath turn comes back; what a hand or a C-arm has turned stays so, and counts once.
+
+        Args:
+            turn: (3,) rotation vector, rad, by which it is turned from how it belongs.
+            before: (3,) likewise, in the pair in which it was seen last.
+        """
+        change = turn - before
+        square = min(float(turn @ turn), float(change @ change)) / 3.0
         pairs = min(self.pairs + 1.0, REMEMBERED_PAIRS)
-        return replace(self, variance=self.variance + (float(turn @ turn) / 3.0 - self.variance) / pairs, pairs=pairs)
+        return replace(self, variance=self.variance + (square - self.variance) / pairs, pairs=pairs)

@@ -258,7 +258,7 @@ class RingTracker:
             if best.is_whole:
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)
-                    track.own_turn = track.own_turn.seen(track.turn_of(best))
+                    track.own_turn = track.own_turn.seen(track.turn_of(best), track.last_turn - track.home_turn)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent
