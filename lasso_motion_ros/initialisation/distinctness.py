@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.curves import arc_length
 from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.ring.strip import shared_out
 from lasso_motion_ros.ring.working_image import PIXEL_MM, Image, WorkingImage
 
 Array = npt.NDArray[np.float64]
@@ -80,59 +81,76 @@ class CurveElsewhere:
         return Distinctness(self.curve, sum(far for far, _ in told), min(lead for _, lead in told))
 
 
-def _offsets() -> Array:
-    """(K, 2) working pixels by which a curve is laid aside, every second one; the first not at all."""
-    count = round(0.5 * TUNING.reach_mm / PIXEL_MM)
-    at = 2.0 * np.arange(-count, count + 1)
-    aside = np.stack(np.meshgrid(at, at), axis=2).reshape(-1, 2)
-    return np.concatenate([np.zeros((1, 2)), aside[np.hypot(*aside.T) >= TUNING.nearest_mm / PIXEL_MM]])
+def _elsewhere() -> npt.NDArray[np.bool_]:
+    """(K, K) of the places where a curve is laid, every second working pixel, which are far enough from its own."""
+    at = 2.0 * np.arange(-_STEPS, _STEPS + 1)
+    return np.asarray(np.hypot(at, at[:, None]) >= TUNING.nearest_mm / PIXEL_MM)
 
 
-OFFSETS = _offsets()
+_STEPS = round(0.5 * TUNING.reach_mm / PIXEL_MM)
+_ELSEWHERE = _elsewhere()
 
 
 @dataclass(frozen=True, eq=False)
 class _Laid:
     """What an image shows along a curve in its place, and laid aside.
 
+    Laid aside by whole pixels, every point of a curve lies between its four pixels as it does in its place. So a mean
+    along it, wherever it is laid, is a correlation with what those pixels' shares add up to.
+
     Attributes:
-        shown: (K, L) evidence, nothing outside the picture; the first in its place.
-        is_inside: (K, L) which of it lies in the picture; None where all does.
+        shown: (H, W) evidence about the curve, nothing outside the picture.
+        inside: (H, W) 1 in the picture, 0 outside; None where all is inside.
+        pixels: (2, L) x and y of the curve in it.
     """
 
     shown: Image
-    is_inside: npt.NDArray[np.bool_] | None
+    inside: Image | None
+    pixels: Array
 
     @classmethod
     def of(cls, image: WorkingImage, along: Array) -> _Laid:
         """Of a curve (L, 2), working pixels."""
-        reach = TUNING.reach_mm / PIXEL_MM
-        evidence, corner = image.evidence_about(np.concatenate([along - reach, along + reach]))
-        if evidence.size == 0:
-            shape = len(OFFSETS), len(along)
-            return cls(np.zeros(shape, np.float32), np.zeros(shape, np.bool_))
-        at = (OFFSETS[:, None] + (along - corner)).astype(np.float32)
-        shown = cv2.remap(evidence, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT)
-        farthest = np.array(evidence.shape[::-1]) - 1.0
-        if (at.min(axis=(0, 1)) >= 0.0).all() and (at.max(axis=(0, 1)) <= farthest).all():
-            return cls(np.asarray(shown), None)
-        return cls(np.asarray(shown), np.asarray(((at >= 0.0) & (at <= farthest)).all(axis=2)))
+        # A pixel more on each side is what is between pixels.
+        reach = 2 * _STEPS + 2
+        low, high = (np.floor(one).astype(np.intp) for one in (along.min(axis=0), along.max(axis=0)))
+        (left, top), (right, bottom) = (low - reach).tolist(), (high + reach + 1).tolist()
+        evidence, corner = image.evidence_about(np.array([[left, top], [right, bottom]], np.float64))
+        x, y = corner.astype(int).tolist()
+        height, width = evidence.shape
+        if min(right, x + width) <= max(left, x) or min(bottom, y + height) <= max(top, y):
+            nothing = np.zeros((bottom - top, right - left), np.float32)
+            return cls(nothing, nothing, (along - (left, top)).T)
+        part = evidence[max(top - y, 0) : max(bottom - y, 0), max(left - x, 0) : max(right - x, 0)]
+        beyond = (max(y - top, 0), max(bottom - y - height, 0), max(x - left, 0), max(right - x - width, 0))
+        shown = cv2.copyMakeBorder(part, *beyond, cv2.BORDER_CONSTANT)
+        is_whole = not any(beyond)
+        inside = None if is_whole else cv2.copyMakeBorder(np.ones_like(part), *beyond, cv2.BORDER_CONSTANT)
+        return cls(np.asarray(shown), None if inside is None else np.asarray(inside), (along - (left, top)).T)
 
     def means(self, weights: Image | None) -> Image:
         """(M,) of those that are asked, the weighted means (L,), or the plain ones, of what lies in the picture.
 
-        Beyond its edge nothing is known. To count as a place without evidence it would make all others stand out. None
-        are left where too little of the curve itself is in the picture.
+        The first is that in its place. Beyond its edge nothing is known. To count as a place without evidence it would
+        make all others stand out. None are left where too little of the curve itself is in the picture.
         """
-        each = np.ones(self.shown.shape[1], np.float32) if weights is None else weights
+        each = np.ones(self.pixels.shape[1], np.float32) if weights is None else weights
         whole = max(float(each.sum()), 1e-9)
-        if self.is_inside is None:
-            return np.asarray(self.shown @ (each / np.float32(whole)))
-        inside = self.is_inside @ each
-        is_asked = inside >= TUNING.smallest_inside * whole
-        if not (is_asked[0] and inside[0] > 0.0):
-            return np.zeros(0, np.float32)
-        return np.asarray((self.shown @ each)[is_asked] / np.maximum(inside[is_asked], np.float32(1e-9)))
+        index, share, (left, top), (width, height) = shared_out(self.pixels, each / whole, 1.0)
+        kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height).astype(np.float32)
+        part = slice(top - 2 * _STEPS, top + height + 2 * _STEPS), slice(left - 2 * _STEPS, left + width + 2 * _STEPS)
+
+        def laid(values: Image) -> Image:
+            """(M,) sums wherever the curve is laid, the first in its place."""
+            found = cv2.matchTemplate(values[part], kernel.reshape(height, width), cv2.TM_CCORR)[::2, ::2]
+            return np.concatenate([found[_STEPS, _STEPS : _STEPS + 1], found[_ELSEWHERE]])
+
+        shown = laid(self.shown)
+        if self.inside is None:
+            return shown
+        inside = laid(self.inside)
+        is_asked = inside >= TUNING.smallest_inside
+        return np.asarray(shown[is_asked] / inside[is_asked]) if is_asked[0] else np.zeros(0, np.float32)
 
 
 def _stands_out(means: Image) -> tuple[float, float]:

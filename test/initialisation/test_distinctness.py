@@ -75,6 +75,19 @@ def test_chance_goes_as_far_at_every_dose() -> None:
         assert 0.6 < np.std(away) < 1.5
 
 
+def test_it_is_by_means_along_the_curve_laid_aside_both_ways() -> None:
+    seen = images_of(lambda grey, plane: grey - 0.2 * ring(plane) + noise(plane, 8.0))
+    along = {plane: image.projection.project(POINTS) for plane, image in seen.items()}
+    expected = 0.0
+    for plane, image in seen.items():
+        beside = 2.0 * np.arange(-16, 17)  # 8 mm either way, every half millimetre
+        aside = np.stack(np.meshgrid(beside, beside), axis=2).reshape(-1, 2)
+        means = np.array([image.evidence_at(along[plane] + one).mean() for one in aside])
+        others = means[np.hypot(*aside.T) >= 6.0]
+        expected += (float(image.evidence_at(along[plane]).mean()) - others.mean()) / others.std()
+    assert CurveElsewhere(seen, along).curve == pytest.approx(expected, abs=0.01)
+
+
 def test_less_noise_shows_more_of_a_ring(drawn: Distinctness) -> None:
     clearer, fainter = (
         of_images(lambda grey, plane, sigma=sigma: grey - 0.2 * ring(plane) + noise(plane, sigma))  # type: ignore[misc]
