@@ -19,6 +19,9 @@ from lasso_motion_ros.seeding.loop_outline import TURN, angles_between
 Array = npt.NDArray[np.float64]
 
 CLICKS = 20
+# Of so many places along a found ring, from the wire. What a ring is off by, all of them are off by together: they say
+# as much as one place or two that are half a millimetre off by themselves.
+RING_SIGMA_MM = 2.0
 
 
 def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopModel:
@@ -40,10 +43,9 @@ def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopM
     # Between the heights at which the planes see it, as far as plane A's images are taken to be off, too.
     between = share_of_a * lift
     around = ring.beside_ellipse(0, angles_between(0.0, TURN)) + between
-    # It was found about as well as people click.
     places = around[_evenly(len(around))]
     a, b = (images.projections[plane].project(places) + shifts[plane] for plane in PLANES)
-    return model_beside(around, images, shifts, Seed(a, b))
+    return model_beside(around, images, shifts, Seed(a, b), RING_SIGMA_MM)
 
 
 def clicks_along(model: LoopModel, projections: Mapping[Plane, Projection]) -> Seed:

@@ -35,6 +35,9 @@ from lasso_motion_ros.ring.working_image import Image, WorkingImage, reduction_f
 Array = npt.NDArray[np.float64]
 
 
+CLICK_SIGMA_MM = 0.5  # of a person's clicks beside the loop
+
+
 @dataclass(frozen=True)
 class _Tuning:
     """What electrodes, clicks and lassos are like, and how the steps are damped."""
@@ -50,7 +53,6 @@ class _Tuning:
     fine_independent_mm: float = 1.0
     blurs_px: tuple[float, ...] = (2.0, 0.0)  # of the coarse image; with the last comes the fine one
     blurred_gain: float = 1.483  # so that what is left of the noise is no more than one standard deviation
-    click_sigma_mm: float = 0.5
     click_freedom: float = 3.0  # of Student's distribution
     # Standard deviations of the waves, from two a turn on, along the radius and along the axis.
     radial_mm: tuple[float, ...] = (0.4, 0.18, 0.07, 0.04, 0.02)
@@ -86,16 +88,23 @@ class LikeliestCurve:
     log_odds: float
 
 
-def likeliest_curve(start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed) -> LikeliestCurve:
+def likeliest_curve(
+    start: Array,
+    images: SeedImages,
+    shifts: Mapping[Plane, Array],
+    clicks: Seed,
+    click_sigma_mm: float = CLICK_SIGMA_MM,
+) -> LikeliestCurve:
     """The likeliest curve near a start.
 
     Args:
         start: (N, 3) world metres along a loop, in order, within a millimetre or two of it.
         images: of the pair.
         shifts: per plane, (2,) pixels by which its images lie off its calibration, about.
-        clicks: a person's, or places that are known about as well.
+        clicks: a person's, or other places along it.
+        click_sigma_mm: how far those lie beside it, standard deviation.
     """
-    fit = _Fit(start, images, shifts, clicks)
+    fit = _Fit(start, images, shifts, clicks, click_sigma_mm)
     for blur_px in TUNING.blurs_px:
         fit.look(blur_px, fine=blur_px == TUNING.blurs_px[-1])
         fit.climb()
@@ -188,7 +197,15 @@ class _View:
 class _Fit:
     """The search for the maximum; arguments as of `likeliest_curve`."""
 
-    def __init__(self, start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed) -> None:
+    def __init__(
+        self,
+        start: Array,
+        images: SeedImages,
+        shifts: Mapping[Plane, Array],
+        clicks: Seed,
+        click_sigma_mm: float = CLICK_SIGMA_MM,
+    ) -> None:
+        self._click_variance = click_sigma_mm**2
         self._projections, self._shifts, self._share_of_a = images.projections, dict(shifts), images.share_of_a
         self._centre = circle_centre(start)
         axes = np.linalg.svd(start - start.mean(axis=0), full_matrices=False)[2]
@@ -269,7 +286,7 @@ class _Fit:
         for independent_mm, layers in self._layers:
             value += _of_images(layers, seen, self._spacing_mm / independent_mm, gradient, normal)
         for view, one in zip(self._views, seen, strict=True):
-            value += _of_clicks(view.clicks, view.unit, one, gradient, normal)
+            value += _of_clicks(view.clicks, self._click_variance, view.unit, one, gradient, normal)
         return value, gradient, normal
 
 
@@ -306,10 +323,10 @@ def _of_images(layers: list[_Layer], seen: list[_Seen], weights: Array, gradient
     return float(weights @ np.log(whole))
 
 
-def _of_clicks(clicks: Array, unit: float, seen: _Seen, gradient: Array, normal: Array) -> float:
+def _of_clicks(clicks: Array, variance: float, unit: float, seen: _Seen, gradient: Array, normal: Array) -> float:
     """Logarithm of how likely one plane's clicks (C, 2) are beside a curve; arguments as of `_View`, `_of_images`."""
     pixels, along = seen
-    freedom, variance = TUNING.click_freedom, TUNING.click_sigma_mm**2
+    freedom = TUNING.click_freedom
     if has_kernels():
         from lasso_motion_ros.ring.kernels import curve as kernels
 

@@ -234,7 +234,7 @@ def _along(found: LikeliestCurve, images: SeedImages, count: int) -> LoopModel:
 
 
 def model_beside(
-    start: Array, images: SeedImages, shifts: Mapping[Plane, Array], clicks: Seed, points: int = POINTS
+    start: Array, images: SeedImages, shifts: Mapping[Plane, Array], places: Seed, sigma_mm: float, points: int = POINTS
 ) -> LoopModel:
     """The model of a loop that follows the wire near a curve in both planes, whoever drew it.
 
@@ -242,7 +242,8 @@ def model_beside(
         start: (N, 3) along the loop, world metres.
         images: of the pair.
         shifts: per plane, (2,) pixels by which its images lie off its calibration, about.
-        clicks: places along it in both planes, known about as well as people click.
+        places: along it in both planes.
+        sigma_mm: how far those lie beside the wire, standard deviation.
         points: of the model's curve.
     """
-    return _along(likeliest_curve(start, images, shifts, clicks), images, points)
+    return _along(likeliest_curve(start, images, shifts, places, sigma_mm), images, points)

@@ -115,6 +115,14 @@ def test_a_click_far_off_changes_next_to_nothing():
     assert 1e3 * np.linalg.norm(plain.points - off.points, axis=1).max() < 0.25  # 10 mm off it is
 
 
+def test_places_that_are_known_vaguely_hold_it_less():
+    images, start = images_of(dict.fromkeys("ab", CURVE), 40.0), start_beside(1.2)
+    places = start[::5]
+    beside = Seed(*(view.project(places) for view in VIEWS.values()))
+    held, loose = (likeliest_curve(start, images, NO_SHIFT, beside, sigma_mm) for sigma_mm in (0.3, 2.0))
+    assert off_mm(loose.points) < 0.7 * off_mm(held.points)
+
+
 def test_a_loop_that_reaches_out_of_the_picture_raises_nothing():
     images = images_of(dict.fromkeys("ab", CURVE))
     frames = {
