@@ -63,7 +63,9 @@ def find_rings(
     other_polarity: bool = False,
     go_on: Callable[[], bool] = lambda: True,
 ) -> Look:
-    """The rings that the first of some successive pairs shows and the others do, too; best first.
+    """The rings that one of some successive pairs shows and the others do, too; best first.
+
+    They are looked for in the first; where nothing there is believed, in the last.
 
     Args:
         pairs: successive pairs, both planes each.
@@ -84,11 +86,28 @@ def find_rings(
         laid = _laid_out(pairs, config.polarity, other_polarity, partial(_check, go_on))
     except GeometryError:
         return Look([], [])
+    polarity = "bright" if laid[0].bright else "dark"
+    decided = replace(config, polarity=polarity)
+    look = _look(pairs, laid, decided, known, go_on)
+    if look.proposed:
+        return look
+    # What the first pair shows badly, the last may show well.
+    back = _look(_backwards(pairs), laid[::-1], decided, (), go_on)
+    return Look(back.proposed, look.followed)
+
+
+def _look(
+    pairs: Sequence[FramePair],
+    laid: Sequence[LaidPair],
+    config: TrackerConfig,
+    known: Sequence[FollowedRing],
+    go_on: Callable[[], bool],
+) -> Look:
+    """The same as the first of some pairs has it; they are laid out, and the polarity is decided."""
     motions = motions_of(laid)
     _check(go_on)
     mean = compensated_mean(laid, motions)
     _check(go_on)
-    decided = replace(config, polarity="bright" if mean.bright else "dark")
     shown = [Shown.by(mean), Shown.by(laid[0])]
     found = search_rings(laid, shown, check=partial(_check, go_on))
     seen_before = KnownRings(known, pairs[0])
@@ -97,7 +116,7 @@ def find_rings(
     followed: list[FollowedRing] = []
     for one in chosen:
         _check(go_on)
-        if (outcome := _followed(one, pairs, decided, go_on)) is not None:
+        if (outcome := _followed(one, pairs, config, go_on)) is not None:
             tried.append(outcome[0])
             followed.append(outcome[1])
     tried.sort(key=lambda one: -one.judgement.evidence)
@@ -108,7 +127,7 @@ def find_rings(
         is_another = all(ring.can_be_beside(other) or ring.is_of(other) for other in astray)
         if ring.judgement.is_ring and is_another and all(ring.can_be_beside(other) for other in proposed):
             _check(go_on)
-            clicked = _clicked(ring, decided)
+            clicked = _clicked(ring, config)
             if clicked is None:
                 astray.append(ring)
             else:
@@ -116,6 +135,20 @@ def find_rings(
     return Look(
         [replace(ring, rivals=_count_rivals(ring, tried)) for ring in proposed], seen_before.remembered(followed)
     )
+
+
+def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
+    """The pairs from the last one on, as if time went on: a ring that goes back moves as one that goes on."""
+    last_ns = pairs[-1].stamp_ns
+    return [_later(pair, 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
+
+
+def _later(pair: FramePair, by_ns: int) -> FramePair:
+    """A pair with later stamps; itself where they are not."""
+    if not by_ns:
+        return pair
+    a, b = (replace(frame, stamp_ns=frame.stamp_ns + by_ns) for frame in pair.frames.values())
+    return FramePair(pair.stamp_ns + by_ns, a, b)
 
 
 def _count_rivals(ring: Proposal, tried: Sequence[Proposal]) -> int:

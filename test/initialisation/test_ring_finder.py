@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from support.breathing_lasso import pair
+from support.breathing_lasso import moved, pair
 from support.lasso_inputs import CURVE, lasso_image, lasso_pair, pair_of
 from support.message_inputs import projection
 from support.tracking_inputs import LOOP, VIEWS
@@ -16,7 +16,9 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.ring_finder import OvertakenError, find_rings
+from lasso_motion_ros.initialisation import ring_finder
+from lasso_motion_ros.initialisation.laid_pair import LaidPair
+from lasso_motion_ros.initialisation.ring_finder import Look, OvertakenError, find_rings
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.stream.automatic_start import only_ring
@@ -55,6 +57,45 @@ def test_a_ring_is_judged_by_what_all_pairs_show(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(RingTracker, "begin", begin)
     assert find_rings([pair(index) for index in range(3)], CONFIG).proposed
     assert max(track.template.count for track in tracks) == 3
+
+
+def test_where_the_first_pair_shows_none_the_last_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[list[FramePair], list[FramePair]]] = []
+    seen_first, seen_last = Look([], ["followed"]), Look(["ring"], ["followed back"])  # type: ignore[list-item]
+
+    def look(pairs: list[FramePair], laid: list[LaidPair], *_: Any) -> Look:
+        asked.append((pairs, [one.pair for one in laid]))
+        return (seen_first, seen_last)[len(asked) - 1]
+
+    monkeypatch.setattr(ring_finder, "_look", look)
+    pairs = [pair(index) for index in range(3)]
+    found = find_rings(pairs, CONFIG)
+    assert (found.proposed, found.followed) == (["ring"], ["followed"])
+    (first, laid_first), (back, laid_back) = asked
+    assert first == laid_first == pairs
+    assert laid_back == pairs[::-1]
+    # What is proposed is of the last pair as it is; the others come later than it, as far apart as they are.
+    assert back[0] is pairs[2]
+    for k, other in enumerate(reversed(pairs[:2]), 1):
+        by_ns = 2 * (pairs[2].stamp_ns - other.stamp_ns)
+        assert back[k].stamp_ns == other.stamp_ns + by_ns > back[k - 1].stamp_ns
+        for plane, frame in other.frames.items():
+            later = back[k].frames[plane]
+            assert later.stamp_ns == frame.stamp_ns + by_ns
+            assert later.pixels is frame.pixels
+            assert later.projection is frame.projection
+    seen_first = Look(["ring"], ["followed"])  # type: ignore[list-item]
+    asked.clear()
+    assert find_rings(pairs, CONFIG) is seen_first
+
+
+@pytest.mark.slow
+def test_a_ring_that_goes_on_backwards_is_one() -> None:
+    pairs = [pair(index) for index in range(3)]
+    (ring,), (back,) = (find_rings(some, CONFIG).proposed for some in (pairs, ring_finder._backwards(pairs)))
+    assert back.pair is pairs[2]
+    assert distance_to_curve(CURVE + moved(2), back.points).mean() < 0.6e-3
+    assert back.judgement.evidence == pytest.approx(ring.judgement.evidence, abs=4.0)
 
 
 @pytest.mark.slow
