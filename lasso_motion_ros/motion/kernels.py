@@ -40,49 +40,54 @@ def moved_on(
         heart: (filters, 3, 3) m² of the heartbeat.
     """
     filters, size = state.shape
+    moving = 15  # the others stay as they are, but for their own factor
     new_state, new = np.zeros((filters, size)), np.empty((filters, size, size))
-    rows = np.empty((size, size))
+    rows, columns, column = np.empty((moving, size)), np.empty((moving, moving)), np.empty(moving)
+    driven = np.zeros((moving, moving))
+    for i in range(9):
+        for j in range(9):
+            driven[i, j] = breathing[i // 3, j // 3] * spread[i % 3, j % 3]
     for f in range(filters):
-        old = covariance[f]
-        for i in range(size):
-            own = transition[i, i]
-            if i >= 15:
-                new_state[f, i] = own * state[f, i]
+        for k in range(2):
+            for m in range(2):
+                for i in range(3):
+                    for j in range(3):
+                        driven[9 + 3 * k + i, 9 + 3 * m + j] = beating[k, m] * heart[f, i, j]
+        old, later = covariance[f], new[f]
+        for i in range(moving, size):
+            new_state[f, i] = transition[i, i] * state[f, i]
+            for j in range(moving, size):
+                later[i, j] = transition[i, i] * transition[j, j] * 0.5 * (old[i, j] + old[j, i])
+        for i in range(moving):
+            k = 9 + i % 3 if i >= 9 else i % 3
+            u, v = transition[i, k], transition[i, k + 3]
+            new_state[f, i] = u * state[f, k] + v * state[f, k + 3]
+            for j in range(size):
+                rows[i, j] = u * old[k, j] + v * old[k + 3, j]
+            if i < 9:
+                w = transition[i, k + 6]
+                new_state[f, i] += w * state[f, k + 6]
                 for j in range(size):
-                    rows[i, j] = own * old[i, j]
-            elif i >= 9:
-                k = 9 + i % 3
-                u, v = transition[i, k], transition[i, k + 3]
-                new_state[f, i] = u * state[f, k] + v * state[f, k + 3]
-                for j in range(size):
-                    rows[i, j] = u * old[k, j] + v * old[k + 3, j]
-            else:
-                k = i % 3
-                u, v, w = transition[i, k], transition[i, k + 3], transition[i, k + 6]
-                new_state[f, i] = u * state[f, k] + v * state[f, k + 3] + w * state[f, k + 6]
-                for j in range(size):
-                    rows[i, j] = u * old[k, j] + v * old[k + 3, j] + w * old[k + 6, j]
-        for i in range(size):
-            row = rows[i]
-            for j in range(9):
-                k = j % 3
-                new[f, i, j] = (
-                    transition[j, k] * row[k] + transition[j, k + 3] * row[k + 3] + transition[j, k + 6] * row[k + 6]
-                )
-            for j in range(9, 15):
-                k = 9 + j % 3
-                new[f, i, j] = transition[j, k] * row[k] + transition[j, k + 3] * row[k + 3]
-            for j in range(15, size):
-                new[f, i, j] = transition[j, j] * row[j]
-        for i in range(9):
-            for j in range(9):
-                new[f, i, j] += breathing[i // 3, j // 3] * spread[i % 3, j % 3]
-        for i in range(6):
-            for j in range(6):
-                new[f, 9 + i, 9 + j] += beating[i // 3, j // 3] * heart[f, i % 3, j % 3]
-        for i in range(size):
+                    rows[i, j] += w * old[k + 6, j]
+            for j in range(moving):
+                columns[j, i] = rows[i, j]
+            for j in range(moving, size):
+                later[i, j] = later[j, i] = transition[j, j] * rows[i, j]
+        # Covariances are symmetric: one half is worked out, column by column, which the compiler makes vectors of.
+        for j in range(moving):
+            k = 9 + j % 3 if j >= 9 else j % 3
+            u, v = transition[j, k], transition[j, k + 3]
+            for i in range(moving):
+                column[i] = u * columns[k, i] + v * columns[k + 3, i]
+            if j < 9:
+                w = transition[j, k + 6]
+                for i in range(moving):
+                    column[i] += w * columns[k + 6, i]
+            for i in range(moving):
+                later[j, i] = column[i] + driven[j, i]
+        for i in range(moving):
             for j in range(i):
-                new[f, i, j] = new[f, j, i] = 0.5 * (new[f, i, j] + new[f, j, i])
+                later[i, j] = later[j, i] = 0.5 * (later[i, j] + later[j, i])
     return new_state, new
 
 
@@ -199,11 +204,37 @@ def mixed(weights: Array, state: Array, covariance: Array, h: Array) -> tuple[Ar
     return mean, within
 
 
+@compiled("void(float64[:, ::1], float64[:, :, ::1], Array(float64, 2, 'A', readonly=True), int64)")
+def _clone(state: Array, covariance: Array, h: Array, first: int) -> None:
+    """What `cloned` gives, in place."""
+    filters, size = state.shape
+    rows, values = np.empty((3, size)), np.empty(3)
+    for f in range(filters):
+        rows[:] = 0.0
+        for k in range(3):
+            values[k] = 0.0
+            for i in range(size):
+                if h[k, i] != 0.0:
+                    values[k] += h[k, i] * state[f, i]
+                    for j in range(size):
+                        rows[k, j] += h[k, i] * covariance[f, i, j]
+        for k in range(3):
+            state[f, first + k] = values[k]
+            for j in range(size):
+                covariance[f, first + k, j] = covariance[f, j, first + k] = rows[k, j]
+        for k in range(3):
+            for m in range(3):
+                value = 0.0
+                for j in range(size):
+                    value += rows[k, j] * h[m, j]
+                covariance[f, first + k, first + m] = value
+
+
 @compiled(
     "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64))(float64[:, ::1], float64[:, :, ::1],"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
-    " Array(float64, 1, 'A', readonly=True), float64, float64)"
+    " Array(float64, 1, 'A', readonly=True), float64, float64, Array(float64, 2, 'A', readonly=True), int64)"
 )
 def taken_in(
     state: Array,
@@ -215,6 +246,8 @@ def taken_in(
     odds: Array,
     freedom: float,
     unusual: float,
+    function: Array,
+    first: int,
 ) -> tuple[Array, Array, Array, float]:
     """A measurement of two components, and what it tells of the filters: `RespiratoryMotion._update`.
 
@@ -228,6 +261,8 @@ def taken_in(
         odds: (filters,) of them before any measurement.
         freedom: degrees of freedom of the measurements' distribution.
         unusual: share of `odds` in what is expected.
+        function: (3, N) of the state, which a block becomes then;
+        first: of that block's three components; -1 where none does.
 
     Returns:
         States and covariances; the logarithms of the weights; that of the measurement's probability density.
@@ -245,6 +280,8 @@ def taken_in(
     for f in range(filters):
         likelihood += ((1.0 - unusual) * weights[f] / total + unusual * odds[f]) * math.exp(densities[f] - highest)
         densities[f] += log_weights[f]
+    if first >= 0:
+        _clone(new_state, new, function, first)
     return new_state, new, densities, highest + math.log(likelihood + 1e-300)
 
 
@@ -261,28 +298,8 @@ def cloned(state: Array, covariance: Array, h: Array, first: int) -> tuple[Array
         h: (3, N) the function.
         first: of the block's three components.
     """
-    filters, size = state.shape
     new_state, new = state.copy(), covariance.copy()
-    rows = np.empty((3, size))
-    for f in range(filters):
-        rows[:] = 0.0
-        for k in range(3):
-            value = 0.0
-            for i in range(size):
-                if h[k, i] != 0.0:
-                    value += h[k, i] * state[f, i]
-                    for j in range(size):
-                        rows[k, j] += h[k, i] * covariance[f, i, j]
-            new_state[f, first + k] = value
-        for k in range(3):
-            for j in range(size):
-                new[f, first + k, j] = new[f, j, first + k] = rows[k, j]
-        for k in range(3):
-            for m in range(3):
-                value = 0.0
-                for j in range(size):
-                    value += rows[k, j] * h[m, j]
-                new[f, first + k, first + m] = value
+    _clone(new_state, new, h, first)
     return new_state, new
 
 

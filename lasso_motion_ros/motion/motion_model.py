@@ -27,12 +27,14 @@ POSITION, VELOCITY, ACCELERATION, HEARTBEAT, HEART_SPEED, MEAN, ORIGIN_B, AT_A =
     slice(3 * i, 3 * i + 3) for i in range(8)
 )
 BREATHING, BEATING = slice(0, 9), slice(9, 15)
+_OF_MOTION = slice(0, 18)  # what the displacement is made of, and how that changes
 SIZE = 24
 DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, heartbeat and mean together
 DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
 SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
 SINCE_B[:, ORIGIN_B] = -np.eye(3)
 _IDENTITY_3 = np.eye(3)
+_SMALLEST_M2 = 1e-14  # variance of what is known by definition
 
 
 @dataclass(frozen=True)
@@ -194,7 +196,7 @@ class Spread:
 
 
 def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:
-    """(filters, SIZE, SIZE) of the state before any measurement.
+    """(filters, SIZE, SIZE) of the state at plane A's first exposure, where the displacement is zero by definition.
 
     Args:
         spread: (3, 3) m² of breathing.
@@ -206,6 +208,12 @@ def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array
     beat = oscillator.stationary(tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s)
     covariance[:, BEATING, BEATING] = _in_each_direction(beat, heart)
     covariance[:, MEAN, MEAN] = spread
+    # Position, heartbeat and mean add up to zero, as surely as numbers tell.
+    cross = covariance[:, _OF_MOTION, POSITION] + covariance[:, _OF_MOTION, HEARTBEAT] + covariance[:, _OF_MOTION, MEAN]
+    sure = _SMALLEST_M2 * _IDENTITY_3
+    precision = np.linalg.inv(cross[:, POSITION] + cross[:, HEARTBEAT] + cross[:, MEAN] + sure)
+    covariance[:, _OF_MOTION, _OF_MOTION] -= cross @ precision @ cross.swapaxes(-1, -2)
+    covariance[:, AT_A, AT_A] = sure
     return covariance
 
 

@@ -95,19 +95,18 @@ class RespiratoryMotion:
     def _begin(self) -> None:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
-        self._weigh(self._hearts.log_odds)
-        self._state = np.zeros((len(self._hearts), SIZE))
-        self._covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning)
         self._ahead: dict[float, tuple[Array, Array]] = {}
         self._foretold: tuple[float, Estimate] | None = None  # the last time that was asked for
         self._blocks: dict[int, Estimate] = {}
-        # The displacement is zero by definition here: position + heartbeat + mean = 0, exactly.
-        self._update(DISPLACEMENT, np.zeros(3), 1e-14 * _IDENTITY_3)
-        self._clone(AT_A)
+        self._weigh(self._hearts.log_odds)
+        covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning)
+        self._become(np.zeros((len(self._hearts), SIZE)), covariance)
         self._advance(time_b_s)
-        if self._between is not None:
-            self._update(self._between.across @ DISPLACEMENT, self._between.value, self._between.covariance)
-        self._clone(ORIGIN_B)
+        if self._between is None:
+            self._clone(ORIGIN_B)
+        else:
+            between = self._between
+            self._update(between.across @ DISPLACEMENT, between.value, between.covariance, ORIGIN_B)
         self._weigh(self._hearts.log_odds)  # what holds by definition tells nothing of the heart
 
     def copy(self) -> RespiratoryMotion:
@@ -208,7 +207,7 @@ class RespiratoryMotion:
     def observe(self, time_s: float, *, a: Observation | None = None, b: Observation | None = None) -> float:
         """Take in one exposure's measurements; times must not decrease.
 
-        Plane B's, though later, still sharpens `at_a`, which is of the last `mark_a`.
+        Plane A's makes its time that of `at_a`, which plane B's, though later, still sharpens.
 
         Returns:
             How likely the measurements were, given all before.
@@ -217,13 +216,13 @@ class RespiratoryMotion:
         self._advance(time_s)
         likelihood = 0.0
         if a is not None:
-            likelihood += self._update(a.across @ DISPLACEMENT, a.value, a.covariance)
+            likelihood += self._update(a.across @ DISPLACEMENT, a.value, a.covariance, AT_A)
         if b is not None:
             likelihood += self._update(b.across @ SINCE_B, b.value, b.covariance)
         return likelihood
 
     def mark_a(self, time_s: float) -> None:
-        """Make a time that of `at_a`: plane A's exposure, or what would have been it."""
+        """Make a time that of `at_a`: what would have been plane A's exposure, where it has none."""
         self._remember(_Exposure(time_s, None, None, is_mark=True))
         self._advance(time_s)
         self._clone(AT_A)
@@ -405,8 +404,11 @@ class RespiratoryMotion:
         covariance[:, block, block] = rows @ DISPLACEMENT.T
         self._become(state, covariance)
 
-    def _update(self, h: Array, value: Array, noise: Array) -> float:
-        """Take in a measurement; returns the logarithm of its probability density, per metre and component."""
+    def _update(self, h: Array, value: Array, noise: Array, block: slice | None = None) -> float:
+        """Take in a measurement; returns the logarithm of its probability density, per metre and component.
+
+        A block of the state, where one is given, becomes the displacement, as by `_clone`.
+        """
         if len(value) == 2 and has_kernels():
             from lasso_motion_ros.motion import kernels
 
@@ -420,12 +422,16 @@ class RespiratoryMotion:
                 self._hearts.odds,
                 self._tuning.freedom,
                 self._tuning.unusual_share,
+                DISPLACEMENT,
+                -1 if block is None else block.start,
             )
             self._become(state, covariance)
             self._weigh(log_weights)
             return likelihood
         state, covariance, distance, peaks = measured(self._state, self._covariance, h, value, noise)
         self._become(state, covariance)
+        if block is not None:
+            self._clone(block)
         freedom, unusual = self._tuning.freedom, self._tuning.unusual_share
         # Of Student's distribution: a beat or a breath unlike those before is rare, not impossible.
         densities = peaks - 0.5 * (freedom + len(value)) * np.log1p(distance / freedom)

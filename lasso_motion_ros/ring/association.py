@@ -227,7 +227,8 @@ def _hypothesis(
         after, likelihood = motion().copy(), 0.0
         if "a" in observations:
             likelihood += after.observe(times["a"], a=observations["a"])
-        after.mark_a(time_s)
+        else:
+            after.mark_a(time_s)
         if not odds and len(observations) == len(PLANES):
             gap_mm, slack_mm, along_mm = _disagreement(detection, after, times, model)
         if "b" in observations:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.motion import motion_model
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
-from lasso_motion_ros.motion.motion_model import DISPLACEMENT, SINCE_B, SIZE, TUNING, Observation
+from lasso_motion_ros.motion.motion_model import AT_A, DISPLACEMENT, ORIGIN_B, SINCE_B, SIZE, TUNING, Observation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
@@ -37,21 +39,36 @@ def test_states_move_on_and_are_measured_alike(seed: int) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
-def followed() -> tuple[list[np.ndarray], float]:
+@pytest.mark.parametrize("block", [None, AT_A, ORIGIN_B])
+def test_a_block_becomes_the_displacement_with_the_measurement(block: slice | None) -> None:
+    across = Observation(np.eye(3)[:2], np.array([1e-3, -2e-3]), 1e-9 * np.eye(2))
+    told: list[list[np.ndarray]] = []
+    for version in (nullcontext(), plain()):
+        with version:
+            motion = RespiratoryMotion(0.0, 0.03).later(0.2)
+            motion._update(across.across @ DISPLACEMENT, across.value, across.covariance, block)
+            told.append([motion._state, motion._covariance, motion._log_weights])
+    for one, other in zip(*told, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
+    state, covariance, _ = told[0]
+    if block is not None:
+        np.testing.assert_allclose(state[:, block], state @ DISPLACEMENT.T, atol=1e-15)
+        np.testing.assert_allclose(covariance[:, block, block], DISPLACEMENT @ covariance @ DISPLACEMENT.T, atol=1e-18)
+
+
+def followed(late_s: float, pairs: int, noise_m: float) -> tuple[list[np.ndarray], float]:
     generator = np.random.default_rng(3)
-    motion = RespiratoryMotion(0.0, 0.03)
+    motion = RespiratoryMotion(0.0, late_s)
     across = np.linalg.qr(generator.normal(size=(3, 3)))[0]
     seen: list[np.ndarray] = []
     likelihood = 0.0
-    for number in range(1, 25):
+    for number in range(1, pairs + 1):
         time_s = number / 15.0
-        place = np.array([1e-3, 3e-3, 8e-3]) * np.sin(time_s) + generator.normal(size=3) * 1e-4
-        for plane, offset in (("a", 0.0), ("b", 0.03)):
+        place = np.array([1e-3, 3e-3, 8e-3]) * np.sin(time_s) + generator.normal(size=3) * noise_m
+        for plane, offset in (("a", 0.0), ("b", late_s)):
             rows = across[:2] if plane == "a" else across[1:]
-            observation = Observation(rows, rows @ place, 1e-9 * np.eye(2))
+            observation = Observation(rows, rows @ place, 0.1 * noise_m**2 * np.eye(2))
             likelihood += motion.observe(time_s + offset, **{plane: observation})
-            if plane == "a":
-                motion.mark_a(time_s)
         motion.learn(motion.at_a.displacement)
         foretold = motion.predict(time_s + 1.0)
         seen += [motion.at_a.displacement, motion.at_a.covariance, foretold.displacement, foretold.covariance]
@@ -59,12 +76,24 @@ def followed() -> tuple[list[np.ndarray], float]:
 
 
 def test_a_ring_is_followed_alike() -> None:
-    compiled, likelihood = followed()
+    compiled, likelihood = followed(0.03, 24, 1e-4)
     with plain():
-        plainly, plain_likelihood = followed()
+        plainly, plain_likelihood = followed(0.03, 24, 1e-4)
     assert likelihood == pytest.approx(plain_likelihood, rel=1e-9)
     for one, other in zip(compiled, plainly, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
+
+
+def test_covariances_stay_symmetric_however_long_a_ring_is_followed() -> None:
+    """Rounding that one half of them does not share with the other would grow from measurement to measurement."""
+    compiled, likelihood = followed(0.0, 60, 1e-5)
+    with plain():
+        plainly, plain_likelihood = followed(0.0, 60, 1e-5)
+    assert likelihood == pytest.approx(plain_likelihood, rel=1e-6)
+    for one, other in zip(compiled, plainly, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-9)
+    for at_a, foretold in zip(compiled[1::4], compiled[3::4], strict=True):
+        assert min(np.linalg.eigvalsh(at_a)[0], np.linalg.eigvalsh(foretold)[0]) > 0.0
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 from support.respiration_inputs import AMPLITUDE_M, DIRECTION, INTERVAL_S, RISE, breathing, run
 
-from lasso_motion_ros.motion.motion_model import DISPLACEMENT, SIZE, TUNING, Spread, measured
+from lasso_motion_ros.motion import matern, oscillator
+from lasso_motion_ros.motion.motion_model import (
+    AT_A,
+    DISPLACEMENT,
+    SIZE,
+    TUNING,
+    Spread,
+    first_covariance,
+    measured,
+)
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
 SHAPE = np.array([[0.16, 0.0, 0.0], [0.0, 0.3, 0.25], [0.0, 0.25, 1.0]])
@@ -46,6 +55,21 @@ def test_how_far_the_motion_strays_from_its_way_is_measured():
     # way's own variance, 61 mm², leaves 1.56 times that of the depth (1 over the share of the way that is across it).
     assert 1e3 * np.sqrt(seen) == pytest.approx(np.sqrt((2.0**2 + 1.0) / 25.0 + 0.2**2) / 0.8, rel=0.05)
     assert 1e3 * np.sqrt(wide) == pytest.approx(np.sqrt(2.0**2 / 25.0 + 0.5**2) / 0.8, rel=0.05)
+
+
+def test_at_the_seed_position_heartbeat_and_mean_add_up_to_zero():
+    """By the formula for a measurement, of what breathing, heart and mean may be each by itself."""
+    heart = TUNING.hearts(0.1).covariances[[0, 3, 50, 195]]
+    expected = np.zeros((4, SIZE, SIZE))
+    expected[:, :9, :9] = np.kron(matern.stationary(TUNING.time_scale_s), 1e-4 * SHAPE)
+    beat = oscillator.stationary(TUNING.heartbeat_damping_per_s, TUNING.heartbeat_turning_rad_s)
+    expected[:, 9:15, 9:15] = [np.kron(beat, one) for one in heart]
+    expected[:, 15:18, 15:18] = 1e-4 * SHAPE
+    _, expected, _, _ = measured(np.zeros((4, SIZE)), expected, DISPLACEMENT, np.zeros(3), 1e-14 * np.eye(3))
+    expected[:, AT_A, AT_A] = 1e-14 * np.eye(3)
+    found = first_covariance(1e-4 * SHAPE, heart, TUNING)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-16)
+    np.testing.assert_allclose(DISPLACEMENT @ found @ DISPLACEMENT.T, np.broadcast_to(0.0, (4, 3, 3)), atol=2e-14)
 
 
 def test_before_anything_is_learned_every_direction_is_open():

@@ -32,7 +32,6 @@ def test_a_sharper_plane_weighs_more():
     motion = RespiratoryMotion(0.0, 0.0)
     up = np.array([0.0, 0.0, 1.0])
     motion.observe(0.3, a=observation("a", 0.001 * up, sigma=2e-5))
-    motion.mark_a(0.3)
     motion.observe(0.3, b=observation("b", 0.002 * up, sigma=4e-5))
     # (4 · 1 + 1 · 2) / 5 mm.
     assert up @ motion.at_a.displacement == pytest.approx(0.0012, abs=2e-6)
@@ -197,9 +196,7 @@ def test_observations_at_one_time_are_taken_together():
     both, split = RespiratoryMotion(0.0, 0.0), RespiratoryMotion(0.0, 0.0)
     truth = np.array([0.003, -0.004, 0.011])
     both.observe(0.3, a=observation("a", truth), b=observation("b", truth))
-    both.mark_a(0.3)
     split.observe(0.3, a=observation("a", truth))
-    split.mark_a(0.3)
     split.observe(0.3, b=observation("b", truth))
     np.testing.assert_allclose(both.at_a.displacement, split.at_a.displacement, atol=1e-9)
     np.testing.assert_allclose(both.at_a.covariance, split.at_a.covariance, rtol=1e-3, atol=1e-13)
@@ -234,7 +231,6 @@ def alone_for(pairs):
     for pair in range(31, 31 + pairs):
         time_s = pair * INTERVAL_S
         motion.observe(time_s, a=observation("a", breathing(time_s)))
-        motion.mark_a(time_s)
     return motion, SIGHT["a"]
 
 

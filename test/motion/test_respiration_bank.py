@@ -44,7 +44,6 @@ def beating(heart_m, late_s, pairs=60, seed=0, tuning=TUNING, way=None):
         now = breathing(time_s) + heart[0] - first[0]
         later = breathing(time_s + late_s) - breathing(late_s) + heart[1] - first[1]
         motion.observe(time_s, a=observation("a", now, random))
-        motion.mark_a(time_s)
         motion.observe(time_s + late_s, b=observation("b", later, random))
         error = motion.at_a.displacement - now
         normalised.append(error @ np.linalg.solve(motion.at_a.covariance, error))
@@ -157,7 +156,6 @@ def test_which_way_the_heart_went_fades_with_its_size():
         time_s = 60 * INTERVAL_S + 1000.0 + index * INTERVAL_S
         now = breathing(time_s) + random.normal(scale=1.6e-3) * other
         motion.observe(time_s, a=observation("a", now, random), b=observation("b", now, random))
-        motion.mark_a(time_s)
         motion.learn(motion.at_a.displacement)
     along = np.linalg.eigh(heart(motion))[1][:, -1]
     assert abs(along @ other) > 0.9

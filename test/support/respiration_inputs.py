@@ -30,7 +30,8 @@ def step(motion, time_s, late_s, moved, random=None, planes="ab"):
     """One pair: plane A at a time, plane B late, what each sees of a motion moved(time)."""
     if "a" in planes:
         motion.observe(time_s, a=observation("a", moved(time_s), random))
-    motion.mark_a(time_s)
+    else:
+        motion.mark_a(time_s)
     if "b" in planes:
         # What plane B measures refers to its own first exposure.
         motion.observe(time_s + late_s, b=observation("b", moved(time_s + late_s) - moved(late_s), random))
