@@ -10,7 +10,7 @@ from lasso_motion_ros.brost2009.model import reconstruct_model
 from lasso_motion_ros.brost2009.registration import PlaneDistances, register
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.transforms import apply, inverse
 from lasso_motion_ros.seeding.outlines import is_bright, outlines, require_both_planes, require_lasso_size
 from lasso_motion_ros.tracking.stages import Stages, no_stages
@@ -88,6 +88,9 @@ class Brost2009Tracker:
         with self._stages("registration"):
             self._motion, residuals = register(self._model, self._motion, planes, self._config.registration)
         return self._result(dict(zip(PLANES, residuals, strict=True)))
+
+    def prepare(self, frame: Frame) -> None:
+        """Nothing: both planes are registered at once."""
 
     def learn(self) -> None:
         """Nothing: the model stays as it is."""

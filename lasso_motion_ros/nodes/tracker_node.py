@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.compiled import arithmetic
 from lasso_motion_ros.core.errors import ConfigurationError, LassoMotionError, TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Frame, Plane
 from lasso_motion_ros.initialisation.proposal import Proposal
 from lasso_motion_ros.nodes.clickless_start import ClicklessStart
 from lasso_motion_ros.nodes.configured_node import ConfiguredNode
@@ -60,6 +60,8 @@ class _Tuning:
         stand_back_s: how long callbacks wait at most for the answer to a pair that has come, so as not to take turns
             with the tracker at Python's lock.
         rest_s: they do where the tracker had so long a rest before.
+        apart_s: plane A's image is worked on before plane B's has come where that is exposed so much later, at least.
+            One that is right behind would be kept waiting by it.
         look_s: between two looks whether images still come and are answered.
         patience_s: how long anything but a pair waits for a pair that is being answered.
         diagnostics_s: between two messages on /diagnostics.
@@ -71,6 +73,7 @@ class _Tuning:
     late_s: float = 0.5
     stand_back_s: float = 0.02
     rest_s: float = 0.01
+    apart_s: float = 0.005
     look_s: float = 0.1
     patience_s: float = 5.0
     diagnostics_s: float = 1.0
@@ -99,6 +102,7 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
         self._answering = threading.Lock()
         self._latencies, self._describer = Latencies(), Describer()
         self._warm, self._silence = False, ""
+        self._begun: Frame | None = None  # the last one that was worked on before its pair was there
         self._tracker_publishers = TrackerPublishers(
             self, self.messages, self.complaints.error, self._on_state_change, self.declared
         )
@@ -344,6 +348,8 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
             self._worker.put(tasks)
             if not any(task.seed is not None for task in tasks):
                 self._worker.stand_back(_TUNING.stand_back_s, _TUNING.rest_s)
+        elif self._worker is not None and self._unbegun() is not None:
+            self._worker.rouse()
         self._complain()
 
     def _track(self, task: PairTask) -> None:
@@ -382,8 +388,23 @@ class TrackerNode(ConfiguredNode[StreamConfig], LifecycleNode):  # type: ignore[
 
     def _use_rest(self) -> bool:
         """While no pair waits; whether there is more to do."""
-        result = None if self._pipeline is None else self._pipeline.session.last_result
+        pipeline = self._pipeline
+        if pipeline is None:
+            return False
+        frame = self._unbegun()
+        if frame is not None:
+            self._begun = frame
+            pipeline.session.prepare(frame)
+            return True
+        result = pipeline.session.last_result
         return self._describer.step(None if result is None else result.catheter)
+
+    def _unbegun(self) -> Frame | None:
+        """Plane A's frame of the next pair, while plane B's is to come and nothing was worked out of it yet."""
+        if self._pipeline is None or self._pipeline.intake.offset_ns < _TUNING.apart_s * NANOSECONDS:
+            return None
+        frame = self._pipeline.intake.waiting_a
+        return None if frame is self._begun else frame
 
     def _show(self) -> None:
         if self._pipeline is not None:

@@ -28,8 +28,8 @@ class Worker(Generic[Item]):
         takes_long: whether an item is of that kind.
         on_error: called in the worker's thread with what `work` raised.
         name: of the thread.
-        idle: called in the worker's thread while nothing waits, again and again while it returns True. An item that
-            comes in waits until it has returned.
+        idle: called in the worker's thread while nothing waits, again and again while it returns True, and when it is
+            roused. An item that comes in waits until it has returned.
         behind_s: after so long without having been idle it is behind.
         late_s: so is it where an item has waited for so long behind one that takes long.
         may_skip: whether what lies between an item that was worked on and another may be left out, if it is behind.
@@ -71,7 +71,7 @@ class Worker(Generic[Item]):
         self._waiting: deque[Item] = deque()
         self._came_s: deque[float] = deque()  # when each of them did
         self._changed = threading.Condition()
-        self._stopping = False
+        self._stopping = self._roused = False
         self._dropped = 0
         self._untold: list[Item] = []  # of the dropped ones
         self._resting_since_s, self._rested_s = -math.inf, 0.0  # the first: inf while it works; the second: before that
@@ -104,6 +104,12 @@ class Worker(Generic[Item]):
             self._came_s.extend(now_s for _ in items)
             self._rested_s = max(0.0, now_s - self._resting_since_s)
             self._resting_since_s = math.inf
+            self._changed.notify_all()
+
+    def rouse(self) -> None:
+        """Have `idle` called once nothing waits: there is something to do ahead of the next item; never blocks."""
+        with self._changed:
+            self._roused = True
             self._changed.notify_all()
 
     def stand_back(self, patience_s: float, rest_s: float) -> None:
@@ -166,9 +172,10 @@ class Worker(Generic[Item]):
                     self._resting_since_s = self._clock()
                     self._changed.notify_all()
             if wait:
-                self._changed.wait_for(lambda: self._waiting or self._stopping)
+                self._changed.wait_for(lambda: self._waiting or self._roused or self._stopping)
             if self._stopping:
                 return None
+            self._roused = False
             if not self._waiting:
                 return [], []
             now_s = self._clock()

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import largest_sigma
-from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Pair, Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
@@ -19,7 +19,7 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.search import Peaks, SearchCandidate, find_electrodes, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import HALF_WIDTH
 from lasso_motion_ros.ring.template import RingTemplate
-from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage, working_image
+from lasso_motion_ros.ring.working_image import Image, WholeImages, WorkingImage, working_image
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 
 Array = npt.NDArray[np.float64]
@@ -82,8 +82,34 @@ class _Surroundings:
         return join_peaks(peaks, self.expected, self.covariance, self.slack_m, count)
 
 
+@dataclass(frozen=True, eq=False)
+class _Ahead:
+    """What plane A's frame showed about the prediction, before the rest of its pair has come.
+
+    Attributes:
+        frame: the frame.
+        expected: (3,) where the ring's centre was expected, world metres.
+        reach_mm: how far from there it was looked for.
+        template: (L, C) values that were looked for.
+        image: of the surroundings.
+        peaks: where the template fits in it.
+    """
+
+    frame: Frame
+    expected: Array
+    reach_mm: float
+    template: Image
+    image: WorkingImage
+    peaks: Peaks
+
+    def is_of(self, frame: Frame, expected: Array, reach_mm: float, template: Image) -> bool:
+        """Whether the very same would be worked out of these."""
+        is_same = frame is self.frame and template is self.template and reach_mm == self.reach_mm
+        return is_same and np.array_equal(expected, self.expected)
+
+
 class RingDetector:
-    """Finds the ring of one model and template; keeps no state of its own.
+    """Finds the ring of one model and template; keeps nothing but what was worked out ahead of the next pair.
 
     Args:
         model: the ring at the seed pair.
@@ -105,6 +131,7 @@ class RingDetector:
     ) -> None:
         self._model, self._template, self._start_ns, self._stages = model, template, start_ns, stages
         self._tuning, self._worth = tuning, worth
+        self._ahead: _Ahead | None = None
 
     def seconds(self, stamp_ns: int) -> float:
         """A stamp as seconds since the seed pair."""
@@ -119,6 +146,24 @@ class RingDetector:
         if pair.b is not None:
             times["b"] = max(time_s, self.seconds(pair.b.stamp_ns))
         return times
+
+    def prepare(self, frame: Frame, expected: Expectation, config: TrackerConfig) -> None:
+        """Work out what `detect` asks of plane A's frame alone, if the ring is followed.
+
+        Args:
+            frame: plane A's, of the next pair.
+            expected: what is known before; where it is another with the pair, this is worked out anew.
+            config: the tracker's parameters.
+        """
+        self._ahead = None
+        if not (expected.is_followed and self._tuning.near_first):
+            return
+        alone: FramePair = Pair(frame.stamp_ns, frame, None)
+        place = self._surroundings(alone, expected.motion, config, None, near=True)
+        for plane, image in place.images.items():
+            centre, template, reach_mm = place.expected[plane], self._template.values, place.reach_mm
+            peaks = self._peaks(image, centre, reach_mm)
+            self._ahead = _Ahead(frame, centre, reach_mm, template, image, peaks)
 
     def detect(
         self, pair: FramePair, expected: Expectation, config: TrackerConfig, whole: WholeImages | None = None
@@ -217,8 +262,11 @@ class RingDetector:
             shift = model.shift(plane, frame.projection)
             if near and self._covers(frame, shift, expected[plane]) < self._worth.smallest_coverage:
                 continue  # zoomed or collimated: the ring is beside the image, and the other plane has to do
+            ahead = self._ahead
             with self._stages("working image"):
-                if near or whole is None:
+                if near and ahead and ahead.is_of(frame, expected[plane], search_mm, self._template.values):
+                    images[plane] = ahead.image
+                elif near or whole is None:
                     images[plane] = working_image(
                         frame,
                         expected[plane],
@@ -235,17 +283,16 @@ class RingDetector:
     def _by_template(self, place: _Surroundings, config: TrackerConfig, *, near: bool) -> list[SearchCandidate]:
         """Where the template fits."""
         with self._stages("search"):
+            reach_mm = place.reach_mm if near else None
             peaks = {
-                plane: find_peaks(
-                    image,
-                    self._template.values,
-                    place.expected[plane],
-                    self._model.arms,
-                    reach_mm=place.reach_mm if near else None,
-                )
-                for plane, image in place.images.items()
+                plane: self._peaks(image, place.expected[plane], reach_mm) for plane, image in place.images.items()
             }
             return place.candidates(peaks, max(1, config.search.candidates // (2 if near else 1)))
+
+    def _peaks(self, image: WorkingImage, centre: Array, reach_mm: float | None) -> Peaks:
+        if self._ahead is not None and image is self._ahead.image:
+            return self._ahead.peaks
+        return find_peaks(image, self._template.values, centre, self._model.arms, reach_mm=reach_mm)
 
     def _by_electrodes(
         self, place: _Surroundings, expected: Expectation, config: TrackerConfig

@@ -38,6 +38,7 @@ rate, size, read-out, geometry, dose or window all is learned anew.
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import dataclass, replace
 
@@ -262,6 +263,21 @@ class PlaneChain:
         return unfiltered(pixels, before, share)
 
 
+@dataclass(frozen=True, eq=False)
+class _Ahead:
+    """A frame that was undone before the rest of its pair has come.
+
+    Attributes:
+        frame: as it came.
+        undone: as it was before the filter.
+        chain: its plane's, with the frame taken in.
+    """
+
+    frame: Frame
+    undone: Frame
+    chain: PlaneChain
+
+
 class DisplayChain:
     """Both planes' display chains.
 
@@ -272,18 +288,34 @@ class DisplayChain:
     def __init__(self, tuning: DisplayChainTuning) -> None:
         self._tuning = tuning
         self._planes: dict[Plane, PlaneChain] = {plane: PlaneChain(tuning) for plane in PLANES}
+        self._ahead: dict[Plane, _Ahead] = {}
         self.error, self.ghost = 0.0, 0.0  # of the worse plane
 
     def undone(self, pair: FramePair) -> FramePair:
         """The pair as it was before the display's filter; the very pair where there is none."""
         if not self._tuning.undo:
             return pair
-        frames = {plane: self._planes[plane].undone(frame) for plane, frame in pair.frames.items()}
+        frames = {plane: self._undone(plane, frame) for plane, frame in pair.frames.items()}
         self.error = max((self._planes[plane].error for plane in frames), default=0.0)
         self.ghost = max((self._planes[plane].ghost for plane in frames), default=0.0)
         if all(frame is pair.frame(plane) for plane, frame in frames.items()):
             return pair
         return replace(pair, a=frames.get("a"), b=frames.get("b"))
+
+    def undone_ahead(self, plane: Plane, frame: Frame) -> Frame:
+        """A frame as `undone` will give it with the next pair; where that has another one, this has never come."""
+        if not self._tuning.undo:
+            return frame
+        chain = copy.copy(self._planes[plane])  # what it holds is replaced, never changed in place
+        self._ahead[plane] = _Ahead(frame, chain.undone(frame), chain)
+        return self._ahead[plane].undone
+
+    def _undone(self, plane: Plane, frame: Frame) -> Frame:
+        ahead = self._ahead.pop(plane, None)
+        if ahead is None or ahead.frame is not frame:
+            return self._planes[plane].undone(frame)
+        self._planes[plane] = ahead.chain
+        return ahead.undone
 
     @property
     def filters(self) -> dict[Plane, float]:

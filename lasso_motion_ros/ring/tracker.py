@@ -11,7 +11,7 @@ from lasso_motion_ros.config.catheters import named
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError, TrackingError
 from lasso_motion_ros.geometry.covariance import largest_sigma
-from lasso_motion_ros.geometry.frames import FramePair, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -166,9 +166,8 @@ class RingTracker:
             names = " and ".join(plane.upper() for plane in planes)
             return self._lost(track, pair, f"too strong a filter over time in plane {names}: the images show what was")
         # Predict, and detect all places that show something like the ring.
-        expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)
         with self._stages("detection"):
-            detections = track.detector.detect(pair, expected, config)
+            detections = track.detector.detect(pair, _expectation(track), config)
         # Associate: which of them is the ring, if any?
         with self._stages("filter"):
             times = track.detector.exposures(pair)
@@ -221,6 +220,13 @@ class RingTracker:
                 state, reason = TrackerState.DEGRADED, doubt
             result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))
             return with_pose(result, track, position)
+
+    def prepare(self, frame: Frame) -> None:
+        """Undo, predict and search in plane A's frame, before plane B's has come: see `Tracker.prepare`."""
+        if self._track is not None:
+            self._learn_late(self._track)
+            undone = self._track.display.undone_ahead("a", frame)
+            self._track.detector.prepare(undone, _expectation(self._track), self._config)
 
     def learn(self) -> None:
         """Learn from the last pair what its answer did not wait for: see `Tracker.learn`."""
@@ -338,3 +344,8 @@ class RingTracker:
         if self._track is None:
             raise TrackingError("there is no model to track: seed the tracker first")
         return self._track
+
+
+def _expectation(track: Track) -> Expectation:
+    """What is known before the next pair is looked at."""
+    return Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)

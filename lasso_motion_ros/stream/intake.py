@@ -8,7 +8,7 @@ from typing import Any
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Plane, Seed
 from lasso_motion_ros.stream.clicked_pairs import ClickedPairs
 from lasso_motion_ros.stream.heart_phases import HeartPhases
 from lasso_motion_ros.stream.pair_task import PairTask, PromisedTasks
@@ -137,6 +137,12 @@ class MessageIntake:
         with self._lock:
             self._clicked.clear()
             return self._clicked.number
+
+    @property
+    def waiting_a(self) -> Frame | None:
+        """Plane A's frame of the next pair, while plane B's has not come; None where there is none, or it has."""
+        with self._lock:
+            return self._pairs.waiting_a
 
     @property
     def waiting_clicks(self) -> str:

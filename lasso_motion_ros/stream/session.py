@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Generator, Iterator, Sequence
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from lasso_motion_ros.config.stream import StreamConfig
 from lasso_motion_ros.core.errors import LassoMotionError, TrackingError
-from lasso_motion_ros.geometry.frames import FramePair, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.stream.answer_counts import AnswerCounts
 from lasso_motion_ros.stream.heart_phases import HeartPhases
 from lasso_motion_ros.stream.heartbeat_separation import HeartbeatSeparation
@@ -117,6 +118,12 @@ class TrackingSession:
                 for outputs in self._answer(one, in_hurry):
                     yield outputs
                     self._learn()
+
+    def prepare(self, frame: Frame) -> None:
+        """Have the tracker do ahead what the next pair asks of plane A's frame alone: plane B's is on its way."""
+        with self._lock, contextlib.suppress(*_METHOD_ERRORS):  # the answer meets them, too, and says so
+            if self._has_model:
+                self._tracker.prepare(frame)
 
     def leave_out(self, tasks: Sequence[PairTask]) -> None:
         """Tell the tracker of pairs that are not answered, since newer ones wait; oldest first, before the next one."""

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane, Seed
 
 Array = npt.NDArray[np.float64]
 
@@ -139,6 +139,12 @@ class Tracker(Protocol):
 
     def track(self, pair: FramePair) -> TrackResult:
         """Find the catheter in the next pair."""
+
+    def prepare(self, frame: Frame) -> None:
+        """Work out ahead what the next pair asks of plane A's frame alone; its answer is the same without it.
+
+        Where another pair comes, nothing of it is kept.
+        """
 
     def learn(self) -> None:
         """Learn from the last pair what its answer did not wait for; the next pair does so otherwise."""

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from lasso_motion_ros.config.tracker import TrackerConfig
-from lasso_motion_ros.geometry.frames import FramePair, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
 
 
@@ -27,6 +27,10 @@ class WrappedTracker:
     def track(self, pair: FramePair) -> TrackResult:
         """Find the catheter in the next pair."""
         return self._tracker.track(pair)
+
+    def prepare(self, frame: Frame) -> None:
+        """Work out ahead what the next pair asks of plane A's frame alone."""
+        self._tracker.prepare(frame)
 
     def learn(self) -> None:
         """As the tracker's."""

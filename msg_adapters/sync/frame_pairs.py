@@ -10,7 +10,7 @@ from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
-from lasso_motion_ros.geometry.frames import PLANES, FramePair, Pair, Plane
+from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Pair, Plane
 from msg_adapters.calibrations import Extrinsics
 from msg_adapters.sync.calibrated_frames import WHOLE_PICTURE, CalibratedFrames, PendingFrame
 from msg_adapters.sync.pairing import PairSynchroniser
@@ -48,6 +48,12 @@ class FramePairs:
         self.pairing: PairSynchroniser[PendingFrame] = PairSynchroniser(rule)
         self._decided: deque[Pair[PendingFrame]] = deque()
         self._new_run = False
+
+    @property
+    def waiting_a(self) -> Frame | None:
+        """Plane A's frame of the next pair, while plane B's has not come; None where there is none, or it has."""
+        pending = None if self._decided else self.pairing.waiting_a
+        return None if pending is None else pending.frame
 
     def add_image(self, plane: Plane, message: Any) -> list[FramePair]:
         """Take an Image or CompressedImage, give back the pairs that are complete now."""

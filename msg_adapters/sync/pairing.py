@@ -121,6 +121,12 @@ class PairSynchroniser(Generic[Item]):
             return self._rule.offset_ns
         return round(statistics.median(self._offsets)) if self._offsets else 0
 
+    @property
+    def waiting_a(self) -> Item | None:
+        """Plane A's item of the next pair, while nothing of plane B is there; None where it waits for nothing."""
+        waiting_a, waiting_b = self._queues["a"].waiting, self._queues["b"].waiting
+        return waiting_a[0].item if waiting_a and not waiting_b else None
+
     def add(self, plane: Plane, stamp_ns: int, item: Item) -> list[Pair[Item]]:
         """Take one item, give back the pairs that are decided now."""
         queue, counts = self._queues[plane], self.counts[plane]

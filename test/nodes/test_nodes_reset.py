@@ -1,4 +1,4 @@
-"""A reset while the tracker works, and a tracker that fails: who waits is answered, and nothing older comes after."""
+"""A reset while the tracker works, a tracker that fails, and one that rests: what is done, and in which order."""
 
 from __future__ import annotations
 
@@ -40,11 +40,18 @@ class FakePipeline:
 
     last_refusal = ""
     last_pair = None
+    last_result = None
+    offset_ns = 0
+    waiting_a: Any = None
     failure: Exception | None = None
     released = False
 
     def __init__(self) -> None:
         self.intake = self.session = self.problems = self
+        self.prepared: list[Any] = []
+
+    def prepare(self, frame: Any) -> None:
+        self.prepared.append(frame)
 
     def answers(self, task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
         if self.failure is not None:
@@ -200,3 +207,18 @@ def test_a_reset_answers_who_waits_for_a_model() -> None:
         waiting.send(None)
     answer = ended.value.value
     assert (answer.success, answer.message) == (False, RESET_MEANWHILE)
+
+
+@pytest.mark.parametrize(("late_ms", "is_worked_on"), [(33, True), (4, False)])
+def test_plane_a_is_worked_on_once_while_a_plane_b_that_is_not_right_behind_is_to_come(
+    node: TrackerNode, late_ms: int, is_worked_on: bool
+) -> None:
+    roused: list[int] = []
+    node._worker = worker(rouse=lambda: roused.append(1))
+    pipeline, frame = node._pipeline, object()
+    node._enqueue([])
+    pipeline.offset_ns, pipeline.waiting_a = late_ms * 1_000_000, frame
+    for _ in range(2):
+        node._enqueue([])
+        node._use_rest()
+    assert (len(roused), pipeline.prepared) == ((1, [frame]) if is_worked_on else (0, []))

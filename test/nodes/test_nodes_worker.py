@@ -386,3 +386,28 @@ def test_nobody_stands_back_for_long_or_for_one_that_hardly_keeps_up() -> None:
     assert gate.done == [0]
     gate.let(2)
     worker.stop()
+
+
+def test_one_that_rests_is_roused_once_and_what_waits_comes_first() -> None:
+    gate, rests = Gate(), threading.Semaphore(0)
+
+    def rest() -> bool:
+        rests.release()
+        return False
+
+    worker = make_of(gate, idle=rest)
+    for _ in range(2):
+        worker.rouse()
+        assert rests.acquire(timeout=10)
+    assert not rests.acquire(timeout=0.05)
+    worker.put([0])
+    assert gate.begun.acquire(timeout=10)
+    worker.rouse()
+    worker.put([1])
+    gate.let(1)
+    assert gate.begun.acquire(timeout=10)
+    assert not rests.acquire(timeout=0.05)
+    gate.let(1)
+    assert rests.acquire(timeout=10)
+    worker.stop()
+    assert gate.done == [0, 1]

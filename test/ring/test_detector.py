@@ -16,6 +16,7 @@ from lasso_motion_ros.ring.detector import DetectorTuning, Expectation
 from lasso_motion_ros.ring.loop_views import LoopViews
 from lasso_motion_ros.ring.search import Peaks, SearchCandidate, join_peaks
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.working_image import working_image
 
 CONFIG = TrackerConfig()
 DOWN = np.array([0.0, 0.001, -0.005])
@@ -103,6 +104,37 @@ def test_exposures_are_counted_from_the_reference_and_b_is_never_before_a(track)
     late = Frame(3 * PERIOD_NS + 50_000_000, frame.pixels, VIEWS["b"])
     assert track.detector.exposures(FramePair(3 * PERIOD_NS, frame, late))["b"] - times["a"] == pytest.approx(0.05)
     assert track.detector.exposures(FramePair(3 * PERIOD_NS, frame, None)).keys() == {"a"}
+
+
+@pytest.fixture
+def looked_at(monkeypatch):
+    """The frames of which a working image was made."""
+    frames = []
+
+    def spied(frame, *others, **named):
+        frames.append(frame)
+        return working_image(frame, *others, **named)
+
+    monkeypatch.setattr(detector, "working_image", spied)
+    return frames
+
+
+@pytest.mark.parametrize("is_as_expected", [True, False])
+def test_what_was_worked_out_ahead_is_taken_if_all_is_as_expected_then(track, looked_at, is_as_expected):
+    pair = lasso_pair(1, DOWN)
+    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=True)
+    track.detector.prepare(pair.a, expected, CONFIG)
+    assert looked_at == [pair.a]
+    config = CONFIG if is_as_expected else TrackerConfig(search=SearchConfig(near_mm=CONFIG.search.near_mm + 1.0))
+    found = detect(track, pair, config)
+    assert looked_at == ([pair.a, pair.b] if is_as_expected else [pair.a, pair.a, pair.b])
+    assert off_mm(found[0], DOWN) < 0.05
+
+
+def test_of_a_ring_that_is_not_followed_nothing_is_worked_out_ahead(track, looked_at):
+    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=False)
+    track.detector.prepare(lasso_pair(1, DOWN).a, expected, CONFIG)
+    assert looked_at == []
 
 
 def test_plainly_there_nothing_else_is_looked_for(monkeypatch, track, aligned):

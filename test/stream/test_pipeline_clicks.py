@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
-from support.message_inputs import FakeTracker, image, seed, stamp, stream
+from support.message_inputs import FakeTracker, camera_info, image, seed, stamp, stream
 from support.pipeline_inputs import give, names, pipeline, poses, run, states
+
+from lasso_motion_ros.geometry.frames import Frame
 
 
 @pytest.mark.parametrize("late_by", [0, 1, 5])
@@ -195,3 +197,27 @@ def test_the_tracker_is_told_of_pairs_that_are_left_out() -> None:
         *(("leave_out", time) for time in times),
         ("track", ready[7].pair.stamp_ns),
     ]
+
+
+class HalfBlindTracker(FakeTracker):
+    """Fails on plane A's frame alone."""
+
+    def prepare(self, frame: Frame) -> None:
+        super().prepare(frame)
+        raise ValueError("no")
+
+
+def test_work_ahead_is_for_a_model_and_no_failure_of_it_shows() -> None:
+    tracker = HalfBlindTracker()
+    line = pipeline(tracker)
+    ready = [one for topic, _, message, _ in stream(3) for one in give(line, topic, message)]
+    give(line, "/plane_a/camera_info", camera_info("a", stamp(3)))
+    give(line, "/plane_a/image_raw", image(stamp(3)))
+    frame = line.intake.waiting_a
+    assert frame is not None
+    line.session.prepare(frame)  # no model yet
+    for task in ready[:2]:
+        line.session.process(task)
+    line.session.prepare(frame)
+    assert tracker.calls == [("initialise", stamp(0)), ("prepare", stamp(3))]
+    assert line.problems.take() == []

@@ -10,7 +10,7 @@ import numpy as np
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import SeedError
 from lasso_motion_ros.geometry.carm import carm_projection
-from lasso_motion_ros.geometry.frames import FramePair, Plane, Seed
+from lasso_motion_ros.geometry.frames import Frame, FramePair, Plane, Seed
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.geometry.transforms import rigid
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
@@ -99,6 +99,9 @@ class FakeTracker:
         self.calls.append(("track", pair.stamp_ns))
         self.count += 1
         return self._result(pair)
+
+    def prepare(self, frame: Frame) -> None:
+        self.calls.append(("prepare", frame.stamp_ns))
 
     def learn(self) -> None:
         pass

@@ -140,3 +140,24 @@ def test_any_lateness_up_to_nine_frames_changes_no_pair(seed: int, latest: int) 
     pairs = FramePairs(PartnerRule())
     found = feed(pairs, *(message for *_, message in arrivals)) + pairs.flush()
     assert indices(found) == [(k, k) for k in range(count)]
+
+
+def test_a_frame_of_a_waits_for_b_once_it_has_its_calibration() -> None:
+    pairs = FramePairs(PartnerRule())
+    feed(pairs, *(message for plane in "ab" for message in (info(plane, 0), picture(plane, 0))))
+    told = []
+    for message in (picture("a", 1), info("a", 1), picture("b", 1), info("b", 1)):
+        found = feed(pairs, message)
+        told.append(pairs.waiting_a)
+    assert told[0] is None
+    assert told[1] is found[0].a
+    assert told[2:] == [None, None]
+
+
+def test_while_a_pair_waits_for_its_calibrations_no_later_frame_is_the_next() -> None:
+    pairs = FramePairs(PartnerRule())
+    feed(pairs, *(message for plane in "ab" for message in (info(plane, 0), picture(plane, 0))))
+    feed(pairs, picture("a", 1), info("a", 1), picture("b", 1), picture("a", 2), info("a", 2))
+    assert pairs.waiting_a is None
+    assert indices(feed(pairs, info("b", 1))) == [(1, 1)]
+    assert pairs.waiting_a is not None

@@ -37,6 +37,16 @@ def test_simultaneous_frames_pair_as_soon_as_both_are_there() -> None:
     assert feed(synchroniser(), "b0", "a0", at_ms=stream(333, 0)) == [("a0", "b0")]
 
 
+def test_an_a_without_b_is_told_until_it_is_in_a_pair() -> None:
+    sync, at = synchroniser(), stream(333, 166)
+    told = []
+    for name in ("a0", "b0", "a1", "b1", "a2", "a3", "b2", "b3"):
+        feed(sync, name, at_ms=at)
+        told.append(sync.waiting_a)
+    # b0 waits for the period to be known; a3 came before b2.
+    assert told == ["a0", None, "a1", None, "a2", "a2", "a3", None]
+
+
 def test_b_slightly_before_its_a_is_jitter() -> None:
     assert feed(synchroniser(), "b0", "a0", "b1", "a1", at_ms=stream(333, -4)) == [("a0", "b0"), ("a1", "b1")]
 
