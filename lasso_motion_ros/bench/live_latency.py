@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.bench.overlay_times import GRID_STEP_MM
-from lasso_motion_ros.bench.publisher import PublishedStream
+from lasso_motion_ros.bench.publisher import PublishedStream, late_ns
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.nodes.diagnostics import DROPPED_PAIRS
@@ -60,6 +60,7 @@ class LiveBenchmark:
     Attributes:
         rate: pairs a second that were published.
         side: of the images (mono16), pixels.
+        late_ms: how much later plane B is exposed than plane A.
         published: pairs published, after the seeded one.
         heard: of these, by the plain subscriber.
         answered: pairs that the tracker answered, with a pose or without.
@@ -76,6 +77,7 @@ class LiveBenchmark:
 
     rate: float
     side: int
+    late_ms: float
     published: int
     heard: int
     answered: int
@@ -123,7 +125,9 @@ class _Answers:
                         self.dropped = int(entry.value)
 
 
-def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, overlay: bool = False) -> LiveBenchmark:
+def measure_live(
+    rate: float, pairs: int, side: int, configuration: Path, *, overlay: bool = False, late_ms: float = 0.0
+) -> LiveBenchmark:
     """Publish a stream to the tracker and to a plain subscriber, each a process of its own.
 
     With the overlay its node draws 20,000 triangles over both planes, and one more process receives the pictures.
@@ -134,6 +138,7 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
         side: of the images, pixels.
         configuration: the tracker's parameter file.
         overlay: have the overlay node work beside the tracker.
+        late_ms: how much later plane B is exposed than plane A.
 
     Raises:
         LassoMotionError: a process failed, or the tracker gave no pose.
@@ -160,7 +165,7 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
             graph.wait_until(answers.up.is_set, START_WAIT_S, lambda: f"no tracker came up: {graph.log('tracker', 1)}")
             # The tracker and the overlay take both; the plain subscriber takes the images only.
             nodes = 2 if overlay else 1
-            stream = PublishedStream(rate, pairs, side, nodes + 1, nodes, sent)
+            stream = PublishedStream(rate, pairs, side, nodes + 1, nodes, sent, late_ms=late_ms)
             graph.start("publisher", "lasso_motion_ros.bench.publisher", stream.words)
             graph.wait_until(
                 sent.is_file,
@@ -171,8 +176,9 @@ def measure_live(rate: float, pairs: int, side: int, configuration: Path, *, ove
                 graph.wait_until(lambda: len(answers.answered) > pairs, ANSWER_WAIT_S)
             graph.stop()
         return summarise(
-            rate, side, read_times(json.loads(sent.read_text(encoding="utf-8"))), read_notes(bare), answers.poses,
-            answers.answered, answers.dropped, (load, os.getloadavg()[0]), read_notes(pictures) if overlay else None,
+            rate, side, read_times(json.loads(sent.read_text(encoding="utf-8"))), read_notes(bare, late_ms),
+            answers.poses, answers.answered, answers.dropped, (load, os.getloadavg()[0]),
+            read_notes(pictures, late_ms) if overlay else None, late_ms,
         )  # fmt: skip
 
 
@@ -181,10 +187,11 @@ def read_times(times: Mapping[str, int]) -> dict[int, int]:
     return {int(stamp): int(at) for stamp, at in times.items()}
 
 
-def read_notes(path: Path) -> Notes:
-    """A subscriber's notes."""
+def read_notes(path: Path, late_ms: float = 0.0) -> Notes:
+    """A subscriber's notes, by the pair's stamp: plane A's, of which plane B's is later by so much."""
     noted = json.loads(path.read_text(encoding="utf-8"))
-    return {plane: read_times(noted[plane]) for plane in PLANES}
+    later: dict[Plane, int] = {"a": 0, "b": late_ns(late_ms)}
+    return {plane: {stamp - later[plane]: at for stamp, at in read_times(noted[plane]).items()} for plane in PLANES}
 
 
 def summarise(
@@ -197,6 +204,7 @@ def summarise(
     dropped: int,
     load: tuple[float, float],
     pictures: Notes | None = None,
+    late_ms: float = 0.0,
 ) -> LiveBenchmark:
     """The figures, from monotonic times in ns by the pair's stamp.
 
@@ -220,6 +228,7 @@ def summarise(
     return LiveBenchmark(
         rate=rate,
         side=side,
+        late_ms=late_ms,
         published=len(sent),
         heard=len(transport),
         answered=len(answered & set(sent)),
@@ -242,7 +251,8 @@ def _percentiles(values: npt.NDArray[np.float64]) -> tuple[float, float, float]:
 
 def format_live(figures: LiveBenchmark) -> str:
     """The figures as text."""
-    beside = "" if figures.pictures is None else ", overlay beside it"
+    beside = f", plane B {figures.late_ms:g} ms later" if figures.late_ms else ""
+    beside += "" if figures.pictures is None else ", overlay beside it"
     lines = [
         f"{figures.side}×{figures.side} mono16, both planes, {figures.rate:g} pairs/s{beside}: {figures.answered} of "
         f"{figures.published} pairs answered, {figures.poses} with a pose, {figures.dropped} left out",

@@ -65,6 +65,7 @@ class PublishedStream:
             also where another process has found this one before it.
         notes: file for the steady clock (ns) at which each pair's later image was published, by its stamp.
         most_ahead: pairs that may be published and not yet answered; 0: any number, as a detector would.
+        late_ms: how much later plane B is exposed, and published.
     """
 
     rate: float
@@ -74,6 +75,7 @@ class PublishedStream:
     calibration_subscribers: int
     notes: Path
     most_ahead: int = 0
+    late_ms: float = 0.0
 
     @classmethod
     def read(cls, words: Sequence[str]) -> PublishedStream:
@@ -91,6 +93,11 @@ class PublishedStream:
         return [str(value) for value in vars(self).values()]
 
 
+def late_ns(late_ms: float) -> int:
+    """By how much the stamps of plane B are later than those of plane A."""
+    return round(1e6 * late_ms)
+
+
 class BenchPublisher(Node):  # type: ignore[misc]
     """Publishes one seeded pair, waits for the tracker's answer to it, then the stream.
 
@@ -104,6 +111,7 @@ class BenchPublisher(Node):  # type: ignore[misc]
         super().__init__("bench_publisher", enable_rosout=False)
         self.complaints = ThrottledLog(self.get_logger())
         self._stream, self._period_ns = stream, round(NANOSECONDS / stream.rate)
+        self._late_ns: dict[Plane, int] = {"a": 0, "b": late_ns(stream.late_ms)}
         self._wanted = {
             **{image_topic(plane).name: stream.image_subscribers for plane in PLANES},
             **{camera_info_topic(plane).name: stream.calibration_subscribers for plane in PLANES},
@@ -116,7 +124,8 @@ class BenchPublisher(Node):  # type: ignore[misc]
         self._infos: dict[Plane, bytearray] = {}
         for plane in PLANES:
             for step in range(min(steps, stream.pairs + 1)):
-                displacement = breath_mm(step / stream.rate, TUNING.breath_s)
+                exposed_s = step / stream.rate + self._late_ns[plane] / NANOSECONDS
+                displacement = breath_mm(exposed_s, TUNING.breath_s)
                 pixels = ring_image(plane, stream.side, displacement, generator)
                 self._images[plane].append(self._serialised(image_topic(plane), encode_image(pixels, header_fields(0))))
             info = encode_camera_info(ring_projection(plane, stream.side), header_fields(0))
@@ -152,11 +161,15 @@ class BenchPublisher(Node):  # type: ignore[misc]
         while any(self._publishers[name].get_subscription_count() < count for name, count in self._wanted.items()):
             if self._closing.wait(TUNING.tick_s):
                 return
+        if self._late_ns["b"]:  # that plane B belongs to plane A, the time between pairs tells
+            self._publish_pair(-1)
+            if self._closing.wait((self._period_ns - self._late_ns["b"]) / NANOSECONDS):
+                return
         self._publish_pair(0)
         seed = ring_seed(self._stream.side)
         for plane in PLANES:
             topic = seed_topic(plane)
-            fields = encode_polygon(seed.points(plane), header_fields(START_NS))
+            fields = encode_polygon(seed.points(plane), header_fields(START_NS + self._late_ns[plane]))
             self._publishers[topic.name].publish(self._messages.make(topic.type_name, fields))
         while not self._answered.is_set():
             if self._closing.wait(TUNING.tick_s):
@@ -184,10 +197,12 @@ class BenchPublisher(Node):  # type: ignore[misc]
 
     def _publish_pair(self, number: int) -> int:
         """Publish a pair; returns the monotonic time, ns, just before its later image goes out."""
-        stamp = ns_to_stamp(START_NS + number * self._period_ns)
-        head = np.array([stamp["sec"], stamp["nanosec"]], "<u4").tobytes()
         began = 0
         for plane in PLANES:
+            if self._late_ns[plane] and self._closing.wait(self._late_ns[plane] / NANOSECONDS):
+                break
+            stamp = ns_to_stamp(START_NS + number * self._period_ns + self._late_ns[plane])
+            head = np.array([stamp["sec"], stamp["nanosec"]], "<u4").tobytes()
             info = self._infos[plane]
             image = self._images[plane][number % len(self._images[plane])]
             for data in (info, image):

@@ -72,6 +72,9 @@ def add_arguments(parser: CommandParser) -> None:
         "--rate", type=float, nargs="+", default=[15.0, 30.0], metavar="HZ", help="--live: pairs/s (default 15 30)"
     )
     parser.add_argument("--side", type=int, default=1024, metavar="PX", help="--live: side of the images")
+    parser.add_argument(
+        "--late", type=float, default=0.0, metavar="MS", help="--live: plane B's exposure after plane A's (default 0)"
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -135,13 +138,15 @@ def _run_live(args: argparse.Namespace, configuration: Path) -> int:
     for rate in args.rate:
         if not 0.0 < rate <= LIVE_RATE_LIMIT or args.side not in LIVE_SIDES:
             raise LassoMotionError(f"--rate: up to {LIVE_RATE_LIMIT:g}; --side: {LIVE_SIDES[0]} to {LIVE_SIDES[-1]}")
+        if not 0.0 <= 1e-3 * args.late <= 0.5 / rate:
+            raise LassoMotionError(f"--late: up to half of the time between two pairs, found {args.late:g}")
         with busy(f"live at {rate:g} pairs/s", args.quiet):
-            figures = measure_live(rate, args.pairs, args.side, configuration)
+            figures = measure_live(rate, args.pairs, args.side, configuration, late_ms=args.late)
         print(format_live(figures))
         runs.append(asdict(figures))
         if args.overlay:
             with busy(f"live at {rate:g} pairs/s, the overlay beside it", args.quiet):
-                beside = measure_live(rate, args.pairs, args.side, configuration, overlay=True)
+                beside = measure_live(rate, args.pairs, args.side, configuration, overlay=True, late_ms=args.late)
             print(format_live(beside))
             print(format_disturbance(figures, beside))
             runs.append(asdict(beside))

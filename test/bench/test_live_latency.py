@@ -59,7 +59,20 @@ def test_no_pose_is_an_error() -> None:
 @pytest.mark.ros
 def test_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "live.json"
-    words = ["--live", "--overlay", "--rate", "5", "--pairs", "10", "--side", "256", "--json", str(path)]
+    words = [
+        "--live",
+        "--overlay",
+        "--rate",
+        "5",
+        "--pairs",
+        "10",
+        "--side",
+        "256",
+        "--late",
+        "100",
+        "--json",
+        str(path),
+    ]
     assert main(["bench", *words]) == 0
     alone, beside = json.loads(path.read_text())
     for figures in (alone, beside):
@@ -69,3 +82,9 @@ def test_a_short_run(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None
     said = capsys.readouterr().out
     assert "added by tracking" in said
     assert "overlay picture received" in said
+    assert "5 pairs/s, plane B 100 ms later, overlay beside it" in said
+
+
+def test_plane_b_is_no_later_than_half_way_to_the_next_pair(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--live", "--rate", "5", "--late", "101"]) == 2
+    assert "--late: up to half of the time between two pairs, found 101" in capsys.readouterr().err
