@@ -131,6 +131,37 @@ def test_ways_that_the_heart_does_not_go_are_dropped():
     assert motion.weights.sum() == pytest.approx(1.0)
 
 
+def test_after_a_while_all_ways_are_taken_up_again_and_nothing_jumps():
+    soon = replace(TUNING, heartbeat_memory_s=60 * INTERVAL_S)
+    motion, _ = beating(1.6e-3, 0.15, pairs=59, tuning=soon, way=OBLIQUE)
+    few, before = len(motion.hearts), motion.at_a
+    assert few < 0.2 * len(TUNING.hearts(0.15))
+    later = motion.later(61 * INTERVAL_S)
+    later.learn(later.at_a.displacement)
+    assert len(later.hearts) == len(TUNING.hearts(0.15))
+    assert later.weights.sum() == pytest.approx(1.0)
+    np.testing.assert_array_equal(np.sort(later.hearts.number), np.arange(len(later.hearts)))
+    # The dropped ones begin where all the others have it.
+    np.testing.assert_allclose(later.at_a.displacement, before.displacement, atol=1e-5)
+    assert largest_sigma(later.at_a.covariance) == pytest.approx(largest_sigma(before.covariance), rel=0.2)
+
+
+def test_a_heart_that_takes_another_way_while_it_is_followed_is_found_again():
+    soon = replace(TUNING, heartbeat_memory_s=30 * INTERVAL_S)
+    motion, _ = beating(1.6e-3, 0.0, pairs=40, tuning=soon, way=OBLIQUE)
+    other = np.cross(OBLIQUE, [1.0, 0.0, 0.0])
+    other /= np.linalg.norm(other)
+    random = np.random.default_rng(2)
+    for index in range(41, 120):
+        time_s = index * INTERVAL_S
+        now = breathing(time_s) + random.normal(scale=1.6e-3) * other
+        motion.observe(time_s, a=observation("a", now, random), b=observation("b", now, random))
+        motion.mark_a(time_s)
+        motion.learn(motion.at_a.displacement)
+    along = np.linalg.eigh(heart(motion))[1][:, -1]
+    assert abs(along @ other) > 0.9
+
+
 def test_before_any_measurement_the_heart_is_of_any_size():
     for late_s, between in ((0.0, None), (0.15, RISE)):
         weights = RespiratoryMotion(0.0, late_s, between=between).weights
