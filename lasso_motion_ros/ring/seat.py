@@ -31,7 +31,7 @@ class SeatTuning:
 
     time_scale_s: float = 1.5  # of a Matérn-3/2 process
     # Standard deviation in each direction, metres, and odds before anything was seen.
-    sizes: tuple[tuple[float, float], ...] = ((2e-5, 0.6), (7e-5, 0.2), (1.4e-4, 0.15), (2.8e-4, 0.05))
+    sizes: tuple[tuple[float, float], ...] = ((2e-5, 0.5), (1e-4, 0.2), (2e-4, 0.2), (3.5e-4, 0.1))
     noises: tuple[float, ...] = (0.5, 1.0, 2.0, 4.0)  # what else is across, by what is expected of it: variances
     spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
     kept: int = 40  # places

@@ -63,7 +63,7 @@ def test_the_covariance_is_of_the_pose_at_the_world_origin():
         at_ring = centre_covariance(result.covariance, centre)
         at_origin = result.covariance[:3, :3]
         assert np.trace(at_ring) < np.trace(at_origin)
-        assert 1e3 * np.sqrt(np.trace(at_ring)) < 0.3
+        assert 1e3 * np.sqrt(np.trace(at_ring)) < 0.4
         # That rotation at the ring's distance from the origin.
         lever = result.covariance[3, 3] * 2.0 * centre @ centre
         assert np.trace(at_origin) == pytest.approx(lever + np.trace(at_ring), rel=0.1)
@@ -76,7 +76,7 @@ def test_errors_lie_within_the_covariance():
         spread = centre_covariance(result.covariance, LOOP.centre + moved(index))
         normalised.append(error @ np.linalg.solve(spread, error))
     assert np.mean(np.array(normalised) < 7.8) > 0.8  # 95 % of three
-    assert np.mean(normalised) > 0.01  # a ring that may shift on its seat, and does not, is known better than it says
+    assert np.mean(normalised) > 0.005  # a ring that may shift on its seat, and does not, is known better than it says
 
 
 def test_set_reference_counts_from_the_present_phase(tracker):
