@@ -72,6 +72,8 @@ class AssociationTuning:
     jump_reach_m: float = 0.024  # then it may be anywhere within this
     beside_m: float = 2e-3  # the same place, for what is asked of a pose
     weight_kept: float = 1e-3  # hypotheses of less are dropped
+    lives_on: float = 0.5  # chance that what was there, and not believed, is there in the next pair, too
+    least_pending: float = 0.02  # probability: what has less is not followed on
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +119,19 @@ class Hypothesis:
 
 
 @dataclass(frozen=True, eq=False)
+class Pending:
+    """The most probable hypothesis of a pair that was not believed: the next pair may bear it out.
+
+    Attributes:
+        motion: the filter after it.
+        probability: of it, before the next pair is looked at.
+    """
+
+    motion: RespiratoryMotion
+    probability: float
+
+
+@dataclass(frozen=True, eq=False)
 class Association:
     """All hypotheses on one pair, most probable first.
 
@@ -132,6 +147,13 @@ class Association:
     def best(self) -> Hypothesis | None:
         """The most probable place; None where none shows anything."""
         return self.hypotheses[0] if self.hypotheses else None
+
+    def pending(self, enough: float, tuning: AssociationTuning) -> Pending | None:
+        """What the next pair may bear out: the best place of both planes, where it is not believed enough."""
+        best = self.best
+        if best is None or not best.is_whole or best.believed >= enough or best.probability < tuning.least_pending:
+            return None
+        return Pending(best.motion, tuning.lives_on * best.probability)
 
     @property
     def spread(self) -> Array:
@@ -158,6 +180,7 @@ def associate(
     usual: float,
     sightings: int,
     tuning: AssociationTuning,
+    pending: Pending | None = None,
 ) -> Association:
     """Weigh the detections of one pair.
 
@@ -170,14 +193,19 @@ def associate(
         usual: support where the ring is seen.
         sightings: pairs that tell of it, besides the seed pair.
         tuning: what images and motion are worth.
+        pending: what the pair before told, if it was not believed; None otherwise.
     """
-    unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability)
+    believed = 0.0 if pending is None else pending.probability
+    unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability) + math.log1p(-believed)
     # At the pair's time, each once for all detections.
     ways: list[Way] = [
         (unmoved, cache(lambda: motion.later(time_s))),
         (math.log(tuning.surge_probability), cache(lambda: motion.surged().later(time_s))),
         (math.log(tuning.jump_probability), cache(lambda: motion.moved_by_hand(tuning.jump_reach_m).later(time_s))),
     ]
+    if pending is not None:
+        told = pending.motion
+        ways.insert(0, (math.log(believed), cache(lambda: told.later(time_s))))
     usual_sigma = math.hypot(tuning.usual_sigma, tuning.flattery / (sightings + 1))
     foreseen = motion.predict(time_s)
     hypotheses = [
@@ -186,6 +214,7 @@ def associate(
             _usualness(detection.support, usual, usual_sigma, tuning),
             foreseen,
             ways,
+            1 if pending is None else 2,
             time_s,
             times,
             model,
@@ -209,6 +238,7 @@ def _hypothesis(
     usualness: float,
     foreseen: Estimate,
     ways: Sequence[Way],
+    least: int,
     time_s: float,
     times: Mapping[Plane, float],
     model: LoopModel,
@@ -216,29 +246,29 @@ def _hypothesis(
 ) -> Hypothesis:
     """What a detection is worth, by how it looks and the ways in which the ring may have got there.
 
-    Each way is its log probability, and the motion by it.
+    Each way is its log probability, and the motion by it; so many at least are tried.
     """
     clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
-    outcomes: list[RespiratoryMotion] = []
+    outcomes: list[tuple[RespiratoryMotion, tuple[float, float, float]]] = []
     observations = {plane: detection.observation(plane, model.centre) for plane in detection.planes}
-    gap_mm, slack_mm, along_mm = 0.0, 0.0, 0.0
     for prior, motion in ways:
         after, likelihood = motion().copy(), 0.0
         if "a" in observations:
             likelihood += after.observe(times["a"], a=observations["a"])
         else:
             after.mark_a(time_s)
-        if not odds and len(observations) == len(PLANES):
-            gap_mm, slack_mm, along_mm = _disagreement(detection, after, times, model)
+        is_whole = len(observations) == len(PLANES)
+        gap = _disagreement(detection, after, times, model) if is_whole else (0.0, 0.0, 0.0)
         if "b" in observations:
             likelihood += after.observe(times["b"], b=observations["b"])
         odds.append(prior + likelihood - clutter)
-        outcomes.append(after)
-        if max(odds) > 0.0:  # the first way that explains it will do: more of them add nothing
+        outcomes.append((after, gap))
+        # The first way that explains it will do: more of them add nothing.
+        if len(odds) >= least and max(odds) > 0.0:
             break
     motion_odds = float(np.logaddexp.reduce(odds)) if len(odds) > 1 else odds[0]
-    after = outcomes[odds.index(max(odds))]
+    after, (gap_mm, slack_mm, along_mm) = outcomes[odds.index(max(odds))]
     log_odds = sum(
         _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
     )

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
-from lasso_motion_ros.ring.association import Hypothesis
+from lasso_motion_ros.ring.association import Hypothesis, Pending
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
 from lasso_motion_ros.ring.companion_slide import CompanionSlide, CompanionSlideTuning
 from lasso_motion_ros.ring.companions import Companions
@@ -78,6 +78,7 @@ class Track:
         reference_ns: stamp of the reference pair.
         reference_covariance: (3, 3) m² of the reference's displacement.
         is_followed: whether the prediction is worth a look about it.
+        pending: where it may have been in the last pair, which did not show it surely enough; None where it did.
         unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
         unlearned_motion: likewise whose motion is, and the time of that pair, seconds since the seed pair.
     """
@@ -120,6 +121,7 @@ class Track:
     reference_ns: int = 0
     reference_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
     is_followed: bool = True
+    pending: Pending | None = None
     unlearned: Hypothesis | None = None
     unlearned_motion: tuple[Hypothesis, float] | None = None
 

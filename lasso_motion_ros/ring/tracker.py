@@ -180,12 +180,14 @@ class RingTracker:
                 track.usual_support,
                 track.sightings,
                 options.association,
+                track.pending,
             )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):
             departure = self._believe(track, pair, association, time_s)
             reason = refusal(track, association, pair, config.judgement, options.validation, options.state)
         best = association.best
+        track.pending = association.pending(options.state.pose, options.association)
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)

@@ -10,7 +10,7 @@ import pytest
 from support.ring_fits import detection_at, detection_of, plane_fit
 
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
-from lasso_motion_ros.ring.association import Association, AssociationTuning, Hypothesis, associate
+from lasso_motion_ros.ring.association import Association, AssociationTuning, Hypothesis, Pending, associate
 
 CENTRE = np.array([0.005, -0.010, 0.020])
 MODEL = SimpleNamespace(centre=CENTRE)
@@ -44,8 +44,19 @@ TIME_S = NEXT * PERIOD_S
 FORETOLD = CENTRE + breathing(NEXT)
 
 
-def weighed(*detections, motion=MOTION, time_s=TIME_S, planes="ab", usual=1.3 * PLAIN, sightings=10**6, tuning=TUNING):
-    return associate(detections, motion, time_s, dict.fromkeys(planes, time_s), MODEL, usual, sightings, tuning)
+def weighed(
+    *detections,
+    motion=MOTION,
+    time_s=TIME_S,
+    planes="ab",
+    usual=1.3 * PLAIN,
+    sightings=10**6,
+    tuning=TUNING,
+    pending=None,
+    late_s=0.0,
+):
+    times = {plane: time_s + late_s * (plane == "b") for plane in planes}
+    return associate(detections, motion, time_s, times, MODEL, usual, sightings, tuning, pending)
 
 
 def total(association):
@@ -317,3 +328,55 @@ def test_one_plane_alone_is_weighed_too_and_worth_less():
     assert 0.0 < alone.best.probability < both.best.probability
     # Its depth comes from the motion so far.
     np.testing.assert_allclose(alone.best.displacement, breathing(NEXT), atol=1e-3)
+
+
+LATE_S, LIFT = 0.1, np.array([0.0, 0.0, 2.4e-3])
+
+
+def lifted(evidence=1.0):
+    """What hardly shows the ring, plane B always higher: the heart moved it between the seed pair's exposures."""
+    looks = {"evidence": evidence, "visible": 0.9, "wire": 0.1, "sigma_m": 1e-4}
+    fits = {plane: plane_fit(plane, CENTRE + LIFT * (plane == "b"), **looks) for plane in "ab"}
+    return detection_of(fits, likeness=0.75)
+
+
+def test_what_was_not_believed_is_borne_out_by_the_next_pairs():
+    motion, pending, gaps_mm = RespiratoryMotion(0.0, LATE_S), None, []
+    for index in range(1, 5):
+        asked = {"motion": motion, "time_s": index * PERIOD_S, "late_s": LATE_S}
+        alone, found = weighed(lifted(), **asked), weighed(lifted(), pending=pending, **asked)
+        if index > 1:
+            assert found.best.believed > alone.best.believed + 0.05
+        gaps_mm.append(abs(found.best.gap_mm))
+        pending = found.pending(0.9, TUNING)
+    # That plane B has it higher is foretold the better the more often it was seen.
+    assert gaps_mm == sorted(gaps_mm, reverse=True)
+    assert gaps_mm[-1] < 0.4 * gaps_mm[0]
+
+
+def test_what_is_elsewhere_is_not_borne_out():
+    motion = RespiratoryMotion(0.0, LATE_S)
+    first = weighed(lifted(), motion=motion, time_s=PERIOD_S, late_s=LATE_S)
+    asked = {"motion": motion, "time_s": 2.0 * PERIOD_S, "late_s": LATE_S}
+    aside = detection_at(CENTRE + 0.3 * ASIDE, evidence=1.3)
+    believed = [weighed(aside, pending=one, **asked).best.believed for one in (None, first.pending(0.9, TUNING))]
+    assert believed[1] == pytest.approx(believed[0], abs=0.05)
+
+
+def test_of_what_is_known_and_what_is_pending_that_counts_which_foretold_it_better():
+    aside = MOTION.copy()
+    aside.move(MOTION.at_a.displacement + np.array([1e-3, 0.0, 0.0]))
+    for place, other in ((FORETOLD, MOTION), (FORETOLD + np.array([1e-3, 0.0, 0.0]), aside)):
+        found = weighed(detection_at(place), pending=Pending(aside, 0.45))
+        np.testing.assert_array_equal(found.best.motion.mean, other.mean)
+
+
+def test_only_what_both_planes_show_and_is_in_doubt_is_pending():
+    plain = weighed(detection_at(FORETOLD))
+    assert plain.pending(0.9, TUNING) is None
+    doubtful = weighed(detection_at(FORETOLD, **HARDLY))
+    one = doubtful.pending(0.9, TUNING)
+    assert one.motion is doubtful.best.motion
+    assert one.probability == pytest.approx(TUNING.lives_on * doubtful.best.probability)
+    assert weighed().pending(0.9, TUNING) is None
+    assert weighed(detection_at(FORETOLD, planes="a"), planes="a").pending(0.999, TUNING) is None
