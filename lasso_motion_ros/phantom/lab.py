@@ -105,7 +105,7 @@ class Lab:
         """Diameter of the loop by that in the first pair."""
         return ring_growth(self.incidents, time_s)
 
-    def slide(self, time_s: float) -> Array:
+    def off_place(self, time_s: float) -> Array:
         """(3,) how far the ring lies from its place: slid, or to and fro on its seat; metres."""
         return ring_slide(self.incidents, self._loop.normal, time_s) + seat_motion(self._scenario.lasso, time_s)
 

@@ -69,6 +69,7 @@ def scenario_from_values(values: Any) -> Scenario:
     scenario = _group(Scenario, values, "")
     for key, vector in (
         ("lasso.normal", scenario.lasso.normal),
+        ("lasso.seat_direction", scenario.lasso.seat_direction),
         ("breathing.direction", scenario.breathing.direction),
         ("breathing.rotation_axis", scenario.breathing.rotation_axis),
         ("heart.direction", scenario.heart.direction),

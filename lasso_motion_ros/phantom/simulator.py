@@ -226,7 +226,7 @@ class Simulator:
             if done > 0.0:
                 turn = np.radians(event.turn_deg) * done
                 points = apply(rigid(turn, done * 1e-3 * np.asarray(event.shift_mm), points.mean(axis=0)), points)
-        return apply(self.motion.atrium(time_s), points + self.lab.slide(time_s))
+        return apply(self.motion.atrium(time_s), points + self.lab.off_place(time_s))
 
     def _deformed(self, time_s: float) -> Array:
         """(90, 3) the loop in its place, as the heartbeat tilts and stretches it."""

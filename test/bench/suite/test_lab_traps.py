@@ -51,7 +51,7 @@ def test_cough_apnoea_and_sigh_are_in_this_order() -> None:
 def test_rates_and_sizes() -> None:
     assert [one.incidents[0].amount for one in scenarios("slide")] == [0.55, 0.3, 1.0]
     for one in scenarios("slide"):
-        slid = Simulator(one).lab.slide((one.pairs - 1) / one.rate_hz)
+        slid = Simulator(one).lab.off_place((one.pairs - 1) / one.rate_hz)
         assert np.linalg.norm(slid) > 5e-3
     for one in scenarios("far_jump"):
         assert np.linalg.norm(one.events[0].shift_mm) == pytest.approx(24.0)
