@@ -48,8 +48,8 @@ class JudgementConfig:
     )
     degraded_turn_deg: float = parameter(
         6.0,
-        "DEGRADED where the ring is turned by this since the seed, and by much more than it turned before, as when a"
-        " C-arm moves and its calibration does not",
+        "DEGRADED where the ring is turned by this since the seed, as when a C-arm moves and its calibration does not;"
+        " in proportion by more where it turns by itself more than ring.turn_deg",
         unit="deg",
         minimum=1.0,
     )

@@ -7,7 +7,7 @@ so from the first beats on; a C-arm that moves without its calibration turns a r
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -18,18 +18,20 @@ EXPECTED_PAIRS = 4.0  # as which the expectation counts
 REMEMBERED_PAIRS = 24.0  # over which what is usual follows the patient
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class OwnTurn:
     """What is known of it.
 
     Attributes:
         expected_rad: standard deviation about each axis that was expected, rad.
         variance: rad², of the turn about each axis, as known by now.
+        last: (3,) rotation vector, rad, by which it was turned in the last pair, from the seed pair.
         pairs: as which what is known counts.
     """
 
     expected_rad: float
     variance: float
+    last: Array = field(default_factory=lambda: np.zeros(3))
     pairs: float = EXPECTED_PAIRS
 
     @staticmethod
@@ -47,16 +49,17 @@ class OwnTurn:
         """How many times as far as expected it turns; 1 at least."""
         return max(self.sigma_rad / self.expected_rad, 1.0)
 
-    def seen(self, turn: Array, before: Array) -> OwnTurn:
+    def seen(self, turn: Array, home: Array) -> OwnTurn:
         """With one more pair.
 
         What heart and breath turn comes back; what a hand or a C-arm has turned stays so, and counts once.
 
         Args:
-            turn: (3,) rotation vector, rad, by which it is turned from how it belongs.
-            before: (3,) likewise, in the pair in which it was seen last.
+            turn: (3,) rotation vector, rad, by which it is turned from the seed pair.
+            home: (3,) likewise, by which it is as it belongs.
         """
-        change = turn - before
-        square = min(float(turn @ turn), float(change @ change)) / 3.0
+        own, change = turn - home, turn - self.last
+        square = min(float(own @ own), float(change @ change)) / 3.0
         pairs = min(self.pairs + 1.0, REMEMBERED_PAIRS)
-        return replace(self, variance=self.variance + (square - self.variance) / pairs, pairs=pairs)
+        variance = self.variance + (square - self.variance) / pairs
+        return replace(self, variance=variance, last=np.array(turn), pairs=pairs)

@@ -50,6 +50,7 @@ class Seat:
         places: (N, 3) where, metres.
         noises: (N, 3, 3) m² how far each is off by itself, its heartbeat included.
         variance: m² of its own motion in each direction.
+        count: how many places were ever taken note of.
     """
 
     tuning: SeatTuning
@@ -57,6 +58,7 @@ class Seat:
     places: Array
     noises: Array
     variance: float
+    count: int = 0
 
     @staticmethod
     def first(tuning: SeatTuning) -> Seat:
@@ -76,19 +78,15 @@ class Seat:
         tuning = self.tuning
         if len(self.times_s) and time_s - self.times_s[-1] < tuning.spacing_s:
             return self
-        kept = -tuning.kept
         more = replace(
             self,
-            times_s=np.append(self.times_s, time_s)[kept:],
-            places=np.concatenate([self.places, place[None]])[kept:],
-            noises=np.concatenate([self.noises, noise[None]])[kept:],
+            times_s=np.append(self.times_s, time_s)[-tuning.kept :],
+            places=np.concatenate([self.places, place[None]])[-tuning.kept :],
+            noises=np.concatenate([self.noises, noise[None]])[-tuning.kept :],
+            count=self.count + 1,
         )
-        count = len(more.times_s)
-        # Which of them are the last ones does not matter: the number of those kept stays.
-        is_due = (
-            count % tuning.each == 0 if count < tuning.kept else round(time_s / tuning.spacing_s) % tuning.each == 0
-        )
-        return replace(more, variance=more._learned(axis)) if count >= tuning.fewest and is_due else more
+        is_due = more.count >= tuning.fewest and more.count % tuning.each == 0
+        return replace(more, variance=more._learned(axis)) if is_due else more
 
     def anew(self) -> Seat:
         """The same ring put elsewhere."""

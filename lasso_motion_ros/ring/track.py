@@ -80,6 +80,7 @@ class Track:
         is_followed: whether the prediction is worth a look about it.
         pending: where it may have been in the last pair, which did not show it surely enough; None where it did.
         unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
+        unlearned_turn: likewise, (3,) rad, how it was turned, refused for that or not: later pairs are judged by it.
         unlearned_motion: likewise whose motion is, and the time of that pair, seconds since the seed pair.
     """
 
@@ -123,6 +124,7 @@ class Track:
     is_followed: bool = True
     pending: Pending | None = None
     unlearned: Hypothesis | None = None
+    unlearned_turn: Array | None = None
     unlearned_motion: tuple[Hypothesis, float] | None = None
 
     def begin(self, stamp_ns: int) -> float:
@@ -188,6 +190,9 @@ class Track:
 
     def learn_late(self) -> None:
         """Learn how it moved and looked last, if that is not done yet: that pair's answer does not wait for it."""
+        turn, self.unlearned_turn = self.unlearned_turn, None
+        if turn is not None:
+            self.own_turn = self.own_turn.seen(turn, self.home_turn)
         moved, self.unlearned_motion = self.unlearned_motion, None
         if moved is not None:
             self._take_for_breathing(*moved)

@@ -160,6 +160,7 @@ class RingTracker:
         track, options, config = self._require_track(), self._options, self._config
         self._learn_late(track)
         time_s = track.begin(pair.stamp_ns)
+        pending, track.pending = track.pending, None  # of the last pair, and no other one
         with self._stages("display filter"):
             pair = track.display.undone(pair)
         if planes := track.display.too_strong:
@@ -180,7 +181,7 @@ class RingTracker:
                 track.usual_support,
                 track.sightings,
                 options.association,
-                track.pending,
+                pending,
             )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):
@@ -188,6 +189,8 @@ class RingTracker:
             reason = refusal(track, association, pair, config.judgement, options.validation, options.state)
         best = association.best
         track.pending = association.pending(options.state.pose, options.association)
+        if best is not None and best.is_whole and best.believed >= options.state.pose:
+            track.unlearned_turn = best.detection.alignment.turn
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)
@@ -266,7 +269,6 @@ class RingTracker:
             if best.is_whole:
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)
-                    track.own_turn = track.own_turn.seen(track.turn_of(best), track.last_turn - track.home_turn)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent

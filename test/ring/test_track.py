@@ -155,6 +155,8 @@ def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     assert one.belief == TrackBelief()
     assert one.curve is curve
     assert one.is_followed
+    assert one.contradiction.home_mm is None
+    assert len(one.seat.times_s) == 0
     # It breathes on from there.
     np.testing.assert_allclose(one.motion.predict(one.last_s).displacement, aside, atol=1e-3)
 
@@ -190,3 +192,21 @@ def test_it_counts_turns_from_how_it_belongs():
         detection_of({"a": plane_fit("a", CENTRE)}, turn=np.radians([0.0, 5.0, 1.0])), None, 0.0, 0.0, 0.0
     )
     np.testing.assert_allclose(np.degrees(one.turn_of(turned)), [0.0, 2.0, 1.0], atol=1e-12)
+
+
+def test_what_it_does_on_its_seat_is_learned_with_its_breathing():
+    one = track()
+    for index in range(1, 8):
+        seen(one, index * 300_000_000, np.array([0.0, 0.0, 1e-3 * (index % 4)]))
+    one.learn_late()
+    assert len(one.seat.times_s) == 7
+
+
+def test_how_it_was_turned_counts_for_later_pairs():
+    one = track()
+    before = one.own_turn
+    one.unlearned_turn = np.radians([0.0, 9.0, 0.0])
+    assert one.own_turn is before
+    one.learn_late()
+    assert one.own_turn.sigma_rad > before.sigma_rad
+    assert one.unlearned_turn is None
