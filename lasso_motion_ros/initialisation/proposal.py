@@ -34,7 +34,7 @@ class Proposal:
     """A ring that is proposed.
 
     Attributes:
-        pair: the first pair that showed it.
+        pair: the one of its clicks.
         seed: clicks along it there.
         points: (L, 3) its curve there, world metres.
         judgement: what speaks for it.

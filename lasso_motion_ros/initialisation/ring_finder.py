@@ -138,7 +138,11 @@ def _look(
 
 
 def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
-    """The pairs from the last one on, as if time went on: a ring that goes back moves as one that goes on."""
+    """The pairs from the last one on, as if time went on: a ring that goes back moves as one that goes on.
+
+    Where plane B is exposed late it is still late then, and the ring goes the other way meanwhile: the planes seem to
+    lie apart by twice that.
+    """
     last_ns = pairs[-1].stamp_ns
     return [_later(pair, 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
 

@@ -157,7 +157,8 @@ class MessageIntake:
     @property
     def offset_ns(self) -> int:
         """Time from A's to B's exposure, as the last pairs have it or as it is configured."""
-        return self._pairs.pairing.offset_ns
+        with self._lock:
+            return self._pairs.pairing.offset_ns
 
     @property
     def held(self) -> tuple[Plane, ...]:

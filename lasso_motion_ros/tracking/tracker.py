@@ -143,7 +143,7 @@ class Tracker(Protocol):
     def prepare(self, frame: Frame) -> None:
         """Work out ahead what the next pair asks of plane A's frame alone; its answer is the same without it.
 
-        Where another pair comes, nothing of it is kept.
+        Where another pair comes, nothing is kept of it but what was learned from the last pair.
         """
 
     def learn(self) -> None:
