@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -45,10 +45,12 @@ class Look:
     Attributes:
         proposed: rings that are believed, best first.
         followed: rings that a next look goes on with, likeliest first.
+        tried: all that were followed through the pairs, best first.
     """
 
     proposed: list[Proposal]
     followed: list[FollowedRing]
+    tried: list[Proposal] = field(default_factory=list)
 
 
 class OvertakenError(Exception):
@@ -91,8 +93,9 @@ def find_rings(
     look = _look(pairs, laid, decided, known, go_on)
     if look.proposed:
         return look
-    # What the first pair shows badly, the last may show well.
-    back = _look(_backwards(pairs), laid[::-1], decided, (), go_on)
+    # What the first pair shows badly, the last may show well. What came near being a ring in the first counts as its
+    # rival there: if that was the ring itself, a breath away, it is proposed and not started with.
+    back = _look(_backwards(pairs), laid[::-1], decided, (), go_on, look.tried)
     return Look(back.proposed, look.followed)
 
 
@@ -102,8 +105,12 @@ def _look(
     config: TrackerConfig,
     known: Sequence[FollowedRing],
     go_on: Callable[[], bool],
+    beside: Sequence[Proposal] = (),
 ) -> Look:
-    """The same as the first of some pairs has it; they are laid out, and the polarity is decided."""
+    """The same as the first of some pairs has it; they are laid out, and the polarity is decided.
+
+    Rings that were tried besides may be rivals, too.
+    """
     motions = motions_of(laid)
     _check(go_on)
     mean = compensated_mean(laid, motions)
@@ -132,9 +139,9 @@ def _look(
                 astray.append(ring)
             else:
                 proposed.append(clicked)
-    return Look(
-        [replace(ring, rivals=_count_rivals(ring, tried)) for ring in proposed], seen_before.remembered(followed)
-    )
+    rivals = [*tried, *beside]
+    believed = [replace(ring, rivals=_count_rivals(ring, rivals)) for ring in proposed]
+    return Look(believed, seen_before.remembered(followed), tried)
 
 
 def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:

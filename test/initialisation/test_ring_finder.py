@@ -61,16 +61,20 @@ def test_a_ring_is_judged_by_what_all_pairs_show(monkeypatch: pytest.MonkeyPatch
 
 def test_where_the_first_pair_shows_none_the_last_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[FramePair], list[FramePair]]] = []
-    seen_first, seen_last = Look([], ["followed"]), Look(["ring"], ["followed back"])  # type: ignore[list-item]
+    rivals: list[Any] = []
+    seen_first = Look([], ["followed"], ["tried"])  # type: ignore[list-item]
+    seen_last = Look(["ring"], ["followed back"])  # type: ignore[list-item]
 
-    def look(pairs: list[FramePair], laid: list[LaidPair], *_: Any) -> Look:
+    def look(pairs: list[FramePair], laid: list[LaidPair], *others: Any) -> Look:
         asked.append((pairs, [one.pair for one in laid]))
+        rivals.append(others[3:])
         return (seen_first, seen_last)[len(asked) - 1]
 
     monkeypatch.setattr(ring_finder, "_look", look)
     pairs = [pair(index) for index in range(3)]
     found = find_rings(pairs, CONFIG)
     assert (found.proposed, found.followed) == (["ring"], ["followed"])
+    assert rivals == [(), (["tried"],)]  # what came near being a ring in the first pair is its rival
     (first, laid_first), (back, laid_back) = asked
     assert first == laid_first == pairs
     assert laid_back == pairs[::-1]
