@@ -56,12 +56,15 @@ class Pair(Generic[Item]):
         a: plane A's item, or None.
         b: plane B's item, or None.
         new_run: the first pair after both planes' stamps went back.
+        r_peaks_ns: stamps of the ECG's R peaks that were known when the pair was complete, ascending, as many as are
+            remembered; empty where there is no ECG.
     """
 
     stamp_ns: int
     a: Item | None
     b: Item | None
     new_run: bool = False
+    r_peaks_ns: tuple[int, ...] = ()
 
     def frame(self, plane: Plane) -> Item | None:
         """One plane's item, or None where it is missing."""

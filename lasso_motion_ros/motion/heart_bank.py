@@ -7,39 +7,55 @@ A static bank of models (Bar-Shalom, Li and Kirubarajan, "Estimation with Applic
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import probabilities_beyond
+from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.hearts import Hearts
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
-    DISPLACEMENT,
+    BEAT_SHAPE,
+    HARMONICS,
     HEARTBEAT,
     ORIGIN_B,
     SIZE,
+    SIZE_WITH_BEATS,
     Estimate,
     MotionTuning,
+    beat_shape_covariance,
+    displacement_at,
     measured,
+    since_b_at,
 )
 
 Array = npt.NDArray[np.float64]
 
-_BLOCKS = {block.start: np.eye(SIZE)[block] for block in (HEARTBEAT, ORIGIN_B, AT_A)}  # as functions of the state
+
+@lru_cache
+def _block_of(start: int, size: int) -> Array:
+    """(3, N) a block of the state, by its beginning, as a function of the state of a size N."""
+    return np.eye(3, size, start)
 
 
 class HeartBank:
     """The filters' states at one time; arrays are never changed in place, so that copies share them.
 
+    Where R peaks tell when the heart beats, what it does repeats in part from beat to beat, which is in the state, too.
+
     Args:
         hearts: what the heart may do, of each filter.
         tuning: what is expected of measurements.
+        time_s: of the states, seconds.
+        beats: the heart's, by the R peaks known; None without any.
     """
 
-    def __init__(self, hearts: Hearts, tuning: MotionTuning) -> None:
+    def __init__(self, hearts: Hearts, tuning: MotionTuning, time_s: float, beats: Beats | None) -> None:
         self._hearts, self._tuning = hearts, tuning
+        self._time_s, self._beats = time_s, beats
         self._weights: Array | None = None  # not worked out yet
         # What was asked for is kept until the state changes: blocks of it, states at later times, the last prediction.
         self._blocks: dict[int, Estimate] = {}
@@ -51,6 +67,11 @@ class HeartBank:
     def hearts(self) -> Hearts:
         """What the heart may do: of each filter."""
         return self._hearts
+
+    @property
+    def beats(self) -> Beats | None:
+        """The heart's beats, as far as the state tells of what repeats in them; else None."""
+        return self._beats if self._tells_of_beats else None
 
     @property
     def weights(self) -> Array:
@@ -65,11 +86,65 @@ class HeartBank:
         """(3, 3) m² covariance of the heartbeat's motion, as learned so far."""
         return np.asarray(np.tensordot(self.weights, self._hearts.covariances, 1))
 
+    @property
+    def _random_heart(self) -> Array:
+        """(filters, 3, 3) m² of what of the heartbeat does not repeat."""
+        covariances = self._hearts.covariances
+        return (1.0 - self._tuning.beat_share) * covariances if self._tells_of_beats else covariances
+
+    @property
+    def _tells_of_beats(self) -> bool:
+        return bool(self._state.shape[1] == SIZE_WITH_BEATS)
+
+    def _phase(self, time_s: float) -> float | None:
+        """Of the beat, as far as the state tells of beats; else None."""
+        return self._beats.phase(time_s) if self._beats is not None and self._tells_of_beats else None
+
+    @property
+    def _displacement(self) -> Array:
+        """(3, N) the displacement now, as a function of the state."""
+        return displacement_at(self._phase(self._time_s))
+
+    @property
+    def _since_b(self) -> Array:
+        """(3, N) what plane B measures now, in 3-D, likewise."""
+        return since_b_at(self._phase(self._time_s))
+
+    def _hear(self, beats: Beats | None) -> None:
+        """Go on with the heart's beats as they are known by now."""
+        if beats is None:
+            self._switch(False)
+        self._beats, self._foretold = beats, None
+
+    def _switch(self, tells: bool) -> None:
+        """Have a state that tells of what repeats from beat to beat, or one that does not."""
+        if tells != self._tells_of_beats:
+            self._become(*(self._with_beats() if tells else self._without_beats()))
+
+    def _with_beats(self) -> tuple[Array, Array]:
+        """States and covariances with what repeats from beat to beat, of which nothing is known yet."""
+        filters = len(self._hearts)
+        state, covariance = np.zeros((filters, SIZE_WITH_BEATS)), np.zeros((filters, SIZE_WITH_BEATS, SIZE_WITH_BEATS))
+        state[:, :SIZE], covariance[:, :SIZE, :SIZE] = self._state, self._covariance
+        covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(self._hearts.covariances, self._tuning)
+        return state, covariance
+
+    def _without_beats(self) -> tuple[Array, Array]:
+        """States and covariances without that: whatever a beat does may be done at any time."""
+        state, covariance = self._state[:, :SIZE].copy(), self._covariance[:, :SIZE, :SIZE].copy()
+        for n in range(2 * HARMONICS):  # cosines and sines are a half each, squared, on average over a beat
+            wave = slice(BEAT_SHAPE.start + 3 * n, BEAT_SHAPE.start + 3 * n + 3)
+            means = self._state[:, wave]
+            squares = self._covariance[:, wave, wave] + means[:, :, None] * means[:, None, :]
+            covariance[:, HEARTBEAT, HEARTBEAT] += 0.5 * squares
+        return state, covariance
+
     def _block(self, block: slice) -> Estimate:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""
         known = self._blocks.get(block.start)
         if known is None:
-            known = self._blocks[block.start] = self._seen_along(_BLOCKS[block.start], self._state, self._covariance)
+            read = _block_of(block.start, self._state.shape[1])
+            known = self._blocks[block.start] = self._seen_along(read, self._state, self._covariance)
         return Estimate(known.displacement.copy(), known.covariance.copy())
 
     @property
@@ -96,7 +171,7 @@ class HeartBank:
         return float(self.weights @ beyond)
 
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
-        """A linear function h (3, SIZE) of the state, over all filters."""
+        """A linear function h (3, N) of the state, over all filters."""
         if has_kernels():
             from lasso_motion_ros.motion import kernels
 
@@ -139,13 +214,13 @@ class HeartBank:
         if has_kernels():
             from lasso_motion_ros.motion import kernels
 
-            self._become(*kernels.cloned(self._state, self._covariance, DISPLACEMENT, block.start))
+            self._become(*kernels.cloned(self._state, self._covariance, self._displacement, block.start))
             return
-        state, covariance = self._state.copy(), self._covariance.copy()
-        state[:, block] = self._state @ DISPLACEMENT.T
-        rows = DISPLACEMENT @ self._covariance
+        state, covariance, displacement = self._state.copy(), self._covariance.copy(), self._displacement
+        state[:, block] = self._state @ displacement.T
+        rows = displacement @ self._covariance
         covariance[:, block], covariance[:, :, block] = rows, rows.swapaxes(-1, -2)
-        covariance[:, block, block] = rows @ DISPLACEMENT.T
+        covariance[:, block, block] = rows @ displacement.T
         self._become(state, covariance)
 
     def _update(self, h: Array, value: Array, noise: Array, block: slice | None = None) -> float:
@@ -166,7 +241,7 @@ class HeartBank:
                 self._hearts.odds,
                 self._tuning.freedom,
                 self._tuning.unusual_share,
-                DISPLACEMENT,
+                self._displacement,
                 -1 if block is None else block.start,
             )
             self._become(state, covariance)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right, insort
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ class PeakTuning:
         same_peak_ns: peaks closer than this are one.
     """
 
-    remembered: int = 24
+    remembered: int = 64
     typical_of: int = 8
     shortest_beat: float = 0.6
     longest_beat: float = 1.6
@@ -64,6 +65,44 @@ class HeartPhase:
         return 1e9 / self.beat_ns
 
 
+@dataclass(frozen=True)
+class Beats:
+    """The heart's beats by the R peaks known at one time: of any moment, the part of its beat that had passed.
+
+    Attributes:
+        peaks_s: times of the peaks, ascending, seconds: those that are believed.
+        beat_s: length of a typical beat, seconds.
+    """
+
+    peaks_s: tuple[float, ...]
+    beat_s: float
+
+    @staticmethod
+    def of(peaks_s: Sequence[float]) -> Beats | None:
+        """By peaks, ascending, seconds; None for fewer than two."""
+        if len(peaks_s) < 2:
+            return None
+        accepted, beat_s = _accepted(peaks_s)
+        return Beats(tuple(accepted), beat_s)
+
+    def phase(self, time_s: float) -> float:
+        """0 at an R peak, 1 at the next; where the next is overdue, or a peak was missed, the heart rests till then.
+
+        Args:
+            time_s: at which it is known, see `is_known`.
+        """
+        last, beat_s = bisect_right(self.peaks_s, time_s) - 1, self.beat_s
+        if last + 1 < len(self.peaks_s):
+            seen_s = self.peaks_s[last + 1] - self.peaks_s[last]
+            if seen_s <= TUNING.longest_beat * beat_s:
+                beat_s = seen_s
+        return min((time_s - self.peaks_s[last]) / beat_s, 1.0)
+
+    def is_known(self, time_s: float) -> bool:
+        """Whether its phase at a time means something: not before the first peak, nor long after the last."""
+        return self.peaks_s[0] <= time_s <= self.peaks_s[-1] + TUNING.last_sure_beat * self.beat_s
+
+
 class RPeaks:
     """R peaks as they come: late ones are sorted in, repeated ones dropped, unexpected ones marked doubtful."""
 
@@ -92,16 +131,26 @@ class RPeaks:
         peaks = self._peaks[: bisect_right(self._peaks, stamp_ns)]
         if len(peaks) < 2:
             return None
-        rough = float(np.median(np.diff(peaks)[-TUNING.typical_of :]))
-        accepted = peaks[:1]
-        for peak in peaks[1:]:
-            if peak - accepted[-1] >= TUNING.shortest_beat * rough:
-                accepted.append(peak)
-        beats = np.diff(accepted)
-        beats = beats[beats <= TUNING.longest_beat * rough][-TUNING.typical_of :]
-        beat_ns = round(float(np.median(beats)) if len(beats) else rough)
-        phase = HeartPhase(accepted[-1], beat_ns, doubtful=peaks[-1] != accepted[-1])
+        accepted, beat_ns = _accepted(peaks)
+        phase = HeartPhase(round(accepted[-1]), round(beat_ns), doubtful=peaks[-1] != accepted[-1])
         return phase if phase.at(stamp_ns) <= TUNING.last_sure_beat else None
+
+    @property
+    def stamps_ns(self) -> tuple[int, ...]:
+        """The peaks so far, ascending, as many as are remembered."""
+        return tuple(self._peaks)
+
+
+def _accepted(peaks: Sequence[float]) -> tuple[list[float], float]:
+    """The peaks, two or more, that are believed, and the typical beat; in whatever unit of time."""
+    rough = float(np.median(np.diff(peaks)[-TUNING.typical_of :]))
+    accepted = [peaks[0]]
+    for peak in peaks[1:]:
+        if peak - accepted[-1] >= TUNING.shortest_beat * rough:
+            accepted.append(peak)
+    beats = np.diff(accepted)
+    beats = beats[beats <= TUNING.longest_beat * rough][-TUNING.typical_of :]
+    return accepted, float(np.median(beats)) if len(beats) else rough
 
 
 class CardiacGate:

@@ -27,12 +27,12 @@ POSITION, VELOCITY, ACCELERATION, HEARTBEAT, HEART_SPEED, MEAN, ORIGIN_B, AT_A =
     slice(3 * i, 3 * i + 3) for i in range(8)
 )
 BREATHING, BEATING = slice(0, 9), slice(9, 15)
-_OF_MOTION = slice(0, 18)  # what the displacement is made of, and how that changes
 SIZE = 24
-DISPLACEMENT = np.zeros((3, SIZE))  # as a function of the state: breathing, heartbeat and mean together
-DISPLACEMENT[:, POSITION] = DISPLACEMENT[:, HEARTBEAT] = DISPLACEMENT[:, MEAN] = np.eye(3)
-SINCE_B = DISPLACEMENT.copy()  # how far the displacement is from plane B's origin: what B measures, in 3-D
-SINCE_B[:, ORIGIN_B] = -np.eye(3)
+# Where R peaks tell of the heart's beats, what repeats from beat to beat follows: a Fourier series in the beat's phase,
+# of each harmonic the cosine's and the sine's coefficients (x, y, z).
+HARMONICS = 3
+BEAT_SHAPE = slice(SIZE, SIZE + 6 * HARMONICS)
+SIZE_WITH_BEATS = BEAT_SHAPE.stop
 _IDENTITY_3 = np.eye(3)
 _SMALLEST_M2 = 1e-14  # variance of what is known by definition
 
@@ -70,6 +70,9 @@ class MotionTuning:
     # 300 ms with these (docs/constants.md).
     heartbeat_damping_per_s: float = 8.0
     heartbeat_turning_rad_s: float = 10.0
+    # With R peaks: of its variance so much repeats from beat to beat, and is that of the first harmonics by so much.
+    beat_share: float = 0.75
+    beat_harmonics: tuple[float, ...] = (0.55, 0.3, 0.15)
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
@@ -195,24 +198,64 @@ class Spread:
         return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
 
 
-def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array:
-    """(filters, SIZE, SIZE) of the state at plane A's first exposure, where the displacement is zero by definition.
+@lru_cache(maxsize=256)
+def displacement_at(phase: float | None) -> Array:
+    """(3, N) the displacement as a function of the state: breathing, heartbeat and mean together; not to be changed.
+
+    Args:
+        phase: of the heart's beat, 0 to 1; None for a state that knows of none.
+    """
+    displacement = np.zeros((3, SIZE if phase is None else SIZE_WITH_BEATS))
+    displacement[:, POSITION] = displacement[:, HEARTBEAT] = displacement[:, MEAN] = _IDENTITY_3
+    if phase is not None:
+        angles = 2.0 * math.pi * phase * np.arange(1, HARMONICS + 1)
+        waves = np.stack([np.cos(angles), np.sin(angles)], axis=1).reshape(-1)
+        displacement[:, BEAT_SHAPE] = np.kron(waves, _IDENTITY_3)
+    displacement.setflags(write=False)
+    return displacement
+
+
+@lru_cache(maxsize=256)
+def since_b_at(phase: float | None) -> Array:
+    """(3, N) how far the displacement is from plane B's origin, likewise: what B measures, in 3-D."""
+    since_b = displacement_at(phase).copy()
+    since_b[:, ORIGIN_B] = -_IDENTITY_3
+    since_b.setflags(write=False)
+    return since_b
+
+
+DISPLACEMENT, SINCE_B = displacement_at(None), since_b_at(None)
+
+
+def beat_shape_covariance(heart: Array, tuning: MotionTuning) -> Array:
+    """(filters, 18, 18) m² of the Fourier coefficients of what repeats of hearts (filters, 3, 3) m²."""
+    return _in_each_direction(np.diag(np.repeat(tuning.beat_harmonics, 2)), tuning.beat_share * heart)
+
+
+def first_covariance(spread: Array, heart: Array, tuning: MotionTuning, phase: float | None = None) -> Array:
+    """(filters, N, N) of the state at plane A's first exposure, where the displacement is zero by definition.
 
     Args:
         spread: (3, 3) m² of breathing.
         heart: (filters, 3, 3) m² of the heartbeat.
         tuning: what is expected of it.
+        phase: of the heart's beat then; None where no R peaks tell of it.
     """
-    covariance = np.zeros((len(heart), SIZE, SIZE))
+    displacement = displacement_at(phase)
+    size = displacement.shape[1]
+    covariance = np.zeros((len(heart), size, size))
     covariance[:, BREATHING, BREATHING] = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
     beat = oscillator.stationary(tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s)
-    covariance[:, BEATING, BEATING] = _in_each_direction(beat, heart)
+    random = heart if phase is None else (1.0 - tuning.beat_share) * heart
+    covariance[:, BEATING, BEATING] = _in_each_direction(beat, random)
     covariance[:, MEAN, MEAN] = spread
-    # Position, heartbeat and mean add up to zero, as surely as numbers tell.
-    cross = covariance[:, _OF_MOTION, POSITION] + covariance[:, _OF_MOTION, HEARTBEAT] + covariance[:, _OF_MOTION, MEAN]
+    if phase is not None:
+        covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(heart, tuning)
+    # What makes up the displacement adds up to zero, as surely as numbers tell.
+    cross = covariance @ displacement.T
     sure = _SMALLEST_M2 * _IDENTITY_3
-    precision = np.linalg.inv(cross[:, POSITION] + cross[:, HEARTBEAT] + cross[:, MEAN] + sure)
-    covariance[:, _OF_MOTION, _OF_MOTION] -= cross @ precision @ cross.swapaxes(-1, -2)
+    precision = np.linalg.inv(displacement @ cross + sure)
+    covariance -= cross @ precision @ cross.swapaxes(-1, -2)
     covariance[:, AT_A, AT_A] = sure
     return covariance
 
@@ -220,9 +263,18 @@ def first_covariance(spread: Array, heart: Array, tuning: MotionTuning) -> Array
 def moved_on(
     state: Array, covariance: Array, interval_s: float, spread: Array, heart: Array, tuning: MotionTuning
 ) -> tuple[Array, Array]:
-    """States (filters, SIZE) and their covariances (filters, SIZE, SIZE) after an interval without measurements."""
+    """States (filters, N) and their covariances (filters, N, N) after an interval without measurements.
+
+    Args:
+        state: at its beginning.
+        covariance: likewise.
+        interval_s: seconds.
+        spread: (3, 3) m² of breathing.
+        heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
+        tuning: what is expected of them.
+    """
     scales = tuning.time_scale_s, tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s
-    transition, breathing, beating = _passage(round(interval_s * 1e9), scales)
+    transition, breathing, beating = _passage(round(interval_s * 1e9), scales, state.shape[1])
     if has_kernels():
         from lasso_motion_ros.motion import kernels
 
@@ -258,8 +310,8 @@ def measured(
 
 
 @lru_cache(maxsize=64)
-def _passage(interval_ns: int, scales: tuple[float, float, float]) -> tuple[Array, Array, Array]:
-    """What an interval does to the state: (SIZE, SIZE) transition, and the noise that it adds; not to be changed.
+def _passage(interval_ns: int, scales: tuple[float, float, float], size: int) -> tuple[Array, Array, Array]:
+    """What an interval does to the state of a size N: (N, N) transition, and the noise that it adds; not to be changed.
 
     The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (2, 2) of the heartbeat's
     value and speed, in units of its variance.
@@ -267,7 +319,7 @@ def _passage(interval_ns: int, scales: tuple[float, float, float]) -> tuple[Arra
     """
     interval_s, (scale_s, *rates) = interval_ns * 1e-9, scales
     breathing, beat = matern.transition(interval_s, scale_s), oscillator.transition(interval_s, *rates)
-    transition = np.eye(SIZE)
+    transition = np.eye(size)
     transition[BREATHING, BREATHING] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
     transition[BEATING, BEATING] = _in_each_direction(beat, _IDENTITY_3)
     breathing_noise = _noise(breathing, matern.stationary(scale_s))

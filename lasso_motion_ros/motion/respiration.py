@@ -18,22 +18,22 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.motion.heart_bank import HeartBank
+from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
-    DISPLACEMENT,
     MEAN,
     ORIGIN_B,
     POSITION,
-    SINCE_B,
-    SIZE,
     TUNING,
     VELOCITY,
     Estimate,
     MotionTuning,
     Observation,
     Spread,
+    displacement_at,
     first_covariance,
     moved_on,
+    since_b_at,
 )
 
 Array = npt.NDArray[np.float64]
@@ -65,6 +65,7 @@ class RespiratoryMotion(HeartBank):
         *,
         shape: Array = _IDENTITY_3,
         between: Observation | None = None,
+        beats: Beats | None = None,
         tuning: MotionTuning = TUNING,
     ) -> None:
         """Start at the seed pair.
@@ -74,10 +75,11 @@ class RespiratoryMotion(HeartBank):
             time_b_s: plane B's, not earlier.
             shape: (3, 3) covariance of the motion before any has been seen, in units of its variance along the body.
             between: what the seed pair shows of the displacement at plane B's exposure.
+            beats: the heart's, by the R peaks known then; None without any.
             tuning: what is expected of breathing and heart.
         """
         self._start_s = time_a_s, time_b_s
-        super().__init__(tuning.hearts(time_b_s - time_a_s), tuning)
+        super().__init__(tuning.hearts(time_b_s - time_a_s), tuning, time_a_s, beats)
         self._between = between
         self._spread = Spread(shape, tuning)
         self._every_heart, self._since_all_s = self._hearts, time_a_s
@@ -89,14 +91,16 @@ class RespiratoryMotion(HeartBank):
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
         self._weigh(self._hearts.log_odds)
-        covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning)
-        self._become(np.zeros((len(self._hearts), SIZE)), covariance)
+        beats = self._beats_at(self._time_s)
+        phase = None if beats is None else beats.phase(self._time_s)
+        covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning, phase)
+        self._become(np.zeros(covariance.shape[:2]), covariance)
         self._advance(time_b_s)
         if self._between is None:
             self._clone(ORIGIN_B)
         else:
             between = self._between
-            self._update(between.across @ DISPLACEMENT, between.value, between.covariance, ORIGIN_B)
+            self._update(between.across @ self._displacement, between.value, between.covariance, ORIGIN_B)
         self._weigh(self._hearts.log_odds)  # what holds by definition tells nothing of the heart
 
     def copy(self) -> RespiratoryMotion:
@@ -104,6 +108,22 @@ class RespiratoryMotion(HeartBank):
         twin = RespiratoryMotion.__new__(RespiratoryMotion)  # in a quarter of the time of `copy.copy`
         twin.__dict__.update(self.__dict__)
         return twin
+
+    def hearing(self, beats: Beats | None) -> RespiratoryMotion:
+        """The same motion, with the heart's beats as they are known by now; None where no R peaks tell of them.
+
+        The state tells of what repeats from beat to beat from the first exposure on whose phase is known, and until one
+        whose phase is not: then that is a part of the random heartbeat.
+        """
+        if beats == self._beats:
+            return self
+        twin = self.copy()
+        twin._hear(beats)
+        return twin
+
+    def _beats_at(self, time_s: float) -> Beats | None:
+        """The beats, if they tell the phase at a time."""
+        return self._beats if self._beats is not None and self._beats.is_known(time_s) else None
 
     def later(self, time_s: float) -> RespiratoryMotion:
         """The same motion at a later time, nothing more being seen."""
@@ -124,7 +144,7 @@ class RespiratoryMotion(HeartBank):
     def predict(self, time_s: float) -> Estimate:
         """The displacement expected at a later time, nothing being changed; kept, and not to be changed in place."""
         if self._foretold is None or self._foretold[0] != time_s:
-            self._foretold = time_s, self._seen_along(DISPLACEMENT, *self._propagated(time_s))
+            self._foretold = time_s, self._seen_along(displacement_at(self._phase(time_s)), *self._propagated(time_s))
         return self._foretold[1]
 
     def sideways_sigmas(self, time_s: float, found: Estimate) -> float:
@@ -145,7 +165,7 @@ class RespiratoryMotion(HeartBank):
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
-        return self._seen_along(SINCE_B, *self._propagated(time_s))
+        return self._seen_along(since_b_at(self._phase(time_s)), *self._propagated(time_s))
 
     @property
     def way(self) -> Array:
@@ -170,9 +190,9 @@ class RespiratoryMotion(HeartBank):
         self._advance(time_s)
         likelihood = 0.0
         if a is not None:
-            likelihood += self._update(a.across @ DISPLACEMENT, a.value, a.covariance, AT_A)
+            likelihood += self._update(a.across @ self._displacement, a.value, a.covariance, AT_A)
         if b is not None:
-            likelihood += self._update(b.across @ SINCE_B, b.value, b.covariance)
+            likelihood += self._update(b.across @ self._since_b, b.value, b.covariance)
         return likelihood
 
     def mark_a(self, time_s: float) -> None:
@@ -215,7 +235,7 @@ class RespiratoryMotion(HeartBank):
 
     def move(self, displacement: Array) -> None:
         """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
-        shift = displacement - self._state @ DISPLACEMENT.T
+        shift = displacement - self._state @ self._displacement.T
         state = self._state.copy()
         state[:, MEAN] += shift
         self._become(state, self._covariance)
@@ -279,9 +299,7 @@ class RespiratoryMotion(HeartBank):
             if len(self._ahead) >= self._tuning.times_ahead:
                 self._ahead.clear()
             interval_s = time_s - self._time_s
-            ahead = moved_on(
-                self._state, self._covariance, interval_s, self.spread, self._hearts.covariances, self._tuning
-            )
+            ahead = moved_on(self._state, self._covariance, interval_s, self.spread, self._random_heart, self._tuning)
             self._ahead[time_s] = ahead
         return ahead
 
@@ -292,3 +310,4 @@ class RespiratoryMotion(HeartBank):
             usual = self._hearts.log_odds
             self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s
+            self._switch(self._beats_at(time_s) is not None)

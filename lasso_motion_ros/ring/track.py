@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
+from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis, Pending
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
@@ -135,6 +136,12 @@ class Track:
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
         self.last_support, self.slide, self.joined_slide = -1.0, Slide(), self.companions.slide
         return time_s
+
+    def hear(self, beats: Beats | None) -> None:
+        """Take note of the heart's beats as they are known with a pair."""
+        self.motion = self.motion.hearing(beats)
+        if self.pending is not None:
+            self.pending = replace(self.pending, motion=self.pending.motion.hearing(beats))
 
     def way(self, displacement: Array) -> Array:
         """(3,) m that the ring has come since the last pair; where that did not show it, its share of the way by time.

@@ -13,6 +13,7 @@ from lasso_motion_ros.core.errors import SeedError, TrackingError
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import Frame, FramePair, Seed
 from lasso_motion_ros.motion.breathing_prior import breathing_shape
+from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Association, Hypothesis, associate
@@ -121,6 +122,7 @@ class RingTracker:
             max(0.0, detector.seconds(frames["b"].stamp_ns)),
             shape=breathing_shape(projections, self._config.posture),
             between=model.between,
+            beats=_beats(pair, detector),
         )
         anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
         require_clicked_place(detector.detect(pair, anywhere, self._config, whole), model)
@@ -160,6 +162,7 @@ class RingTracker:
         track, options, config = self._require_track(), self._options, self._config
         self._learn_late(track)
         time_s = track.begin(pair.stamp_ns)
+        track.hear(_beats(pair, track.detector))
         pending, track.pending = track.pending, None  # of the last pair, and no other one
         with self._stages("display filter"):
             pair = track.display.undone(pair)
@@ -348,6 +351,11 @@ class RingTracker:
         if self._track is None:
             raise TrackingError("there is no model to track: seed the tracker first")
         return self._track
+
+
+def _beats(pair: FramePair, detector: RingDetector) -> Beats | None:
+    """The heart's beats by the R peaks known with a pair; None where too few are."""
+    return Beats.of([detector.seconds(peak) for peak in pair.r_peaks_ns])
 
 
 def _expectation(track: Track) -> Expectation:

@@ -37,6 +37,11 @@ class HeartPhases:
         while len(self._phases) > self._remembered:
             del self._phases[next(iter(self._phases))]
 
+    @property
+    def r_peaks_ns(self) -> tuple[int, ...]:
+        """Stamps of the R peaks that are known now, ascending."""
+        return self._peaks.stamps_ns
+
     def is_remembered(self, stamp_ns: int) -> bool:
         """Whether the pair is one of the last."""
         return stamp_ns in self._phases

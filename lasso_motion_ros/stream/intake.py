@@ -185,7 +185,8 @@ class MessageIntake:
         for place, pair in enumerate(pairs, start=1):
             self.phases.add_pair(pair.stamp_ns, new_run=pair.new_run)
             hold = self._pairs.pairing.restarting or any(later.new_run for later in pairs[place:])
-            tasks += self._clicked.add_pair(pair, hold)
+            heard = dataclasses.replace(pair, r_peaks_ns=self.phases.r_peaks_ns)
+            tasks += self._clicked.add_pair(heard, hold)
         self._report_clicks()
         return self._issued(tasks)
 

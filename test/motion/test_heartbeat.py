@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from lasso_motion_ros.core.errors import ConfigurationError
-from lasso_motion_ros.motion.heartbeat import CardiacGate, HeartPhase, RPeaks
+from lasso_motion_ros.motion.heartbeat import Beats, CardiacGate, HeartPhase, RPeaks
 
 S = 1_000_000_000
 
@@ -122,3 +122,42 @@ def test_the_gate_is_shut_where_the_phase_is_not_sure() -> None:
 def test_a_window_without_width_is_refused() -> None:
     with pytest.raises(ConfigurationError, match=r"window_start and window_end must differ, both are 0\.5"):
         CardiacGate(0.5, 0.5)
+
+
+def beats(*times_s: float) -> Beats:
+    found = Beats.of(times_s)
+    assert found is not None
+    return found
+
+
+def test_what_has_been_is_a_part_of_its_own_beat_and_what_goes_on_of_a_typical_one() -> None:
+    found = beats(10.0, 10.8, 11.8, 12.6)  # 0.8, 1.0 and 0.8
+    assert found.beat_s == pytest.approx(0.8)
+    assert found.phase(10.8) == 0.0
+    assert found.phase(11.3) == pytest.approx(0.5), "of the longer beat"
+    assert found.phase(12.8) == pytest.approx(0.25), "how long it will be is not known yet"
+
+
+def test_a_heart_whose_next_peak_is_overdue_rests_till_it_comes() -> None:
+    found = beats(10.0, 10.8, 11.6, 13.2)  # a pause, or a peak that was missed
+    assert found.phase(12.0) == pytest.approx(0.5)
+    assert found.phase(12.9) == 1.0
+    assert found.phase(14.5) == 1.0
+
+
+def test_peaks_too_close_to_another_are_no_beats_and_one_peak_tells_of_none() -> None:
+    assert beats(10.0, 10.8, 11.6, 11.7, 12.4).peaks_s == (10.0, 10.8, 11.6, 12.4)
+    assert Beats.of([]) is None
+    assert Beats.of([10.0]) is None
+
+
+def test_before_the_first_peak_and_long_after_the_last_no_phase_is_known() -> None:
+    found = beats(10.0, 10.8)
+    assert found.is_known(10.0)
+    assert not found.is_known(9.9)
+    assert found.is_known(10.8 + 2.4 * 0.8)
+    assert not found.is_known(10.8 + 2.6 * 0.8)
+
+
+def test_all_peaks_that_are_remembered_are_told() -> None:
+    assert peaks(10.0, 11.6, 10.8).stamps_ns == (10 * S, round(10.8 * S), round(11.6 * S))

@@ -221,6 +221,17 @@ def test_statistics_count_what_came_and_what_became_of_it() -> None:
     assert statistics.temporal_filter == {"a": 0.35}
 
 
+def test_a_pair_tells_of_the_r_peaks_that_were_known_when_it_was_complete() -> None:
+    line = pipeline()
+    for index in (-2, 1):
+        line.intake.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(index), "ecg")))
+    run(line, stream(2))
+    line.intake.add_r_peak(MESSAGES.make("std_msgs/msg/Header", header_fields(stamp(2), "ecg")))
+    pair = line.session.last_pair
+    assert pair is not None
+    assert pair.r_peaks_ns == (stamp(-2), stamp(1))
+
+
 def test_gated_motion_leaves_out_the_pairs_outside_the_window_and_raw_motion_none() -> None:
     line = pipeline(**{"heartbeat.mode": "gate", "heartbeat.window_start": 0.5, "heartbeat.window_end": 0.9})
     outputs: list[Output] = []
