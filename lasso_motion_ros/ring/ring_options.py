@@ -11,11 +11,11 @@ from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
-from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.seed_curves import POINTS
 from lasso_motion_ros.ring.template import TemplateTuning
+from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
 

@@ -8,15 +8,8 @@ from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.phantom.imaging import Exposure, ImagingChain
 from lasso_motion_ros.phantom.settings import ImagingSettings
 from lasso_motion_ros.ring import display_chain
-from lasso_motion_ros.ring.display_chain import (
-    DisplayChain,
-    DisplayChainTuning,
-    PlaneChain,
-    filter_from,
-    grey_change,
-    sampled,
-    unfiltered,
-)
+from lasso_motion_ros.ring.display_chain import DisplayChain, PlaneChain, unfiltered
+from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning, filter_from, grey_change, sampled
 
 TUNING = DisplayChainTuning()
 SIDE = 256

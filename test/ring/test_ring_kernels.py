@@ -20,14 +20,6 @@ from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
-from lasso_motion_ros.ring.display_chain import (
-    DisplayChainTuning,
-    difference,
-    filter_of,
-    grey_change,
-    group_sums,
-    sampled,
-)
 from lasso_motion_ros.ring.loop_views import LoopViews
 from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
@@ -35,6 +27,14 @@ from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
+from lasso_motion_ros.ring.temporal_filter import (
+    DisplayChainTuning,
+    difference,
+    filter_of,
+    grey_change,
+    group_sums,
+    sampled,
+)
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.working_image import WorkingImage, working_image
 

@@ -8,8 +8,8 @@ from support.breathing_lasso import CONFIG, LOST, TRACKING, centre_error_mm, mov
 from support.lasso_inputs import CURVE, NOISE, PERIOD_NS, VIEWS, lasso_image, lasso_seed
 
 from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.tracker import RingTracker
 
 PAIRS = 14

@@ -11,11 +11,12 @@ from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
 from lasso_motion_ros.ring.companions import Companions
-from lasso_motion_ros.ring.display_chain import DisplayChain, DisplayChainTuning
+from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning, PlaneContradiction
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
+from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import TrackBelief
 

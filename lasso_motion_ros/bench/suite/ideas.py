@@ -23,12 +23,12 @@ from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.companion_patches import PatchTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
 from lasso_motion_ros.ring.detector import DetectorTuning
-from lasso_motion_ros.ring.display_chain import DisplayChainTuning
 from lasso_motion_ros.ring.plane_companions import CompanionTuning
 from lasso_motion_ros.ring.plane_contradiction import ContradictionTuning
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.slide import SlideTuning
 from lasso_motion_ros.ring.template import TemplateTuning
+from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.validation import ValidationTuning

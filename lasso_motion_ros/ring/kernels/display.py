@@ -1,4 +1,4 @@
-"""The sums over blocks of `display_chain`, compiled: see `core/compiled.py`."""
+"""The sums over blocks of `temporal_filter`, compiled: see `core/compiled.py`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Pixels = npt.NDArray[np.uint8 | np.uint16]
     "Tuple((float32[:, ::1], float32[::1]))(Array(uint16, 2, 'C', readonly=True), int64, int64)",
 )
 def sampled(pixels: Pixels, size: int, most: int) -> tuple[Image, Image]:
-    """Blocks from all over an image, side by side, and their means: `display_chain.sampled`.
+    """Blocks from all over an image, side by side, and their means: `temporal_filter.sampled`.
 
     Args:
         pixels: (H, W).
@@ -62,7 +62,7 @@ def _mean_of_products(one: Image, other: Image, columns_sum: Image, means: Image
 
 @compiled("Tuple((float32[:, ::1], float32[::1], float32[::1]))(float32[:, ::1], float32[:, ::1], int64)")
 def difference(values: Image, before: Image, size: int) -> tuple[Image, Image, Image]:
-    """The difference of two samples, what is fine and what is smooth in it apart: `display_chain.difference`.
+    """The difference of two samples, what is fine and what is smooth in it apart: `temporal_filter.difference`.
 
     Args:
         values: (n · size, m · size).
@@ -70,7 +70,7 @@ def difference(values: Image, before: Image, size: int) -> tuple[Image, Image, I
         size: of a block, pixels; a multiple of four.
 
     Returns:
-        As `display_chain.Difference`.
+        As `temporal_filter.Difference`.
     """
     height, width = values.shape
     rows, columns, cell = height // size, width // size, size // 4
@@ -141,7 +141,7 @@ def _order(values: Image) -> npt.NDArray[np.int64]:
 
 @compiled("float32(float32[::1], float32[::1])", is_exact=True)
 def grey_change(now: Image, then: Image) -> np.float32:
-    """Relative change of blocks' grey (n,), of the median block: `display_chain.grey_change`."""
+    """Relative change of blocks' grey (n,), of the median block: `temporal_filter.grey_change`."""
     change, one = np.empty_like(now), np.float32(1.0)
     for k in range(now.size):
         change[k] = (now[k] - then[k]) / max(now[k], then[k], one)
@@ -166,7 +166,7 @@ def group_sums(
     outlier: float,
     groups: int,
 ) -> Array:
-    """C, E1 and E0 over groups of the blocks in which least moves: `display_chain.group_sums`.
+    """C, E1 and E0 over groups of the blocks in which least moves: `temporal_filter.group_sums`.
 
     Args:
         fine: (n · size, m · size) of d1.
@@ -224,7 +224,7 @@ def _filter_from(product: float, energy_1: float, energy_0: float) -> float:
 
 @compiled("UniTuple(float64, 2)(Array(float64, 2, 'A', readonly=True))")
 def filter_of(sums: Array) -> tuple[float, float]:
-    """λ of C, E1, E0 (3, G), summed over groups of blocks, and its standard deviation: `display_chain.filter_of`."""
+    """λ of C, E1, E0 (3, G), summed over groups of blocks, and its standard deviation: `temporal_filter.filter_of`."""
     count = sums.shape[1]
     c, e1, e0 = sums[0].sum(), sums[1].sum(), sums[2].sum()
     without = np.empty(count)
