@@ -160,7 +160,7 @@ def _found(
         The cell x, y of the patch's first there, to a fraction; and the correlation.
     """
     if has_kernels():
-        from lasso_motion_ros.ring.kernels import companions as kernels
+        from lasso_motion_ros.ring.kernels import patches as kernels
 
         fine, coarse, reach = _scales(grid, tuning)
         place: tuple[float, float, float] = kernels.found(

@@ -34,6 +34,7 @@ MODULES = tuple(
         "ring.kernels.band",
         "ring.kernels.blur",
         "ring.kernels.breathing_curve",
+        "ring.kernels.patches",
         "ring.kernels.companions",
         "ring.kernels.companion_slide",
         "ring.kernels.curve",
