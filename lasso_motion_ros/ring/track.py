@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -153,8 +154,16 @@ class Track:
         return np.asarray((displacement - self.seen_before) * (self.interval_s / since_s if since_s > 0.0 else 1.0))
 
     def turn_of(self, best: Hypothesis) -> Array:
-        """(3,) rotation vector by which a detection is turned from how the ring belongs, rad."""
-        return np.asarray(best.detection.alignment.turn - self.home_turn)
+        """(3,) rotation vector by which a detection is turned from how the ring belongs, rad.
+
+        Not what comes of its being wider or narrower: the wire comes from the shaft, and electrodes keep their
+        distances along it. On a turn of wire that is longer by a share s they lie behind by s times their way, by π s
+        on average, as if it had spun about its axis; which way hangs on how it is wound.
+        """
+        own, axis = best.detection.alignment.turn - self.home_turn, self.model.axis
+        drawn_rad = math.pi * abs(best.detection.alignment.stretch)
+        spin_rad = float(axis @ own)
+        return np.asarray(own - min(max(spin_rad, -drawn_rad), drawn_rad) * axis)
 
     def see(self, best: Hypothesis) -> None:
         """Take note of how a ring looks that is believed to be this one, wherever it lies."""

@@ -193,7 +193,7 @@ class RingTracker:
         best = association.best
         track.pending = association.pending(options.state.pose, options.association)
         if best is not None and best.is_whole and best.believed >= options.state.pose:
-            track.unlearned_turn = best.detection.alignment.turn
+            track.unlearned_turn = track.home_turn + track.turn_of(best)
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)

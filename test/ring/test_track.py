@@ -23,12 +23,13 @@ from lasso_motion_ros.ring.track_state import TrackBelief
 CENTRE = np.array([0.005, -0.010, 0.020])
 RAY_A, LATERAL = np.array([1.0, 0.0, 0.0]), np.array([0.8, 0.6, 0.0])
 ARMS = np.column_stack([np.cos(np.arange(6.0)), np.sin(np.arange(6.0)), np.zeros(6)]) * 0.01
+AXIS = np.array([0.0, 0.0, 1.0])
 CURVE = CurveTuning()
 
 
 def track(late_s=0.0):
     detector = SimpleNamespace(seconds=lambda stamp_ns: 1e-9 * stamp_ns)
-    model = SimpleNamespace(centre=CENTRE, arms=ARMS - ARMS.mean(axis=0), depth_directions=(RAY_A, LATERAL))
+    model = SimpleNamespace(centre=CENTRE, arms=ARMS - ARMS.mean(axis=0), depth_directions=(RAY_A, LATERAL), axis=AXIS)
     return Track(
         model=model,
         seed=None,
@@ -211,3 +212,19 @@ def test_how_it_was_turned_counts_for_later_pairs():
     one.learn_late()
     assert one.own_turn.sigma_rad > before.sigma_rad
     assert one.unlearned_turn is None
+
+
+@pytest.mark.parametrize(
+    ("turn_deg", "stretch", "own_deg"),
+    [
+        ((3.0, 0.0, -7.2), 0.04, (3.0, 0.0, 0.0)),  # a turn of wire longer by 4 %: half of 360° by a twenty-fifth
+        ((3.0, 0.0, 7.2), 0.04, (3.0, 0.0, 0.0)),
+        ((0.0, 1.0, -7.2), -0.04, (0.0, 1.0, 0.0)),
+        ((0.0, 0.0, -10.0), 0.04, (0.0, 0.0, -2.8)),
+        ((8.0, 0.0, 6.0), 0.0, (8.0, 0.0, 6.0)),
+    ],
+)
+def test_electrodes_that_a_longer_wire_draws_along_it_are_no_turn(turn_deg, stretch, own_deg):
+    one = track()
+    detection = detection_of({"a": plane_fit("a", CENTRE)}, turn=np.radians(turn_deg), stretch=stretch)
+    np.testing.assert_allclose(np.degrees(one.turn_of(Hypothesis(detection, None, 0.0, 0.0, 0.0))), own_deg, atol=1e-9)

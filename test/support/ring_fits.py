@@ -61,6 +61,7 @@ def detection_of(
     fits: Mapping[Plane, PlaneFit],
     *,
     turn: np.ndarray | None = None,
+    stretch: float = 0.0,
     likeness: float = 1.0,
     tuning: DetectionTuning = WORTH,
 ) -> Detection:
@@ -69,7 +70,7 @@ def detection_of(
     alignment = Alignment(
         likeness=dict.fromkeys(fits, likeness),
         turn=np.zeros(3) if turn is None else turn,
-        stretch=0.0,
+        stretch=stretch,
         correlations=(0.9,),
         is_given_up=False,
         views=SeenViews(list(fits.values())),
