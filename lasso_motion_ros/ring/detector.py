@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,9 @@ class DetectorTuning:
 
     near_first: bool = True  # about the prediction, before the whole image
     from_afar: bool = True  # a ring that has turned much is aligned in blurred images first
+    # Where the template shows nothing plain it is looked for drawn in and widened, too, as the heart does it: by so
+    # many standard deviations of its own size (docs/constants.md).
+    sizes: tuple[float, ...] = (-2.0, 2.0)
     electrodes: bool = True  # looked for by themselves, about the prediction, where the template shows nothing plain
     unforeseen_speed_m_s: float = 0.04  # of the motion between the two planes' exposures
     expectation_m: float = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
@@ -199,6 +202,14 @@ class RingDetector:
                         place.images, self._template, self._model.arms, start, prior, expected.turn, expected.stretch
                     )
                 detections = self._joined(detections, turned)
+            for size in self._tuning.sizes if near is passes[0] else ():
+                if self._is_enough(detections, expected):
+                    break
+                sized = replace(expected, stretch=size * config.ring.stretch)
+                # A quarter of a squared score is about the log likelihood of its place, half a squared size its cost.
+                least = max((one.score for one in candidates), default=0.0) ** 2 + 2.0 * size**2
+                likelier = [one for one in self._by_size(place, sized.stretch, config) if one.score**2 > least]
+                detections = self._aligned(likelier, place.images, sized, prior, detections)
             if self._tuning.electrodes and near is passes[0] and not self._is_enough(detections, expected):
                 others = self._by_electrodes(place, expected, config)
                 fresh = [candidate for candidate in others if not any(map(candidate.is_like, candidates))]
@@ -288,6 +299,16 @@ class RingDetector:
                 plane: self._peaks(image, place.expected[plane], reach_mm) for plane, image in place.images.items()
             }
             return place.candidates(peaks, max(1, config.search.candidates // (2 if near else 1)))
+
+    def _by_size(self, place: _Surroundings, stretch: float, config: TrackerConfig) -> list[SearchCandidate]:
+        """Where the template fits on a ring of another size, given as its logarithm."""
+        arms = self._model.arms * np.exp(stretch)
+        with self._stages("search"):
+            peaks = {
+                plane: find_peaks(image, self._template.values, place.expected[plane], arms, place.reach_mm)
+                for plane, image in place.images.items()
+            }
+            return place.candidates(peaks, max(1, config.search.candidates // 2))
 
     def _peaks(self, image: WorkingImage, centre: Array, reach_mm: float | None) -> Peaks:
         if self._ahead is not None and image is self._ahead.image:

@@ -187,6 +187,36 @@ def test_where_the_template_shows_nothing_plain_the_electrodes_are_looked_for(mo
     assert detect(track, lasso_pair(1, DOWN), tuning=DetectorTuning(electrodes=False)) == []
 
 
+@pytest.mark.parametrize(("score", "is_better"), [(19.0, False), (20.1, False), (21.0, True)])  # 20 as it was
+def test_a_ring_of_another_size_is_aligned_where_it_fits_better_than_as_it_was(monkeypatch, track, score, is_better):
+    asked, starts = [], []
+
+    def by_size(image, template, centre, arms, reach_mm=None):
+        asked.append(float(np.log(np.linalg.norm(arms) / np.linalg.norm(track.model.arms))))
+        return Peaks(np.array([score if asked[-1] < -0.01 else 20.0]), np.zeros((1, 2)), image)
+
+    def join(peaks, *_):
+        return [SearchCandidate(float(peaks["a"].scores[0]), dict.fromkeys("ab", LOOP.centre + FAR))]
+
+    def spied(images, template, arms, centres, prior, turn, stretch):
+        starts.append(stretch)
+        return align(images, template, arms, centres, prior, turn, stretch)
+
+    monkeypatch.setattr(detector, "find_peaks", by_size)
+    monkeypatch.setattr(detector, "join_peaks", join)
+    monkeypatch.setattr(detector, "align", spied)
+    detect(track, lasso_pair(1, None), tuning=DetectorTuning(from_afar=False, electrodes=False))
+    own = CONFIG.ring.stretch
+    assert {-2.0 * own, 2.0 * own} <= {round(size, 6) for size in asked}
+    assert (-2.0 * own in starts) == is_better
+    assert 2.0 * own not in starts
+
+
+def test_plainly_there_it_is_looked_for_in_no_other_size(monkeypatch, track):
+    monkeypatch.setattr(track.detector, "_by_size", lambda *_: pytest.fail("nobody needs to know"))
+    assert detect(track, lasso_pair(1, DOWN))
+
+
 def shown(peaks):
     return all(len(found.scores) for found in peaks.values())
 

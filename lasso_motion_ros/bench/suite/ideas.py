@@ -116,6 +116,9 @@ IDEAS: Mapping[str, Idea] = {
         # Where it is looked for.
         Idea("candidates", "several candidates, carried to the end", {"search.candidates": 1}),
         Idea("near", "looking near the prediction first", options=_with(detector=DetectorTuning(near_first=False))),
+        Idea(
+            "sizes", "a ring that the heart has drawn in or widened", options=_with(detector=DetectorTuning(sizes=()))
+        ),
         Idea("electrodes", "electrodes by themselves", options=_with(detector=DetectorTuning(electrodes=False))),
         Idea("afar", "a look from afar, in blurred images", options=_with(detector=DetectorTuning(from_afar=False))),
         # What it looks like.
