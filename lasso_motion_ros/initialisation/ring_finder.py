@@ -151,7 +151,8 @@ def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
     lie apart by twice that.
     """
     last_ns = pairs[-1].stamp_ns
-    return [_later(pair, 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
+    # Hearts do not beat backwards: R peaks would tell of other phases.
+    return [_later(replace(pair, r_peaks_ns=()), 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
 
 
 def _later(pair: FramePair, by_ns: int) -> FramePair:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
-from lasso_motion_ros.geometry.covariance import probabilities_beyond
+from lasso_motion_ros.geometry.covariance import inverses, probabilities_beyond
 from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.hearts import Hearts
 from lasso_motion_ros.motion.motion_model import (
@@ -38,11 +38,15 @@ Array = npt.NDArray[np.float64]
 @lru_cache
 def _block_of(start: int, size: int) -> Array:
     """(3, N) a block of the state, by its beginning, as a function of the state of a size N."""
-    return np.eye(3, size, start)
+    block = np.eye(3, size, start)
+    block.setflags(write=False)
+    return block
 
 
 class HeartBank:
     """The filters' states at one time; arrays are never changed in place, so that copies share them.
+
+    Whoever makes one has it `_become` its first states.
 
     Where R peaks tell when the heart beats, what it does repeats in part from beat to beat, which is in the state, too.
 
@@ -54,8 +58,9 @@ class HeartBank:
     """
 
     def __init__(self, hearts: Hearts, tuning: MotionTuning, time_s: float, beats: Beats | None) -> None:
-        self._hearts, self._tuning = hearts, tuning
-        self._time_s, self._beats = time_s, beats
+        self._hearts = self._every_heart = hearts
+        self._tuning, self._time_s, self._beats = tuning, time_s, beats
+        self._beat_shape: tuple[Array, Array] | None = None  # what was known of it when it was last told of
         self._weights: Array | None = None  # not worked out yet
         # What was asked for is kept until the state changes: blocks of it, states at later times, the last prediction.
         self._blocks: dict[int, Estimate] = {}
@@ -83,8 +88,22 @@ class HeartBank:
 
     @property
     def heartbeat(self) -> Array:
-        """(3, 3) m² covariance of the heartbeat's motion, as learned so far."""
-        return np.asarray(np.tensordot(self.weights, self._hearts.covariances, 1))
+        """(3, 3) m² covariance of the heartbeat's motion, as learned so far, whatever of it repeats."""
+        random = np.asarray(np.tensordot(self.weights, self._random_heart, 1))
+        if not self._tells_of_beats:
+            return random
+        # Cosines and sines are a half each, squared, on average over a beat.
+        mean, covariance = self._learned_shape()
+        waves = (covariance + np.outer(mean, mean)).reshape(2 * HARMONICS, 3, 2 * HARMONICS, 3)
+        return np.asarray(random + 0.5 * np.einsum("nink->ik", waves))
+
+    def _learned_shape(self) -> tuple[Array, Array]:
+        """What is known of what repeats, over all filters: coefficients (18,), metres, and their covariance."""
+        state = self._state[:, BEAT_SHAPE]
+        mean = self.weights @ state
+        off = state - mean
+        within = self._weighted(np.ascontiguousarray(self._covariance[:, BEAT_SHAPE, BEAT_SHAPE]))
+        return mean, within + (self.weights[:, None] * off).T @ off
 
     @property
     def _random_heart(self) -> Array:
@@ -112,32 +131,53 @@ class HeartBank:
 
     def _hear(self, beats: Beats | None) -> None:
         """Go on with the heart's beats as they are known by now."""
-        if beats is None:
+        if beats is None or not beats.is_known(self._time_s):
             self._switch(False)
-        self._beats, self._foretold = beats, None
+        self._beats, self._foretold, self._blocks = beats, None, {}
 
     def _switch(self, tells: bool) -> None:
-        """Have a state that tells of what repeats from beat to beat, or one that does not."""
-        if tells != self._tells_of_beats:
-            self._become(*(self._with_beats() if tells else self._without_beats()))
+        """Have a state that tells of what repeats from beat to beat, or one that does not.
 
-    def _with_beats(self) -> tuple[Array, Array]:
-        """States and covariances with what repeats from beat to beat, of which nothing is known yet."""
-        filters = len(self._hearts)
-        state, covariance = np.zeros((filters, SIZE_WITH_BEATS)), np.zeros((filters, SIZE_WITH_BEATS, SIZE_WITH_BEATS))
+        The displacement now, and what is known of it, stay as they are.
+        """
+        if tells == self._tells_of_beats or self._beats is None:
+            return
+        phase = self._beats.phase(self._time_s)
+        if tells:
+            self._become(*self._with_beats(phase))
+            return
+        usual = self.heartbeat
+        self._beat_shape = self._learned_shape()
+        state, covariance = self._without_beats(phase)
+        # Hearts were weighed by what of them does not repeat. Now they are by all that was learned of the heartbeat.
+        mean = self.weights @ state
+        off = state - mean
+        within = self._weighted(covariance) + (self.weights[:, None] * off).T @ off
+        every = self._hearts = self._every_heart
+        self._become(np.tile(mean, (len(every), 1)), np.tile(within, (len(every), 1, 1)))
+        precisions, determinants = inverses(every.covariances)
+        fit = np.log(determinants) + np.einsum("nij,ji->n", precisions, usual)
+        self._weigh(every.log_odds - 0.5 * self._tuning.beats_weigh * fit)
+
+    def _with_beats(self, phase: float) -> tuple[Array, Array]:
+        """States and covariances with what repeats from beat to beat, as far as that was known before, at a phase."""
+        filters, size = len(self._hearts), SIZE_WITH_BEATS
+        state, covariance = np.zeros((filters, size)), np.zeros((filters, size, size))
         state[:, :SIZE], covariance[:, :SIZE, :SIZE] = self._state, self._covariance
-        covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(self._hearts.covariances, self._tuning)
-        return state, covariance
+        if self._beat_shape is None:
+            covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(self._hearts.covariances, self._tuning)
+        else:
+            state[:, BEAT_SHAPE], covariance[:, BEAT_SHAPE, BEAT_SHAPE] = self._beat_shape
+        # What of the displacement repeats is no longer random.
+        parted = np.eye(size)
+        parted[HEARTBEAT, BEAT_SHAPE] = -displacement_at(phase)[:, BEAT_SHAPE]
+        return state @ parted.T, parted @ covariance @ parted.T
 
-    def _without_beats(self) -> tuple[Array, Array]:
-        """States and covariances without that: whatever a beat does may be done at any time."""
-        state, covariance = self._state[:, :SIZE].copy(), self._covariance[:, :SIZE, :SIZE].copy()
-        for n in range(2 * HARMONICS):  # cosines and sines are a half each, squared, on average over a beat
-            wave = slice(BEAT_SHAPE.start + 3 * n, BEAT_SHAPE.start + 3 * n + 3)
-            means = self._state[:, wave]
-            squares = self._covariance[:, wave, wave] + means[:, :, None] * means[:, None, :]
-            covariance[:, HEARTBEAT, HEARTBEAT] += 0.5 * squares
-        return state, covariance
+    def _without_beats(self, phase: float) -> tuple[Array, Array]:
+        """States and covariances without that: what it does now, at a phase, is as random as all else."""
+        joined = np.eye(SIZE, SIZE_WITH_BEATS)
+        joined[HEARTBEAT, BEAT_SHAPE] = displacement_at(phase)[:, BEAT_SHAPE]
+        return self._state @ joined.T, joined @ self._covariance @ joined.T
 
     def _block(self, block: slice) -> Estimate:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""

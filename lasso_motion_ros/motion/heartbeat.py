@@ -24,6 +24,7 @@ class PeakTuning:
         typical_of: intervals whose median is the typical beat: one missing and one extra peak do not change it.
         shortest_beat: an earlier peak is a false detection or a premature beat.
         longest_beat: a longer interval has a missing peak in it.
+        overdue_beat: so long after the last peak the phase of a beat that goes on is no longer known.
         last_sure_beat: so long after the last peak its phase still means something.
         new_run_ns: stamps that go back by more begin another run, as for images.
         same_peak_ns: peaks closer than this are one.
@@ -33,6 +34,7 @@ class PeakTuning:
     typical_of: int = 8
     shortest_beat: float = 0.6
     longest_beat: float = 1.6
+    overdue_beat: float = 1.45
     last_sure_beat: float = 2.5
     new_run_ns: int = 1_000_000_000
     same_peak_ns: int = 20_000_000
@@ -86,21 +88,29 @@ class Beats:
         return Beats(tuple(accepted), beat_s)
 
     def phase(self, time_s: float) -> float:
-        """0 at an R peak, 1 at the next; where the next is overdue, or a peak was missed, the heart rests till then.
+        """0 at an R peak, 1 at the next, and until that has come.
 
         Args:
             time_s: at which it is known, see `is_known`.
         """
-        last, beat_s = bisect_right(self.peaks_s, time_s) - 1, self.beat_s
-        if last + 1 < len(self.peaks_s):
-            seen_s = self.peaks_s[last + 1] - self.peaks_s[last]
-            if seen_s <= TUNING.longest_beat * beat_s:
-                beat_s = seen_s
-        return min((time_s - self.peaks_s[last]) / beat_s, 1.0)
+        last = bisect_right(self.peaks_s, time_s) - 1
+        return min((time_s - self.peaks_s[last]) / self._length_s(last), 1.0)
 
     def is_known(self, time_s: float) -> bool:
-        """Whether its phase at a time means something: not before the first peak, nor long after the last."""
-        return self.peaks_s[0] <= time_s <= self.peaks_s[-1] + TUNING.last_sure_beat * self.beat_s
+        """Whether its phase at a time means something: not before the first peak, nor where the next one is overdue.
+
+        Then the heart may pause, or a peak was missed, or comes late.
+        """
+        last = bisect_right(self.peaks_s, time_s) - 1
+        return last >= 0 and time_s - self.peaks_s[last] <= TUNING.overdue_beat * self._length_s(last)
+
+    def _length_s(self, last: int) -> float:
+        """Of the beat after a peak, as far as it is known; a typical one where it is not, or a peak was missed."""
+        if last + 1 < len(self.peaks_s):
+            seen_s = self.peaks_s[last + 1] - self.peaks_s[last]
+            if seen_s <= TUNING.longest_beat * self.beat_s:
+                return seen_s
+        return self.beat_s
 
 
 class RPeaks:

@@ -73,6 +73,7 @@ class MotionTuning:
     # With R peaks: of its variance so much repeats from beat to beat, and is that of the first harmonics by so much.
     beat_share: float = 0.75
     beat_harmonics: tuple[float, ...] = (0.55, 0.3, 0.15)
+    beats_weigh: float = 8.0  # exposures, as which all that was learned with them counts where peaks stop coming
     heartbeat_memory_s: float = 60.0  # measurements older than this fade from the weights: rhythms change
     freedom: float = 4.0  # degrees of freedom of the measurements' distribution about what was foretold
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,

@@ -12,6 +12,7 @@ while: rhythms change.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +83,7 @@ class RespiratoryMotion(HeartBank):
         super().__init__(tuning.hearts(time_b_s - time_a_s), tuning, time_a_s, beats)
         self._between = between
         self._spread = Spread(shape, tuning)
-        self._every_heart, self._since_all_s = self._hearts, time_a_s
+        self._since_all_s = time_a_s
         self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
         self._begin()
@@ -90,6 +91,7 @@ class RespiratoryMotion(HeartBank):
     def _begin(self) -> None:
         """The state at plane B's first exposure, with the spread known by now."""
         self._time_s, time_b_s = self._start_s
+        self._beat_shape = None
         self._weigh(self._hearts.log_odds)
         beats = self._beats_at(self._time_s)
         phase = None if beats is None else beats.phase(self._time_s)
@@ -144,7 +146,7 @@ class RespiratoryMotion(HeartBank):
     def predict(self, time_s: float) -> Estimate:
         """The displacement expected at a later time, nothing being changed; kept, and not to be changed in place."""
         if self._foretold is None or self._foretold[0] != time_s:
-            self._foretold = time_s, self._seen_along(displacement_at(self._phase(time_s)), *self._propagated(time_s))
+            self._foretold = time_s, self._foreseen(displacement_at, time_s)
         return self._foretold[1]
 
     def sideways_sigmas(self, time_s: float, found: Estimate) -> float:
@@ -165,7 +167,14 @@ class RespiratoryMotion(HeartBank):
 
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
-        return self._seen_along(since_b_at(self._phase(time_s)), *self._propagated(time_s))
+        return self._foreseen(since_b_at, time_s)
+
+    def _foreseen(self, of_phase: Callable[[float | None], Array], time_s: float) -> Estimate:
+        """A function of the state and of the beat's phase, at a later time."""
+        if self._tells_of_beats and self._beats_at(time_s) is None:
+            later = self.later(time_s)
+            return later._seen_along(of_phase(None), later._state, later._covariance)
+        return self._seen_along(of_phase(self._phase(time_s)), *self._propagated(time_s))
 
     @property
     def way(self) -> Array:
@@ -305,9 +314,13 @@ class RespiratoryMotion(HeartBank):
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
+            is_known = self._beats_at(time_s) is not None
+            if not is_known:
+                self._switch(False)
             self._become(*self._propagated(time_s))
             fading = self._tuning.heart_kept(time_s - self._time_s)
             usual = self._hearts.log_odds
             self._weigh(usual + fading * (self._log_weights - usual))
             self._time_s = time_s
-            self._switch(self._beats_at(time_s) is not None)
+            if is_known:
+                self._switch(True)

@@ -75,6 +75,8 @@ class Track:
         stretch: logarithm of its size, likewise.
         last_turn: (3,) rotation vector of the ring when last seen, rad.
         home_turn: (3,) rotation vector of the ring as it belongs, rad.
+        last_stretch: logarithm of its size when last seen.
+        home_stretch: likewise as it belongs.
         home: (3,) displacement at which it belongs, metres: zero until it was said to belong elsewhere.
         reference: (3,) displacement at the reference pair, metres.
         reference_ns: stamp of the reference pair.
@@ -82,7 +84,8 @@ class Track:
         is_followed: whether the prediction is worth a look about it.
         pending: where it may have been in the last pair, which did not show it surely enough; None where it did.
         unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
-        unlearned_turn: likewise, (3,) rad, how it was turned, refused for that or not: later pairs are judged by it.
+        unlearned_turn: likewise, (3,) rad, how it was turned by `turn_of`, refused for that or not: later pairs are
+            judged by it.
         unlearned_motion: likewise whose motion is, and the time of that pair, seconds since the seed pair.
     """
 
@@ -119,6 +122,8 @@ class Track:
     stretch: float = 0.0
     last_turn: Array = field(default_factory=lambda: np.zeros(3))
     home_turn: Array = field(default_factory=lambda: np.zeros(3))
+    last_stretch: float = 0.0
+    home_stretch: float = 0.0
     home: Array = field(default_factory=lambda: np.zeros(3))
     reference: Array = field(default_factory=lambda: np.zeros(3))
     reference_ns: int = 0
@@ -161,7 +166,7 @@ class Track:
         on average, as if it had spun about its axis; which way hangs on how it is wound.
         """
         own, axis = best.detection.alignment.turn - self.home_turn, self.model.axis
-        drawn_rad = math.pi * abs(best.detection.alignment.stretch)
+        drawn_rad = math.pi * abs(best.detection.alignment.stretch - self.home_stretch)
         spin_rad = float(axis @ own)
         return np.asarray(own - min(max(spin_rad, -drawn_rad), drawn_rad) * axis)
 
@@ -170,7 +175,7 @@ class Track:
         self.sightings += 1
         share = max(USUAL_SHARE, 1.0 / (self.sightings + 1.0))
         self.usual_support += share * (best.detection.support - self.usual_support)
-        self.last_turn = best.detection.alignment.turn
+        self.last_turn, self.last_stretch = best.detection.alignment.turn, best.detection.alignment.stretch
         self.remember_contrast(best)
 
     def remember_contrast(self, best: Hypothesis) -> None:
@@ -248,7 +253,8 @@ class Track:
         Args:
             curve: of its breathing there.
         """
-        self.home, self.home_turn, self.turn = self.seen_at, self.last_turn, 0.5 * self.last_turn
+        self.home, self.home_turn, self.home_stretch = self.seen_at, self.last_turn, self.last_stretch
+        self.turn = 0.5 * self.last_turn
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
         self.seat, self.contradiction = self.seat.anew(), self.contradiction.anew()

@@ -151,12 +151,15 @@ def test_peaks_too_close_to_another_are_no_beats_and_one_peak_tells_of_none() ->
     assert Beats.of([10.0]) is None
 
 
-def test_before_the_first_peak_and_long_after_the_last_no_phase_is_known() -> None:
-    found = beats(10.0, 10.8)
+def test_before_the_first_peak_and_where_the_next_is_overdue_no_phase_is_known() -> None:
+    found = beats(10.0, 10.8, 11.6, 13.2, 14.0)  # with a pause, or a peak that was missed
     assert found.is_known(10.0)
     assert not found.is_known(9.9)
-    assert found.is_known(10.8 + 2.4 * 0.8)
-    assert not found.is_known(10.8 + 2.6 * 0.8)
+    assert found.is_known(11.6 + 1.4 * 0.8)
+    assert not found.is_known(11.6 + 1.5 * 0.8)
+    assert found.is_known(13.3)
+    assert found.is_known(14.0 + 1.4 * 0.8)
+    assert not found.is_known(14.0 + 1.5 * 0.8)
 
 
 def test_all_peaks_that_are_remembered_are_told() -> None:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from support.breathing_lasso import CONFIG, TRACKING, pair
 from support.lasso_inputs import PERIOD_NS, lasso_seed
@@ -40,3 +41,17 @@ def test_a_place_that_is_not_believed_yet_hears_of_them_too():
     track.hear(beats)
     assert track.motion.later(0.5).beats is beats
     assert track.pending.motion.later(0.5).beats is beats
+
+
+def test_poses_are_the_same_where_plane_a_was_worked_on_before_its_pair_was_complete():
+    poses = []
+    for ahead in (False, True):
+        tracker = RingTracker(CONFIG)
+        tracker.initialise(heard(0), lasso_seed())
+        poses.append([])
+        for index in range(1, 8):
+            whole = heard(index)
+            if ahead:
+                tracker.prepare(whole.a)
+            poses[-1].append(tracker.track(whole).motion)
+    np.testing.assert_array_equal(poses[0], poses[1])

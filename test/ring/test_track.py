@@ -228,3 +228,13 @@ def test_electrodes_that_a_longer_wire_draws_along_it_are_no_turn(turn_deg, stre
     one = track()
     detection = detection_of({"a": plane_fit("a", CENTRE)}, turn=np.radians(turn_deg), stretch=stretch)
     np.testing.assert_allclose(np.degrees(one.turn_of(Hypothesis(detection, None, 0.0, 0.0, 0.0))), own_deg, atol=1e-9)
+
+
+def test_how_wide_it_is_counts_from_how_it_belongs():
+    one = track()
+    wide = detection_of({"a": plane_fit("a", CENTRE)}, turn=np.radians([0.0, 0.0, -7.2]), stretch=0.04)
+    one.see(Hypothesis(wide, None, 0.0, 0.0, 0.0))
+    one.displacement = np.zeros(3)
+    one.settle(BreathingCurve(np.zeros(3), 0.0, CURVE))
+    as_before = Hypothesis(detection_of({"a": plane_fit("a", CENTRE)}), None, 0.0, 0.0, 0.0)
+    np.testing.assert_allclose(one.turn_of(as_before), 0.0, atol=1e-9)
