@@ -151,8 +151,12 @@ def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
     lie apart by twice that.
     """
     last_ns = pairs[-1].stamp_ns
-    # Hearts do not beat backwards: R peaks would tell of other phases.
-    return [_later(replace(pair, r_peaks_ns=()), 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
+    return [_later(_unheard(pair), 2 * (last_ns - pair.stamp_ns)) for pair in reversed(pairs)]
+
+
+def _unheard(pair: FramePair) -> FramePair:
+    """A pair without R peaks, itself where it has none: hearts do not beat backwards."""
+    return replace(pair, r_peaks_ns=()) if pair.r_peaks_ns else pair
 
 
 def _later(pair: FramePair, by_ns: int) -> FramePair:

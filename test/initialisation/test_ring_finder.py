@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,11 @@ def test_where_the_first_pair_shows_none_the_last_is_asked(monkeypatch: pytest.M
 
 
 @pytest.mark.slow
+def test_backwards_no_r_peaks_are_heard() -> None:
+    pairs = [replace(pair(index), r_peaks_ns=(0, 800_000_000)) for index in range(3)]
+    assert [one.r_peaks_ns for one in ring_finder._backwards(pairs)] == [(), (), ()]
+
+
 def test_a_ring_that_goes_on_backwards_is_one() -> None:
     pairs = [pair(index) for index in range(3)]
     (ring,), (back,) = (find_rings(some, CONFIG).proposed for some in (pairs, ring_finder._backwards(pairs)))
