@@ -114,7 +114,7 @@ class BreathingRotation:
 
     def _regression(self) -> _Fit:
         if has_kernels():
-            from lasso_motion_ros.motion.kernels import regression
+            from lasso_motion_ros.motion.rotation_kernels import regression
 
             axis, slope, slope_variance, log_odds = regression(
                 self._sums, self._count, PRIOR_SD, TUNING.own_turn_rad, TUNING.own_turn_pairs, TUNING.rounds

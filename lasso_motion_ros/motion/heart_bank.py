@@ -43,6 +43,12 @@ def _block_of(start: int, size: int) -> Array:
     return block
 
 
+def each_filter(mixed: tuple[Array, Array], filters: int) -> tuple[Array, Array]:
+    """(filters, N) states and (filters, N, N) covariances, all of them that of all filters together."""
+    mean, covariance = mixed
+    return np.tile(mean, (filters, 1)), np.tile(covariance, (filters, 1, 1))
+
+
 class HeartBank:
     """The filters' states at one time; arrays are never changed in place, so that copies share them.
 
@@ -98,12 +104,8 @@ class HeartBank:
         return np.asarray(random + 0.5 * np.einsum("nink->ik", waves))
 
     def _learned_shape(self) -> tuple[Array, Array]:
-        """What is known of what repeats, over all filters: coefficients (18,), metres, and their covariance."""
-        state = self._state[:, BEAT_SHAPE]
-        mean = self.weights @ state
-        off = state - mean
-        within = self._weighted(np.ascontiguousarray(self._covariance[:, BEAT_SHAPE, BEAT_SHAPE]))
-        return mean, within + (self.weights[:, None] * off).T @ off
+        """What is known of what repeats: (18,) coefficients, metres, and their (18, 18) covariance in m²."""
+        return self._mixed(self._state[:, BEAT_SHAPE], self._weighted(self._covariance[:, BEAT_SHAPE, BEAT_SHAPE]))
 
     @property
     def _random_heart(self) -> Array:
@@ -149,12 +151,10 @@ class HeartBank:
         usual = self.heartbeat
         self._beat_shape = self._learned_shape()
         state, covariance = self._without_beats(phase)
+        mixed = self._mixed(state, self._weighted(covariance))
         # Hearts were weighed by what of them does not repeat. Now they are by all that was learned of the heartbeat.
-        mean = self.weights @ state
-        off = state - mean
-        within = self._weighted(covariance) + (self.weights[:, None] * off).T @ off
         every = self._hearts = self._every_heart
-        self._become(np.tile(mean, (len(every), 1)), np.tile(within, (len(every), 1, 1)))
+        self._become(*each_filter(mixed, len(every)))
         precisions, determinants = inverses(every.covariances)
         fit = np.log(determinants) + np.einsum("nij,ji->n", precisions, usual)
         self._weigh(every.log_odds - 0.5 * self._tuning.beats_weigh * fit)
@@ -216,13 +216,13 @@ class HeartBank:
             from lasso_motion_ros.motion import kernels
 
             return Estimate(*kernels.mixed(self.weights, state, covariance, h))
-        return self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T)
+        return Estimate(*self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T))
 
-    def _mixed(self, each: Array, within: Array) -> Estimate:
-        """The filters' estimates (filters, 3) and their own covariance (3, 3), and what they differ by."""
+    def _mixed(self, each: Array, within: Array) -> tuple[Array, Array]:
+        """(K,) mean and (K, K) covariance of (filters, K): the filters' own (K, K), and what they differ by."""
         mean = self.weights @ each
         off = each - mean
-        return Estimate(mean, within + (self.weights[:, None] * off).T @ off)
+        return mean, within + (self.weights[:, None] * off).T @ off
 
     def _weighted(self, covariance: Array) -> Array:
         """(N, N) mean of the filters' (filters, N, N)."""

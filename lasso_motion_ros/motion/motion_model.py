@@ -225,9 +225,6 @@ def since_b_at(phase: float | None) -> Array:
     return since_b
 
 
-DISPLACEMENT, SINCE_B = displacement_at(None), since_b_at(None)
-
-
 def beat_shape_covariance(heart: Array, tuning: MotionTuning) -> Array:
     """(filters, 18, 18) m² of the Fourier coefficients of what repeats of hearts (filters, 3, 3) m²."""
     return _in_each_direction(np.diag(np.repeat(tuning.beat_harmonics, 2)), tuning.beat_share * heart)

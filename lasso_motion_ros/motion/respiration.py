@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.motion.heart_bank import HeartBank
+from lasso_motion_ros.motion.heart_bank import HeartBank, each_filter
 from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
@@ -233,9 +233,7 @@ class RespiratoryMotion(HeartBank):
         """All hearts again: the dropped ones in the state of all the others; what spoke against them has faded."""
         every, old = self._every_heart, self._hearts.number
         against = math.log(self._tuning.heartbeat_kept) * self._tuning.heart_kept(self._time_s - self._since_all_s)
-        off = self._state - self.weights @ self._state
-        within = self._weighted(self._covariance) + (self.weights[:, None] * off).T @ off
-        state, covariance = np.tile(self.weights @ self._state, (len(every), 1)), np.tile(within, (len(every), 1, 1))
+        state, covariance = each_filter(self._mixed(self._state, self._weighted(self._covariance)), len(every))
         log_weights = every.log_odds + (self._log_weights - every.log_odds[old]).max() + against
         state[old], covariance[old], log_weights[old] = self._state, self._covariance, self._log_weights
         self._hearts, self._since_all_s = every, self._time_s

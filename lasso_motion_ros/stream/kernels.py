@@ -28,6 +28,7 @@ MODULES = tuple(
         "seeding.front_kernels",
         "ring.kernels.slide",
         "motion.kernels",
+        "motion.rotation_kernels",
         "ring.kernels.display",
         "initialisation.kernels",
         "ring.kernels.seed",

@@ -10,8 +10,10 @@ import pytest
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.motion import motion_model
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
-from lasso_motion_ros.motion.motion_model import AT_A, DISPLACEMENT, ORIGIN_B, SINCE_B, SIZE, TUNING, Observation
+from lasso_motion_ros.motion.motion_model import AT_A, ORIGIN_B, SIZE, TUNING, Observation, displacement_at, since_b_at
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
+
+DISPLACEMENT, SINCE_B = displacement_at(None), since_b_at(None)
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
 

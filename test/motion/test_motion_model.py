@@ -9,15 +9,16 @@ from support.respiration_inputs import AMPLITUDE_M, DIRECTION, INTERVAL_S, RISE,
 from lasso_motion_ros.motion import matern, oscillator
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
-    DISPLACEMENT,
     SIZE,
     TUNING,
     Spread,
+    displacement_at,
     first_covariance,
     measured,
 )
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
+DISPLACEMENT = displacement_at(None)
 SHAPE = np.array([[0.16, 0.0, 0.0], [0.0, 0.3, 0.25], [0.0, 0.25, 1.0]])
 
 

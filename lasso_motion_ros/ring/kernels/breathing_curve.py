@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import compiled
-from lasso_motion_ros.motion.kernels import principal_axis
+from lasso_motion_ros.motion.rotation_kernels import principal_axis
 
 Array = npt.NDArray[np.float64]
 
