@@ -81,11 +81,11 @@ class Beats:
 
     @staticmethod
     def of(peaks_s: Sequence[float]) -> Beats | None:
-        """By peaks, ascending, seconds; None for fewer than two."""
+        """By peaks, ascending, seconds; None for fewer than two, or where they tell of no beat's length."""
         if len(peaks_s) < 2:
             return None
         accepted, beat_s = _accepted(peaks_s)
-        return Beats(tuple(accepted), beat_s)
+        return Beats(tuple(accepted), beat_s) if beat_s > 0.0 else None
 
     def phase(self, time_s: float) -> float:
         """0 at an R peak, 1 at the next, and until that has come.

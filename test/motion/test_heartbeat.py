@@ -149,6 +149,7 @@ def test_peaks_too_close_to_another_are_no_beats_and_one_peak_tells_of_none() ->
     assert beats(10.0, 10.8, 11.6, 11.7, 12.4).peaks_s == (10.0, 10.8, 11.6, 12.4)
     assert Beats.of([]) is None
     assert Beats.of([10.0]) is None
+    assert Beats.of([10.0, 10.0, 10.0]) is None
 
 
 def test_before_the_first_peak_and_where_the_next_is_overdue_no_phase_is_known() -> None:
