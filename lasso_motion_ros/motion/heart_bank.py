@@ -34,6 +34,8 @@ from lasso_motion_ros.motion.motion_model import (
 
 Array = npt.NDArray[np.float64]
 
+_IDENTITY_3 = np.eye(3)
+
 
 @lru_cache
 def _block_of(start: int, size: int) -> Array:
@@ -197,7 +199,7 @@ class HeartBank:
         """The displacement at plane A's last exposure, with all that came since."""
         return self._block(AT_A)
 
-    def beyond(self, limit_m: float, more: Array) -> float:
+    def beyond(self, limit_m: float, more: Array, across: Array = _IDENTITY_3) -> float:
         """Probability that `at_a` is farther off than a limit, metres, each heart by itself.
 
         A heart that is seldom so strong is seldom far off, and then by much: no one normal distribution says so.
@@ -205,9 +207,11 @@ class HeartBank:
         Args:
             limit_m: of the distance.
             more: (3, 3) m² of what else it may be off by.
+            across: (3, 3) onto the directions in which the filters are asked: all of them if not given.
         """
-        off = self._state[:, AT_A] - self.at_a.displacement
-        beyond = probabilities_beyond(limit_m, self._covariance[:, AT_A, AT_A] + more, off)
+        off = (self._state[:, AT_A] - self.at_a.displacement) @ across
+        covariances = across @ self._covariance[:, AT_A, AT_A] @ across
+        beyond = probabilities_beyond(limit_m, covariances + more, off)
         return float(self.weights @ beyond)
 
     def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
-from lasso_motion_ros.geometry.covariance import inverses, squared_mahalanobis
+from lasso_motion_ros.geometry.covariance import inverses
 from lasso_motion_ros.motion import matern, oscillator
 from lasso_motion_ros.motion.hearts import Hearts, hearts
 
@@ -44,11 +44,6 @@ class MotionTuning:
     first_spread_m: float = 0.010  # standard deviation before any motion was seen, along the body if that is known
     smallest_spread_m: float = 0.0005  # and at least, however little has been seen
     seen_spread_m: float = 0.003  # root sum of squares of the motion seen, beyond which it outweighs the first spread
-    # Where one plane is alone, depth follows from the motion seen, and is known as well as that kept to its way. In the
-    # place of the first, smallest and seen spread above, then:
-    known_spread_m: float = 0.001  # in every direction, expected before any was seen: counts as one displacement
-    known_least_m: float = 0.0002  # at least, however little it strayed
-    known_seen_m: float = 0.002
     sideways_share: float = 0.25  # of the motion's size, expected across its direction: breathing nearly follows a line
     # After these many sure displacements the past is gone through again with the spread learned since. What it changes
     # is what the loop did between the first two exposures, and with it every displacement's depth.
@@ -153,32 +148,16 @@ class Spread:
     @cached_property
     def covariance(self) -> Array:
         """(3, 3) of the motion about its mean, m²."""
-        return self._with(0.0, self.tuning.smallest_spread_m, self.tuning.seen_spread_m)
+        tuning, seen = self.tuning, float(np.trace(self.scatter))
+        sideways = tuning.sideways_share**2 * seen / max(self.count, 1)
+        unknown = tuning.first_spread_m**2 / (1.0 + seen / tuning.seen_spread_m**2)
+        first = sideways * _IDENTITY_3 + unknown * self.shape  # which counts as one displacement
+        return np.asarray((self.scatter + first) / (self.count + 1) + tuning.smallest_spread_m**2 * _IDENTITY_3)
 
     @cached_property
     def way(self) -> Array:
         """(3,) unit vector along which the motion is largest."""
         return np.asarray(np.linalg.eigh(self.covariance)[1][:, -1])
-
-    def _with(self, first_m: float, least_m: float, enough_m: float) -> Array:
-        """(3, 3) m² with spreads, metres: expected in every direction, at least, and seen to outweigh the first."""
-        tuning, seen = self.tuning, float(np.trace(self.scatter))
-        sideways = tuning.sideways_share**2 * seen / max(self.count, 1) + first_m**2
-        unknown = tuning.first_spread_m**2 / (1.0 + seen / enough_m**2)
-        first = sideways * _IDENTITY_3 + unknown * self.shape  # which counts as one displacement
-        return np.asarray((self.scatter + first) / (self.count + 1) + least_m**2 * _IDENTITY_3)
-
-    def along(self, ray: Array) -> tuple[float, float]:
-        """Variances along a ray (3,), m², of a motion of which is known what lies across it.
-
-        Returns:
-            As `covariance` has it: wide on purpose, since the filter has to follow what nobody foretold. And by how far
-            the motion was seen to stray from its way.
-        """
-        tuning = self.tuning
-        known = self._with(tuning.known_spread_m, tuning.known_least_m, tuning.known_seen_m)
-        wide, seen = (1.0 / float(ray @ np.linalg.solve(one, ray)) for one in (self.covariance, known))
-        return wide, min(seen, wide)
 
     def learned(self, displacement: Array) -> Spread:
         """With one more displacement (3,) m."""
@@ -189,14 +168,6 @@ class Spread:
     def moved(self, shift: Array) -> Spread:
         """The same about another mean, (3,) m from the present one."""
         return replace(self, mean=self.mean + shift)
-
-    def doubt(self, displacement: Array) -> float:
-        """By what factor the covariance understates a depth that rests on the direction learned so far.
-
-        That direction is known from few displacements; further out than they reach it may be off by more
-        (predictive distribution of a regression: 1 + the squared Mahalanobis distance over their number).
-        """
-        return 1.0 + squared_mahalanobis(displacement - self.mean, self.covariance) / (self.count + 1)
 
 
 @lru_cache(maxsize=256)

@@ -270,19 +270,6 @@ class RespiratoryMotion(HeartBank):
         moved._become(self._state, covariance)
         return moved
 
-    def alone(self, ray: Array) -> Array:
-        """(3, 3) m² of `at_a` where one plane was alone, and depth along its ray (3,) rests on the motion seen so far.
-
-        That motion is known from few displacements: further out than they reach, depth is less sure than the filter
-        says. About them it is surer, as far as it is the filter's spread that it rests on, not a depth just seen.
-        """
-        at_a = self.at_a
-        wide, seen = self._spread.along(ray)
-        share = min(float(ray @ at_a.covariance @ ray) / wide, 1.0)
-        narrower = 1.0 - math.sqrt(1.0 - share * (1.0 - seen / wide))
-        along = _IDENTITY_3 - narrower * np.outer(ray, ray)
-        return np.asarray(self._spread.doubt(at_a.displacement) * along @ at_a.covariance @ along)
-
     def _remember(self, exposure: _Exposure) -> None:
         if self._keeps_history:
             self._history = (*self._history, exposure)

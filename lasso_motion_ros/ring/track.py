@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.motion.breathing_depth import BreathingDepth
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -60,6 +61,7 @@ class Track:
         sightings: pairs in which it was believed to be seen.
         last_support: what the planes showed at the best place in the last pair; -1 where none was found.
         contrast: per plane, of the ring when last seen, as a share of the grey behind it.
+        depth: how its depth follows from where one plane has it.
         seat: how far it goes to and fro in its place.
         rotation: the part of its turning that follows the breath.
         belief: whether it is in its place, elsewhere, or out of view.
@@ -105,6 +107,7 @@ class Track:
     seed_support: float
     usual_support: float
     contrast: dict[Plane, float]
+    depth: BreathingDepth = field(default_factory=lambda: BreathingDepth.first(0.0, np.zeros(3)))
     seat: Seat = field(default_factory=lambda: Seat.first(SeatTuning()))
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
     belief: TrackBelief = field(default_factory=TrackBelief)
@@ -186,6 +189,15 @@ class Track:
         for plane, fit in best.detection.planes.items():
             self.contrast[plane] = max(fit.contrast, SMALLEST_CONTRAST)
 
+    def take_alone(self, best: Hypothesis, time_s: float) -> Array:
+        """Take in where one plane alone shows it, with the depth that its breathing tells; (3, 3) m² of that place."""
+        (fit,) = best.detection.planes.values()
+        self.motion = best.motion
+        place = self.depth.with_depth(time_s, self.motion.at_a, fit.ray, self.motion.way, self.motion.heartbeat)
+        self.displacement, self.depth = place.displacement, self.depth.passed(time_s, place.displacement)
+        self.curve.see(time_s, place.displacement, is_whole=False)
+        return place.covariance
+
     def learn_motion(self, best: Hypothesis, time_s: float) -> None:
         """Learn how it breathes, and lies: at once where that revises the displacement, else with how it looked.
 
@@ -203,6 +215,7 @@ class Track:
 
     def _take_for_breathing(self, best: Hypothesis, time_s: float) -> None:
         self.curve.accept(time_s, best.displacement)
+        self.depth = self.depth.seen(time_s, best.motion.at_a)
         noise = best.motion.at_a.covariance + self.motion.heartbeat
         self.seat = self.seat.seen(time_s, best.displacement, noise, self.motion.way)
         self.motion.learn(best.displacement)
@@ -255,6 +268,7 @@ class Track:
         """
         self.home, self.home_turn, self.home_stretch = self.seen_at, self.last_turn, self.last_stretch
         self.turn = 0.5 * self.last_turn
+        self.depth = self.depth.moved(self.seen_at - self.motion.predict(self.last_s).displacement)
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
         self.seat, self.contradiction = self.seat.anew(), self.contradiction.anew()

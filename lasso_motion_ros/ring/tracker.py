@@ -288,11 +288,10 @@ class RingTracker:
         self, track: Track, best: Hypothesis, association: Association, time_s: float, state: TrackerState
     ) -> Array:
         """Take in what was seen, and learn from it where both planes show it; (3, 3) m² of the displacement."""
-        track.motion, track.is_followed, track.displacement = best.motion, True, best.displacement
+        track.is_followed = True
         if not best.is_whole:
-            track.curve.see(time_s, best.displacement, is_whole=False)
-            (alone,) = best.detection.planes.values()
-            return np.asarray(track.motion.alone(alone.ray) + association.spread)
+            return track.take_alone(best, time_s) + association.spread
+        track.motion, track.displacement = best.motion, best.displacement
         track.learn_motion(best, time_s)
         track.companions.accept()
         is_plain = best.detection.support >= self._options.learning_share * track.seed_support

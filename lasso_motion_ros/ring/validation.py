@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.ring import JudgementConfig
-from lasso_motion_ros.geometry.covariance import largest_sigma, probability_beyond
+from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, FramePair, Plane
 from lasso_motion_ros.ring.association import Association, Hypothesis
 from lasso_motion_ros.ring.track import Track
@@ -107,12 +107,13 @@ def misleading(
     elsewhere = 1.0 - best.believed
     near = position - association.spread_beyond(limit_m)
     sigma_mm = 1e3 * largest_sigma(near)
-    # Where one plane is alone, what is known of its depth is not the filter's.
+    # Where one plane is alone, what is known of its depth is not the filters'.
+    across = np.eye(3)
+    if not best.is_whole:
+        (alone,) = best.detection.planes.values()
+        across -= np.outer(alone.ray, alone.ray)
     motion = track.motion
-    if best.is_whole:
-        vague = motion.beyond(limit_m, near - motion.at_a.covariance)
-    else:
-        vague = probability_beyond(limit_m, near)
+    vague = motion.beyond(limit_m, near - across @ motion.at_a.covariance @ across, across)
     # Companions know of all directions, but along the ray of a plane that alone shows them: of that its own past tells.
     # Where they have been lost since, what they last told still counts if it was a slide; a doubt that nobody can take
     # back does not: it would last for good.

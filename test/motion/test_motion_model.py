@@ -11,7 +11,6 @@ from lasso_motion_ros.motion.motion_model import (
     AT_A,
     SIZE,
     TUNING,
-    Spread,
     displacement_at,
     first_covariance,
     measured,
@@ -42,20 +41,6 @@ def test_the_spread_is_learned_along_the_motion():
     assert 1e3 * np.sqrt(values[0]) < 1.5
     times = np.arange(0, 31) * INTERVAL_S  # the reference's zero counts, too
     np.testing.assert_allclose(motion.mean, np.mean([breathing(t) for t in times], axis=0), atol=5e-5)
-
-
-def test_how_far_the_motion_strays_from_its_way_is_measured():
-    way, ray = np.array([0.0, 0.6, 0.8]), np.array([0.0, 1.0, 0.0])
-    spread = Spread(np.eye(3), TUNING)
-    wide, seen = spread.along(ray)
-    assert seen == wide  # nothing was seen yet
-    for turn in range(24):
-        spread = spread.learned((0.008 if turn % 2 else -0.008) * way)
-    wide, seen = spread.along(ray)
-    # To and fro on a line by 8 mm: 0.25 of that size and 1 mm count as one displacement of 25, in every direction; the
-    # way's own variance, 61 mm², leaves 1.56 times that of the depth (1 over the share of the way that is across it).
-    assert 1e3 * np.sqrt(seen) == pytest.approx(np.sqrt((2.0**2 + 1.0) / 25.0 + 0.2**2) / 0.8, rel=0.05)
-    assert 1e3 * np.sqrt(wide) == pytest.approx(np.sqrt(2.0**2 / 25.0 + 0.5**2) / 0.8, rel=0.05)
 
 
 def test_at_the_seed_position_heartbeat_and_mean_add_up_to_zero():

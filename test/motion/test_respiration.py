@@ -223,30 +223,3 @@ def test_of_what_was_foreseen_little_is_kept():
     assert len(motion._ahead) <= TUNING.times_ahead
     again = motion.copy().predict(2.3)
     np.testing.assert_array_equal(motion.predict(2.3).covariance, again.covariance)
-
-
-def alone_for(pairs):
-    """A motion of which plane B was not exposed in the last pairs, and plane A's ray."""
-    motion, _, _ = run(30, 0.0)
-    for pair in range(31, 31 + pairs):
-        time_s = pair * INTERVAL_S
-        motion.observe(time_s, a=observation("a", breathing(time_s)))
-    return motion, SIGHT["a"]
-
-
-def test_depth_by_the_motion_so_far_is_known_as_well_as_that_repeats():
-    motion, ray = alone_for(12)
-    told, alone = motion.at_a.covariance, motion.alone(ray)
-    assert np.sqrt(ray @ alone @ ray) < 0.9 * np.sqrt(ray @ told @ ray)
-    # What the plane itself shows is as sure as before.
-    up = np.array([0.0, 0.0, 1.0])
-    assert up @ alone @ up == pytest.approx(up @ told @ up, rel=0.2)
-    off = motion.at_a.displacement - breathing(42 * INTERVAL_S)
-    assert abs(ray @ off) < 3.0 * np.sqrt(ray @ alone @ ray)
-
-
-def test_depth_that_was_just_seen_is_taken_as_the_filter_has_it():
-    motion, ray = alone_for(1)
-    ratio = np.sqrt((ray @ motion.alone(ray) @ ray) / (ray @ motion.at_a.covariance @ ray))
-    longer, _ = alone_for(12)
-    assert np.sqrt((ray @ longer.alone(ray) @ ray) / (ray @ longer.at_a.covariance @ ray)) < ratio

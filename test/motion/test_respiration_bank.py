@@ -113,6 +113,9 @@ def test_what_is_seldom_but_far_off_is_more_probable_than_the_covariance_says():
     more = 1e-6 * np.diag([1.0, 2.0, 3.0])
     likely = probability_beyond(2e-3, alike.at_a.covariance + more)
     assert alike.beyond(2e-3, more) == pytest.approx(likely, rel=1e-6)
+    # Asked of no direction, the filters have no say.
+    flat = np.zeros((3, 3))
+    assert alike.beyond(2e-3, more, flat) == pytest.approx(probability_beyond(2e-3, more), rel=1e-6)
 
 
 def test_the_heart_across_the_breath_by_hand():

@@ -37,7 +37,9 @@ FRAME = Frame(0, np.zeros((8, 8), np.uint8), VIEW)
 BOTH, ONLY_A, ONLY_B = FramePair(0, FRAME, FRAME), FramePair(0, FRAME, None), FramePair(0, None, FRAME)
 HERE = np.array([0.010, -0.020, 0.015])
 # Of a motion that is known exactly: whatever is not known of a pose is given beside it.
-KNOWN = SimpleNamespace(at_a=Estimate(np.zeros(3), np.zeros((3, 3))), beyond=probability_beyond)
+KNOWN = SimpleNamespace(
+    at_a=Estimate(np.zeros(3), np.zeros((3, 3))), beyond=lambda limit, more, across: probability_beyond(limit, more)
+)
 MOVED_C_ARM = "moved C-arm without a new calibration?"
 
 
@@ -175,14 +177,26 @@ def test_companions_that_one_plane_alone_shows_have_no_say_along_its_ray():
         assert slid == pytest.approx(expected, abs=5e-3)
 
 
-def test_each_heart_that_the_motion_considers_counts_by_itself_unless_one_plane_was_alone():
-    of_track = track()
-    of_track.motion = SimpleNamespace(at_a=Estimate(np.zeros(3), 1e-8 * np.eye(3)), beyond=lambda limit, more: 0.4)
+def test_each_heart_that_the_motion_considers_counts_by_itself_but_along_the_ray_of_a_plane_that_is_alone():
+    of_track, asked = track(), []
+
+    def beyond(limit_m, more, across):
+        asked.append((more, across))
+        return 0.4
+
+    of_track.motion = SimpleNamespace(at_a=Estimate(np.zeros(3), 1e-8 * np.eye(3)), beyond=beyond)
     share, said = misled(of_track, 0.1)
     assert share == pytest.approx(0.4, abs=2e-3)
     assert "its place is known to 0.1 mm only" in said
-    alone, _ = misleading(of_track, 1e-8 * np.eye(3), Association((), 0.0), best(b=None, probability=1.0), STATES)
-    assert alone < 1e-3
+    np.testing.assert_array_equal(asked[-1][1], np.eye(3))
+    np.testing.assert_allclose(asked[-1][0], 0.0, atol=1e-20)
+    alone = best(b=None, probability=1.0)
+    misleading(of_track, 1e-8 * np.eye(3), Association((), 0.0), alone, STATES)
+    ray = alone.detection.planes["a"].ray
+    more, across = asked[-1]
+    np.testing.assert_allclose(across, np.eye(3) - np.outer(ray, ray), atol=1e-12)
+    # The depth is not the filters': all of what is known of it is given beside them.
+    np.testing.assert_allclose(more, 1e-8 * np.outer(ray, ray), atol=1e-20)
 
 
 def test_what_is_not_the_ring_misleads_as_often_as_it_is_not_however_far_off_the_ring_is():
