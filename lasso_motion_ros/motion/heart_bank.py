@@ -26,6 +26,7 @@ from lasso_motion_ros.motion.motion_model import (
     SIZE_WITH_BEATS,
     Estimate,
     MotionTuning,
+    Observation,
     beat_shape_covariance,
     displacement_at,
     measured,
@@ -46,13 +47,22 @@ def _block_of(start: int, size: int) -> Array:
 
 
 def each_filter(mixed: tuple[Array, Array], filters: int) -> tuple[Array, Array]:
-    """(filters, N) states and (filters, N, N) covariances, all of them that of all filters together."""
+    """(N, filters) states and (N, N, filters) covariances, all of them that of all filters together."""
     mean, covariance = mixed
-    return np.tile(mean, (filters, 1)), np.tile(covariance, (filters, 1, 1))
+    return np.repeat(mean[:, None], filters, axis=-1), np.repeat(covariance[..., None], filters, axis=-1)
+
+
+def _changed(matrix: Array, state: Array, covariance: Array) -> tuple[Array, Array]:
+    """States and covariances of what a matrix (M, N) makes of states (N, filters) with covariances (N, N, filters)."""
+    (size, filters), made = state.shape, len(matrix)
+    half = (matrix @ covariance.reshape(size, -1)).reshape(made, size, filters)
+    return matrix @ state, matrix @ half
 
 
 class HeartBank:
     """The filters' states at one time; arrays are never changed in place, so that copies share them.
+
+    States are (N, filters), their covariances (N, N, filters).
 
     Whoever makes one has it `_become` its first states.
 
@@ -70,9 +80,8 @@ class HeartBank:
         self._tuning, self._time_s, self._beats = tuning, time_s, beats
         self._beat_shape: tuple[Array, Array] | None = None  # what was known of it when it was last told of
         self._weights: Array | None = None  # not worked out yet
-        # What was asked for is kept until the state changes: blocks of it, states at later times, the last prediction.
+        # What was asked for is kept until the state changes: blocks of it, the last prediction.
         self._blocks: dict[int, Estimate] = {}
-        self._ahead: dict[float, tuple[Array, Array]] = {}
         self._foretold: tuple[float, Estimate] | None = None
         self._weigh(hearts.log_odds)
 
@@ -107,7 +116,7 @@ class HeartBank:
 
     def _learned_shape(self) -> tuple[Array, Array]:
         """What is known of what repeats: (18,) coefficients, metres, and their (18, 18) covariance in m²."""
-        return self._mixed(self._state[:, BEAT_SHAPE], self._weighted(self._covariance[:, BEAT_SHAPE, BEAT_SHAPE]))
+        return self._mixed(self._state[BEAT_SHAPE], self._weighted(self._covariance[BEAT_SHAPE, BEAT_SHAPE]))
 
     @property
     def _random_heart(self) -> Array:
@@ -117,7 +126,7 @@ class HeartBank:
 
     @property
     def _tells_of_beats(self) -> bool:
-        return bool(self._state.shape[1] == SIZE_WITH_BEATS)
+        return bool(len(self._state) == SIZE_WITH_BEATS)
 
     def _phase(self, time_s: float) -> float | None:
         """Of the beat, as far as the state tells of beats; else None."""
@@ -164,29 +173,29 @@ class HeartBank:
     def _with_beats(self, phase: float) -> tuple[Array, Array]:
         """States and covariances with what repeats from beat to beat, as far as that was known before, at a phase."""
         filters, size = len(self._hearts), SIZE_WITH_BEATS
-        state, covariance = np.zeros((filters, size)), np.zeros((filters, size, size))
-        state[:, :SIZE], covariance[:, :SIZE, :SIZE] = self._state, self._covariance
+        state, covariance = np.zeros((size, filters)), np.zeros((size, size, filters))
+        state[:SIZE], covariance[:SIZE, :SIZE] = self._state, self._covariance
         if self._beat_shape is None:
-            covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(self._hearts.covariances, self._tuning)
+            covariance[BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(self._hearts.covariances, self._tuning)
         else:
-            state[:, BEAT_SHAPE], covariance[:, BEAT_SHAPE, BEAT_SHAPE] = self._beat_shape
+            state[BEAT_SHAPE], covariance[BEAT_SHAPE, BEAT_SHAPE] = each_filter(self._beat_shape, filters)
         # What of the displacement repeats is no longer random.
         parted = np.eye(size)
         parted[HEARTBEAT, BEAT_SHAPE] = -displacement_at(phase)[:, BEAT_SHAPE]
-        return state @ parted.T, parted @ covariance @ parted.T
+        return _changed(parted, state, covariance)
 
     def _without_beats(self, phase: float) -> tuple[Array, Array]:
         """States and covariances without that: what it does now, at a phase, is as random as all else."""
         joined = np.eye(SIZE, SIZE_WITH_BEATS)
         joined[HEARTBEAT, BEAT_SHAPE] = displacement_at(phase)[:, BEAT_SHAPE]
-        return self._state @ joined.T, joined @ self._covariance @ joined.T
+        return _changed(joined, self._state, self._covariance)
 
     def _block(self, block: slice) -> Estimate:
         """A block of the state, kept until the state changes: a pair's result asks for it many times."""
         known = self._blocks.get(block.start)
         if known is None:
-            read = _block_of(block.start, self._state.shape[1])
-            known = self._blocks[block.start] = self._seen_along(read, self._state, self._covariance)
+            read = _block_of(block.start, len(self._state))
+            known = self._blocks[block.start] = self._seen_along(read)
         return Estimate(known.displacement.copy(), known.covariance.copy())
 
     @property
@@ -209,28 +218,29 @@ class HeartBank:
             more: (3, 3) m² of what else it may be off by.
             across: (3, 3) onto the directions in which the filters are asked: all of them if not given.
         """
-        off = (self._state[:, AT_A] - self.at_a.displacement) @ across
-        covariances = across @ self._covariance[:, AT_A, AT_A] @ across
+        off = (self._state[AT_A].T - self.at_a.displacement) @ across
+        covariances = across @ np.moveaxis(self._covariance[AT_A, AT_A], -1, 0) @ across
         beyond = probabilities_beyond(limit_m, covariances + more, off)
         return float(self.weights @ beyond)
 
-    def _seen_along(self, h: Array, state: Array, covariance: Array) -> Estimate:
-        """A linear function h (3, N) of the state, over all filters."""
+    def _seen_along(self, function: Array) -> Estimate:
+        """A linear function (3, N) of the state, over all filters."""
         if has_kernels():
             from lasso_motion_ros.motion import kernels
 
-            return Estimate(*kernels.mixed(self.weights, state, covariance, h))
-        return Estimate(*self._mixed(state @ h.T, h @ self._weighted(covariance) @ h.T))
+            return Estimate(*kernels.mixed(self.weights, self._state, self._covariance, function))
+        within = function @ self._weighted(self._covariance) @ function.T
+        return Estimate(*self._mixed(function @ self._state, within))
 
     def _mixed(self, each: Array, within: Array) -> tuple[Array, Array]:
-        """(K,) mean and (K, K) covariance of (filters, K): the filters' own (K, K), and what they differ by."""
-        mean = self.weights @ each
-        off = each - mean
-        return mean, within + (self.weights[:, None] * off).T @ off
+        """(K,) mean and (K, K) covariance of (K, filters): the filters' own (K, K), and what they differ by."""
+        mean = each @ self.weights
+        off = each - mean[:, None]
+        return mean, within + (self.weights * off) @ off.T
 
     def _weighted(self, covariance: Array) -> Array:
-        """(N, N) mean of the filters' (filters, N, N)."""
-        return (self.weights @ covariance.reshape(len(covariance), -1)).reshape(covariance.shape[1:])
+        """(K, K) mean of the filters' (K, K, filters)."""
+        return np.asarray(covariance @ self.weights)
 
     def _drop_hearts(self) -> None:
         """Go on without the ways for which the measurements speak far less than for the best, whatever their odds."""
@@ -239,12 +249,12 @@ class HeartBank:
         if not kept.all():
             log_weights = self._log_weights[kept]
             self._hearts = self._hearts.only(kept)
-            self._become(self._state[kept], self._covariance[kept])
+            self._become(np.compress(kept, self._state, -1), np.compress(kept, self._covariance, -1))
             self._weigh(log_weights)
 
     def _become(self, state: Array, covariance: Array) -> None:
-        # New dictionaries: a copy of this filter goes on with the old ones.
-        self._state, self._covariance, self._ahead, self._blocks = state, covariance, {}, {}
+        # A new dictionary: a copy of this filter goes on with the old one.
+        self._state, self._covariance, self._blocks = state, covariance, {}
         self._foretold = None
 
     def _weigh(self, log_weights: Array) -> None:
@@ -253,51 +263,28 @@ class HeartBank:
         self._weights = self._foretold = None
         self._blocks = {}
 
-    def _clone(self, block: slice) -> None:
-        """Make a block of the state the displacement now."""
-        if has_kernels():
-            from lasso_motion_ros.motion import kernels
-
-            self._become(*kernels.cloned(self._state, self._covariance, self._displacement, block.start))
-            return
-        state, covariance, displacement = self._state.copy(), self._covariance.copy(), self._displacement
-        state[:, block] = self._state @ displacement.T
-        rows = displacement @ self._covariance
-        covariance[:, block], covariance[:, :, block] = rows, rows.swapaxes(-1, -2)
-        covariance[:, block, block] = rows @ displacement.T
+    def _clone(self, function: Array, block: slice) -> None:
+        """Make a block of the state a function (3, N) of it."""
+        state, covariance = self._state.copy(), self._covariance.copy()
+        (size, filters), state[block] = state.shape, function @ state
+        rows = (function @ covariance.reshape(size, -1)).reshape(-1, size, filters)
+        covariance[block], covariance[:, block] = rows, rows.swapaxes(0, 1)
+        covariance[block, block] = function @ rows
         self._become(state, covariance)
 
-    def _update(self, h: Array, value: Array, noise: Array, block: slice | None = None) -> float:
+    def _update(self, seen: Observation, function: Array) -> float:
         """Take in a measurement; returns the logarithm of its probability density, per metre and component.
 
-        A block of the state, where one is given, becomes the displacement, as by `_clone`.
+        Args:
+            seen: of a function of the state, as is `Observation` of the displacement.
+            function: (3, N).
         """
-        if len(value) == 2 and has_kernels():
-            from lasso_motion_ros.motion import kernels
-
-            state, covariance, log_weights, likelihood = kernels.taken_in(
-                self._state,
-                self._covariance,
-                h,
-                value,
-                noise,
-                self._log_weights,
-                self._hearts.odds,
-                self._tuning.freedom,
-                self._tuning.unusual_share,
-                self._displacement,
-                -1 if block is None else block.start,
-            )
-            self._become(state, covariance)
-            self._weigh(log_weights)
-            return likelihood
-        state, covariance, distance, peaks = measured(self._state, self._covariance, h, value, noise)
+        h = seen.across @ function
+        state, covariance, distance, peaks = measured(self._state, self._covariance, h, seen.value, seen.covariance)
         self._become(state, covariance)
-        if block is not None:
-            self._clone(block)
         freedom, unusual = self._tuning.freedom, self._tuning.unusual_share
         # Of Student's distribution: a beat or a breath unlike those before is rare, not impossible.
-        densities = peaks - 0.5 * (freedom + len(value)) * np.log1p(distance / freedom)
+        densities = peaks - 0.5 * (freedom + len(seen.value)) * np.log1p(distance / freedom)
         weights = (1.0 - unusual) * self.weights + unusual * self._hearts.odds
         self._weigh(self._log_weights + densities)
         highest = float(densities.max())

@@ -1,4 +1,9 @@
-"""What the filter in time does to its states and covariances, compiled: see `core/compiled.py`."""
+"""What the filter in time does to its states and covariances, compiled: see `core/compiled.py`.
+
+All filters' values of one component lie side by side, so that what is done to one is done to many by the same
+instructions, however small the state; as many filters are worked on at a time as the processor has in its nearest
+memory. Of a covariance one half is worked out, and stands for the other: rounding cannot make them differ.
+"""
 
 from __future__ import annotations
 
@@ -11,293 +16,553 @@ from lasso_motion_ros.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 
+_AT_A_TIME = 32  # filters, at most
+_MOVING = 15  # components of breathing (nine) and heartbeat, from the first on; the others stay as they are
+
+
+@compiled("int64(int64)")
+def _at_a_time(filters: int) -> int:
+    """How many of so many filters to work on at a time: about as many each time."""
+    times = -(-filters // _AT_A_TIME)
+    return -(-filters // times)
+
+
+@compiled("void(float64[:, ::1], float64[:, :, ::1], int64, float64[:, ::1], float64[:, :, ::1])")
+def _take(state: Array, covariance: Array, start: int, some: Array, half: Array) -> None:
+    """Some filters' states (N, F), and one half of their covariances (N, N, F), from one filter on."""
+    size, count = some.shape
+    for i in range(size):
+        for f in range(count):
+            some[i, f] = state[i, start + f]
+        for j in range(i + 1):
+            for f in range(count):
+                half[i, j, f] = covariance[i, j, start + f]
+
+
+@compiled("void(float64[:, ::1], float64[:, :, ::1], int64, float64[:, ::1], float64[:, :, ::1])")
+def _put(state: Array, covariance: Array, start: int, some: Array, half: Array) -> None:
+    """The other way round: these are written, both halves alike."""
+    size, count = some.shape
+    for i in range(size):
+        for f in range(count):
+            state[i, start + f] = some[i, f]
+        for j in range(i + 1):
+            for f in range(count):
+                value = half[i, j, f]
+                covariance[i, j, start + f] = value
+                covariance[j, i, start + f] = value
+
+
+@compiled(
+    "void(float64[:, :, ::1], int64, Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))"
+)
+def _turn(rows: Array, row: int, breathing: Array, beating: Array) -> None:
+    """What moves of a row (M, N, F) goes on by the transitions (3, 3) and (2, 2), in place."""
+    a, b, c = breathing[0, 0], breathing[0, 1], breathing[0, 2]
+    d, e, g = breathing[1, 0], breathing[1, 1], breathing[1, 2]
+    h, i, j = breathing[2, 0], breathing[2, 1], breathing[2, 2]
+    for k in range(3):
+        for f in range(rows.shape[2]):
+            u, v, w = rows[row, k, f], rows[row, k + 3, f], rows[row, k + 6, f]
+            rows[row, k, f] = a * u + b * v + c * w
+            rows[row, k + 3, f] = d * u + e * v + g * w
+            rows[row, k + 6, f] = h * u + i * v + j * w
+    a, b, c, d = beating[0, 0], beating[0, 1], beating[1, 0], beating[1, 1]
+    for k in range(9, 12):
+        for f in range(rows.shape[2]):
+            u, v = rows[row, k, f], rows[row, k + 3, f]
+            rows[row, k, f] = a * u + b * v
+            rows[row, k + 3, f] = c * u + d * v
+
+
+@compiled(
+    "void(float64[:, :, ::1], float64[:, :, ::1], Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 3, 'A', readonly=True), float64[:, :, ::1])"
+)
+def _move(
+    state: Array,
+    half: Array,
+    breathing: Array,
+    beating: Array,
+    breathing_noise: Array,
+    beating_noise: Array,
+    spread: Array,
+    heart: Array,
+    whole: Array,
+) -> None:
+    """Some filters after an interval, in place: see `moved_on`.
+
+    Args:
+        state: (1, N, F).
+        half: (N, N, F) the covariances: of each row what stands before the diagonal, and on it.
+        breathing: (3, 3), as the next four there.
+        beating: (2, 2).
+        breathing_noise: (3, 3).
+        beating_noise: (2, 2).
+        spread: (3, 3).
+        heart: (F, 3, 3).
+        whole: (15, 15, F) to work in.
+    """
+    size, count = half.shape[1:]
+    _turn(state, 0, breathing, beating)
+    for i in range(_MOVING, size):
+        _turn(half, i, breathing, beating)
+    # Of what moves, the transition from the right, and from the left.
+    for i in range(_MOVING):
+        for j in range(i + 1):
+            for f in range(count):
+                value = half[i, j, f]
+                whole[i, j, f] = value
+                whole[j, i, f] = value
+    for i in range(_MOVING):
+        _turn(whole, i, breathing, beating)
+    for i in range(_MOVING):
+        for j in range(i + 1):
+            k = i % 3
+            if i < 9:
+                u, v, w = breathing[i // 3, 0], breathing[i // 3, 1], breathing[i // 3, 2]
+                noise = breathing_noise[i // 3, j // 3] * spread[k, j % 3]
+                for f in range(count):
+                    half[i, j, f] = u * whole[k, j, f] + v * whole[k + 3, j, f] + w * whole[k + 6, j, f] + noise
+            else:
+                m = (i - 9) // 3
+                u, v = beating[m, 0], beating[m, 1]
+                for f in range(count):
+                    half[i, j, f] = u * whole[k + 9, j, f] + v * whole[k + 12, j, f]
+                if j >= 9:
+                    noise = beating_noise[m, (j - 9) // 3]
+                    for f in range(count):
+                        half[i, j, f] += noise * heart[f, k, j % 3]
+
+
+@compiled("void(Array(float64, 2, 'A', readonly=True), float64[:, ::1], float64[:, ::1])")
+def _values(function: Array, state: Array, values: Array) -> None:
+    """(M, F) a function (M, N) of states (N, F)."""
+    size, filters = state.shape
+    for a in range(len(function)):
+        for f in range(filters):
+            values[a, f] = 0.0
+        for k in range(size):
+            factor = function[a, k]
+            if factor != 0.0:
+                for f in range(filters):
+                    values[a, f] += factor * state[k, f]
+
+
+@compiled("void(Array(float64, 2, 'A', readonly=True), float64[:, :, ::1], float64[:, :, ::1])")
+def _rows(function: Array, half: Array, rows: Array) -> None:
+    """(M, N, F) how a function (M, N) of the states varies with them, by one half of their covariances (N, N, F)."""
+    count, size, filters = rows.shape
+    parts, factors = np.empty(size + 2, np.int64), np.empty(size + 2)
+    for a in range(count):
+        used = 0
+        for k in range(size):
+            if function[a, k] != 0.0:
+                parts[used], factors[used] = k, function[a, k]
+                used += 1
+        parts[used : used + 2], factors[used : used + 2] = 0, 0.0  # three at a time
+        for first in range(0, used, 3):
+            (k, m, n), (u, v, w) = parts[first : first + 3], factors[first : first + 3]
+            for i in range(size):
+                one = half[max(i, k), min(i, k)]
+                two = half[max(i, m), min(i, m)]
+                three = half[max(i, n), min(i, n)]
+                if first == 0:
+                    for f in range(filters):
+                        rows[a, i, f] = u * one[f] + v * two[f] + w * three[f]
+                else:
+                    for f in range(filters):
+                        rows[a, i, f] += u * one[f] + v * two[f] + w * three[f]
+
+
+@compiled("void(Array(float64, 2, 'A', readonly=True), float64[:, :, ::1], float64[:, :, ::1])")
+def _joint(function: Array, rows: Array, joint: Array) -> None:
+    """(M, M, F) one half of the covariance of a function (M, N) of the states, by its `_rows` (M, N, F)."""
+    count, size, filters = rows.shape
+    for a in range(count):
+        for b in range(a + 1):
+            for f in range(filters):
+                joint[a, b, f] = 0.0
+            for k in range(size):
+                factor = function[b, k]
+                if factor != 0.0:
+                    for f in range(filters):
+                        joint[a, b, f] += factor * rows[a, k, f]
+
+
+@compiled(
+    "void(float64[:, ::1], float64[:, :, ::1], Array(float64, 2, 'A', readonly=True), int64, float64[:, ::1],"
+    " float64[:, :, ::1], float64[:, :, ::1])"
+)
+def _clone(state: Array, half: Array, function: Array, first: int, values: Array, rows: Array, joint: Array) -> None:
+    """A block of some filters becomes a function of the state, in place: `HeartBank._clone`.
+
+    Args:
+        state: (N, F).
+        half: (N, N, F), as of `_move`.
+        function: (3, N).
+        first: of the block's three components.
+        values: (3, F) to work in, as the next two.
+        rows: (3, N, F).
+        joint: (3, 3, F).
+    """
+    size, count = state.shape
+    _values(function, state, values)
+    _rows(function, half, rows)
+    _joint(function, rows, joint)
+    for a in range(3):
+        row = first + a
+        for f in range(count):
+            state[row, f] = values[a, f]
+        for i in range(size):
+            high, low = max(row, i), min(row, i)
+            for f in range(count):
+                half[high, low, f] = rows[a, i, f]
+    for a in range(3):
+        for b in range(a + 1):
+            for f in range(count):
+                half[first + a, first + b, f] = joint[a, b, f]
+
+
+@compiled(
+    "void(float64[:, ::1], float64[:, :, ::1], Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), float64, float64[:, ::1], float64[:, :, ::1], float64[:, :, ::1],"
+    " float64[::1])"
+)
+def _measure(
+    state: Array,
+    half: Array,
+    function: Array,
+    across: Array,
+    value: Array,
+    noise: Array,
+    freedom: float,
+    values: Array,
+    rows: Array,
+    joint: Array,
+    densities: Array,
+) -> None:
+    """Some filters with a measurement of two components taken in, in place: see `gone_through`.
+
+    A plane's noise is not so small beside what is measured that the difference of covariances would lose its sign.
+
+    Args:
+        state: (N, F).
+        half: (N, N, F), as of `_move`.
+        function: (3, N), as the next four there.
+        across: (2, 3).
+        value: (2,).
+        noise: (2, 2).
+        freedom: of the distribution.
+        values: (3, F) to work in, as the next two.
+        rows: (3, N, F).
+        joint: (3, 3, F).
+        densities: (F,) natural logarithms of the measurement's probability density, which are written.
+    """
+    size, filters = state.shape
+    _values(function, state, values)
+    _rows(function, half, rows)
+    _joint(function, rows, joint)
+    (k, m, n), (p, q, r) = across
+    off, precision = np.empty((2, filters)), np.empty((3, filters))
+    cross, gain = np.empty((2, size, filters)), np.empty((2, size, filters))
+    for f in range(filters):
+        off[0, f] = value[0] - (k * values[0, f] + m * values[1, f] + n * values[2, f])
+        off[1, f] = value[1] - (p * values[0, f] + q * values[1, f] + r * values[2, f])
+    for f in range(filters):
+        a, b, c = joint[0, 0, f], joint[1, 1, f], joint[2, 2, f]
+        d, e, g = joint[1, 0, f], joint[2, 0, f], joint[2, 1, f]
+        u, v, w = k * a + m * d + n * e, k * d + m * b + n * g, k * e + m * g + n * c
+        first, mixed = noise[0, 0] + u * k + v * m + w * n, noise[1, 0] + u * p + v * q + w * r
+        u, v, w = p * a + q * d + r * e, p * d + q * b + r * g, p * e + q * g + r * c
+        second = noise[1, 1] + u * p + v * q + w * r
+        determinant = first * second - mixed * mixed
+        precision[0, f], precision[1, f], precision[2, f] = (
+            second / determinant,
+            -mixed / determinant,
+            first / determinant,
+        )
+        x, y = off[0, f], off[1, f]
+        distance = (x * x * second - 2.0 * x * y * mixed + y * y * first) / determinant
+        densities[f] = -0.5 * math.log(determinant) - math.log(2.0 * math.pi)
+        densities[f] -= 0.5 * (freedom + 2.0) * math.log1p(distance / freedom)
+    for i in range(size):
+        for f in range(filters):
+            cross[0, i, f] = k * rows[0, i, f] + m * rows[1, i, f] + n * rows[2, i, f]
+        for f in range(filters):
+            cross[1, i, f] = p * rows[0, i, f] + q * rows[1, i, f] + r * rows[2, i, f]
+        for f in range(filters):
+            gain[0, i, f] = cross[0, i, f] * precision[0, f] + cross[1, i, f] * precision[1, f]
+        for f in range(filters):
+            gain[1, i, f] = cross[0, i, f] * precision[1, f] + cross[1, i, f] * precision[2, f]
+        for f in range(filters):
+            state[i, f] += gain[0, i, f] * off[0, f] + gain[1, i, f] * off[1, f]
+    for i in range(size):
+        for j in range(i + 1):
+            for f in range(filters):
+                half[i, j, f] -= gain[0, i, f] * cross[0, j, f] + gain[1, i, f] * cross[1, j, f]
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1]))(Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 3, 'A', readonly=True), Array(float64, 3, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), float64, int64)"
+)
+def first_states(
+    breathing: Array,
+    beating: Array,
+    repeating: Array,
+    heart: Array,
+    beat: Array,
+    function: Array,
+    sure: float,
+    first: int,
+) -> tuple[Array, Array]:
+    """States and covariances where the displacement is zero by definition: `motion_model.first_states`.
+
+    Args:
+        breathing: (9, 9) covariance of value, slope and curvature, m².
+        beating: (2, 2) of the heartbeat's value and speed, in units of its variance.
+        repeating: (K,) variances of what repeats from beat to beat, in units of `beat`.
+        heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
+        beat: (filters, 3, 3) m² of the heartbeat, whatever of it repeats.
+        function: (3, N) the displacement.
+        sure: m², of what is known by definition.
+        first: of the block's three components that is the displacement.
+    """
+    filters, size = len(heart), function.shape[1]
+    states, covariances, count = np.zeros((size, filters)), np.empty((size, size, filters)), _at_a_time(filters)
+    half, rows = np.empty((size, size, count)), np.empty((3, size, count))
+    joint, gain, some = np.empty((3, 3, count)), np.empty((3, count)), np.zeros((size, count))
+    for at in range(0, filters, count):
+        start = min(at, filters - count)
+        half[:] = 0.0
+        for i in range(9):
+            for j in range(i + 1):
+                half[i, j] = breathing[i, j]
+        for i in range(3):
+            for j in range(i + 1):
+                half[_MOVING + i, _MOVING + j] = breathing[i, j]  # of the mean
+        for k in range(2):
+            for m in range(k + 1):
+                for i in range(3):
+                    for j in range(3 if m < k else i + 1):
+                        for f in range(count):
+                            half[9 + 3 * k + i, 9 + 3 * m + j, f] = beating[k, m] * heart[start + f, i, j]
+        for k in range(repeating.size):
+            row = size - 3 * (repeating.size - k)
+            for i in range(3):
+                for j in range(i + 1):
+                    for f in range(count):
+                        half[row + i, row + j, f] = repeating[k] * beat[start + f, i, j]
+        _rows(function, half, rows)
+        _joint(function, rows, joint)
+        for f in range(count):
+            a, b, c = joint[0, 0, f] + sure, joint[1, 1, f] + sure, joint[2, 2, f] + sure
+            d, e, g = joint[1, 0, f], joint[2, 0, f], joint[2, 1, f]
+            k, m, n = b * c - g * g, e * g - d * c, d * g - e * b
+            determinant = a * k + d * m + e * n
+            joint[0, 0, f], joint[1, 0, f], joint[2, 0, f] = k / determinant, m / determinant, n / determinant
+            joint[1, 1, f], joint[2, 1, f] = (a * c - e * e) / determinant, (d * e - a * g) / determinant
+            joint[2, 2, f] = (a * b - d * d) / determinant
+        for i in range(size):
+            for a in range(3):
+                one, two, three = joint[a, 0], joint[max(a, 1), min(a, 1)], joint[2, a]
+                for f in range(count):
+                    gain[a, f] = one[f] * rows[0, i, f] + two[f] * rows[1, i, f] + three[f] * rows[2, i, f]
+            for j in range(i + 1):
+                for f in range(count):
+                    half[i, j, f] -= (
+                        gain[0, f] * rows[0, j, f] + gain[1, f] * rows[1, j, f] + gain[2, f] * rows[2, j, f]
+                    )
+        for i in range(3):
+            half[first + i, first + i] = sure
+        _put(states, covariances, start, some, half)
+    return states, covariances
+
 
 @compiled(
     "Tuple((float64[:, ::1], float64[:, :, ::1]))(float64[:, ::1], float64[:, :, ::1],"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
-    " Array(float64, 3, 'A', readonly=True))"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True))"
 )
 def moved_on(
     state: Array,
     covariance: Array,
-    transition: Array,
     breathing: Array,
-    spread: Array,
     beating: Array,
+    breathing_noise: Array,
+    beating_noise: Array,
+    spread: Array,
     heart: Array,
 ) -> tuple[Array, Array]:
     """States and covariances after an interval: `motion_model.moved_on`.
 
     Args:
-        state: (filters, N).
-        covariance: (filters, N, N).
-        transition: (N, N); the first nine components depend on those of their own axis (every third one), the next
-            six likewise among themselves, the others each on itself.
-        breathing: (3, 3) noise of value, slope and curvature, in units of the spread.
+        state: (N, filters).
+        covariance: (N, N, filters).
+        breathing: (3, 3) transition of value, slope and curvature.
+        beating: (2, 2) transition of the heartbeat's value and speed.
+        breathing_noise: (3, 3) in units of the spread.
+        beating_noise: (2, 2) in units of the heartbeat's variance.
         spread: (3, 3) m².
-        beating: (2, 2) noise of the heartbeat's value and speed, in units of its variance.
         heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
     """
-    filters, size = state.shape
-    moving = 15  # the others stay as they are, but for their own factor
-    new_state, new = np.zeros((filters, size)), np.empty((filters, size, size))
-    rows, columns, column = np.empty((moving, size)), np.empty((moving, moving)), np.empty(moving)
-    driven = np.zeros((moving, moving))
-    for i in range(9):
-        for j in range(9):
-            driven[i, j] = breathing[i // 3, j // 3] * spread[i % 3, j % 3]
-    for f in range(filters):
-        for k in range(2):
-            for m in range(2):
-                for i in range(3):
-                    for j in range(3):
-                        driven[9 + 3 * k + i, 9 + 3 * m + j] = beating[k, m] * heart[f, i, j]
-        old, later = covariance[f], new[f]
-        for i in range(moving, size):
-            new_state[f, i] = transition[i, i] * state[f, i]
-            for j in range(moving, size):
-                later[i, j] = transition[i, i] * transition[j, j] * 0.5 * (old[i, j] + old[j, i])
-        for i in range(moving):
-            k = 9 + i % 3 if i >= 9 else i % 3
-            u, v = transition[i, k], transition[i, k + 3]
-            new_state[f, i] = u * state[f, k] + v * state[f, k + 3]
-            for j in range(size):
-                rows[i, j] = u * old[k, j] + v * old[k + 3, j]
-            if i < 9:
-                w = transition[i, k + 6]
-                new_state[f, i] += w * state[f, k + 6]
-                for j in range(size):
-                    rows[i, j] += w * old[k + 6, j]
-            for j in range(moving):
-                columns[j, i] = rows[i, j]
-            for j in range(moving, size):
-                later[i, j] = later[j, i] = transition[j, j] * rows[i, j]
-        # Covariances are symmetric: one half is worked out, column by column, which the compiler makes vectors of.
-        for j in range(moving):
-            k = 9 + j % 3 if j >= 9 else j % 3
-            u, v = transition[j, k], transition[j, k + 3]
-            for i in range(moving):
-                column[i] = u * columns[k, i] + v * columns[k + 3, i]
-            if j < 9:
-                w = transition[j, k + 6]
-                for i in range(moving):
-                    column[i] += w * columns[k + 6, i]
-            for i in range(moving):
-                later[j, i] = column[i] + driven[j, i]
-        for i in range(moving):
-            for j in range(i):
-                later[i, j] = later[j, i] = 0.5 * (later[i, j] + later[j, i])
+    size, filters = state.shape
+    count = _at_a_time(filters)
+    new_state, new = np.empty_like(state), np.empty_like(covariance)
+    some, half, whole = np.empty((size, count)), np.empty((size, size, count)), np.empty((_MOVING, _MOVING, count))
+    for at in range(0, filters, count):
+        start = min(at, filters - count)
+        _take(state, covariance, start, some, half)
+        own = heart[start : start + count]
+        _move(
+            some.reshape(1, size, count), half, breathing, beating, breathing_noise, beating_noise, spread, own, whole
+        )
+        _put(new_state, new, start, some, half)
     return new_state, new
 
 
 @compiled(
-    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64[::1]))(float64[:, ::1], float64[:, :, ::1],"
-    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
-    " Array(float64, 2, 'A', readonly=True))"
+    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64))(float64[:, ::1], float64[:, :, ::1],"
+    " float64[::1], Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True), float64[::1],"
+    " Array(float64, 3, 'A', readonly=True), Array(float64, 3, 'A', readonly=True),"
+    " Array(float64, 3, 'A', readonly=True), Array(float64, 3, 'A', readonly=True), float64[::1], boolean[::1],"
+    " boolean[::1], Array(float64, 3, 'A', readonly=True), Array(float64, 3, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True), int64[::1], float64, float64)"
 )
-def measured(
-    state: Array, covariance: Array, h: Array, value: Array, noise: Array
-) -> tuple[Array, Array, Array, Array]:
-    """States and covariances with a measurement of two components taken in: `motion_model.measured`.
+def gone_through(
+    state: Array,
+    covariance: Array,
+    log_weights: Array,
+    log_odds: Array,
+    odds: Array,
+    spread: Array,
+    heart: Array,
+    intervals_s: Array,
+    breathing: Array,
+    beating: Array,
+    breathing_noise: Array,
+    beating_noise: Array,
+    kept: Array,
+    is_measured: npt.NDArray[np.bool_],
+    is_telling: npt.NDArray[np.bool_],
+    functions: Array,
+    across: Array,
+    values: Array,
+    noises: Array,
+    firsts: npt.NDArray[np.int64],
+    freedom: float,
+    unusual: float,
+) -> tuple[Array, Array, Array, float]:
+    """What exposures in turn make of states, covariances and weights: `RespiratoryMotion._go_through`.
 
     Args:
-        state: (filters, N).
-        covariance: (filters, N, N).
-        h: (2, N) of the measurement.
-        value: (2,) of it.
-        noise: (2, 2) of it.
+        state: (N, filters).
+        covariance: (N, N, filters).
+        log_weights: (filters,) logarithms of their weights, but for a constant.
+        log_odds: (filters,) likewise before any measurement.
+        odds: (filters,) of them then.
+        spread: (3, 3) m².
+        heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
+        intervals_s: (S,) before each exposure, seconds.
+        breathing: (S, 3, 3) as of `moved_on`, for these intervals, like the next three.
+        beating: (S, 2, 2).
+        breathing_noise: (S, 3, 3).
+        beating_noise: (S, 2, 2).
+        kept: (S,) share of what was learned of the heart that is left after them.
+        is_measured: (S,) whether there is a measurement,
+        is_telling: (S,) and whether it tells of the heart.
+        functions: (S, 3, N) of the state, which are measured
+        across: (S, 2, 3) in these directions.
+        values: (S, 2) of the measurements.
+        noises: (S, 2, 2) symmetric.
+        firsts: (S,) of a block's three components, which becomes that function then; -1 where none does.
+        freedom: degrees of freedom of the measurements' distribution.
+        unusual: share of `odds` in what is expected.
 
     Returns:
-        As there.
+        States and covariances; the logarithms of the weights; that of the measurements' probability density.
     """
-    filters, size = state.shape
-    new_state, new = np.empty((filters, size)), np.empty((filters, size, size))
-    distance, peaks = np.empty(filters), np.empty(filters)
-    parts, used = np.empty(size, np.int64), 0  # half of the state's components
-    for k in range(size):
-        if h[0, k] != 0.0 or h[1, k] != 0.0:
-            parts[used], used = k, used + 1
-    cross_0, cross_1, gain_0, gain_1 = np.empty(size), np.empty(size), np.empty(size), np.empty(size)
-    back_0, back_1 = np.empty(size), np.empty(size)
-    for f in range(filters):
-        # Covariances are symmetric: rows stand for columns, and whole rows are what the compiler makes vectors of.
-        for i in range(size):
-            cross_0[i], cross_1[i] = 0.0, 0.0
-        for n in range(used):
-            k = parts[n]
-            for i in range(size):
-                cross_0[i] += h[0, k] * covariance[f, k, i]
-            for i in range(size):
-                cross_1[i] += h[1, k] * covariance[f, k, i]
-        a, b, c, d = noise[0, 0], noise[0, 1], noise[1, 0], noise[1, 1]
-        off_0, off_1 = value[0], value[1]
-        for n in range(used):
-            k = parts[n]
-            a += h[0, k] * cross_0[k]
-            b += h[0, k] * cross_1[k]
-            c += h[1, k] * cross_0[k]
-            d += h[1, k] * cross_1[k]
-            off_0 -= h[0, k] * state[f, k]
-            off_1 -= h[1, k] * state[f, k]
-        determinant = a * d - b * c
-        for i in range(size):
-            gain_0[i] = (cross_0[i] * d - cross_1[i] * c) / determinant
-            gain_1[i] = (cross_1[i] * a - cross_0[i] * b) / determinant
-            new_state[f, i] = state[f, i] + gain_0[i] * off_0 + gain_1[i] * off_1
-        for i in range(size):
-            for j in range(size):
-                new[f, i, j] = covariance[f, i, j] - (gain_0[i] * cross_0[j] + gain_1[i] * cross_1[j])
-        for i in range(size):
-            back_0[i] = gain_0[i] * noise[0, 0] + gain_1[i] * noise[1, 0]
-            back_1[i] = gain_0[i] * noise[0, 1] + gain_1[i] * noise[1, 1]
-        for n in range(used):
-            k = parts[n]
-            for i in range(size):
-                back_0[i] -= h[0, k] * new[f, k, i]
-            for i in range(size):
-                back_1[i] -= h[1, k] * new[f, k, i]
-        for i in range(size):
-            for j in range(size):
-                new[f, i, j] += back_0[i] * gain_0[j] + back_1[i] * gain_1[j]
-        distance[f] = (off_0 * (d * off_0 - b * off_1) + off_1 * (a * off_1 - c * off_0)) / determinant
-        peaks[f] = -0.5 * math.log(determinant) - math.log(2.0 * math.pi)
-    return new_state, new, distance, peaks
+    (size, filters), steps = state.shape, intervals_s.size
+    count = _at_a_time(filters)
+    new_state, new = np.empty_like(state), np.empty_like(covariance)
+    some, half, whole = np.empty((size, count)), np.empty((size, size, count)), np.empty((_MOVING, _MOVING, count))
+    shown, rows, joint = np.empty((3, count)), np.empty((3, size, count)), np.empty((3, 3, count))
+    densities = np.zeros((steps, filters))
+    for at in range(0, filters, count):
+        start = min(at, filters - count)
+        _take(state, covariance, start, some, half)
+        moving, own = some.reshape(1, size, count), heart[start : start + count]
+        for s in range(steps):
+            if intervals_s[s] > 0.0:
+                _move(moving, half, breathing[s], beating[s], breathing_noise[s], beating_noise[s], spread, own, whole)
+            function = functions[s]
+            if is_measured[s]:
+                told = densities[s, start : start + count]
+                _measure(some, half, function, across[s], values[s], noises[s], freedom, shown, rows, joint, told)
+            if firsts[s] >= 0:
+                _clone(some, half, function, firsts[s], shown, rows, joint)
+        _put(new_state, new, start, some, half)
+    new_weights, expected, likelihood = log_weights.copy(), np.empty(filters), 0.0
+    for s in range(steps):
+        if intervals_s[s] > 0.0:
+            for f in range(filters):
+                new_weights[f] = log_odds[f] + kept[s] * (new_weights[f] - log_odds[f])
+        if is_measured[s] and is_telling[s]:
+            highest, heaviest, total, mean = -np.inf, -np.inf, 0.0, 0.0
+            for f in range(filters):
+                highest, heaviest = max(highest, densities[s, f]), max(heaviest, new_weights[f])
+            for f in range(filters):
+                expected[f] = math.exp(new_weights[f] - heaviest)
+                total += expected[f]
+            for f in range(filters):
+                share = (1.0 - unusual) * expected[f] / total + unusual * odds[f]
+                mean += share * math.exp(densities[s, f] - highest)
+                new_weights[f] += densities[s, f]
+            likelihood += highest + math.log(mean + 1e-300)
+    return new_state, new, new_weights, likelihood
 
 
 @compiled(
     "Tuple((float64[::1], float64[:, ::1]))(Array(float64, 1, 'A', readonly=True), float64[:, ::1],"
     " float64[:, :, ::1], Array(float64, 2, 'A', readonly=True))"
 )
-def mixed(weights: Array, state: Array, covariance: Array, h: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a function of the state over all filters: `RespiratoryMotion._seen_along`.
+def mixed(weights: Array, state: Array, covariance: Array, function: Array) -> tuple[Array, Array]:
+    """Mean and covariance of a function of the state over all filters: `HeartBank._seen_along`.
 
     Args:
         weights: (filters,) of sum 1.
-        state: (filters, N).
-        covariance: (filters, N, N).
-        h: (3, N) the function.
+        state: (N, filters).
+        covariance: (N, N, filters).
+        function: (3, N).
     """
-    filters, size = state.shape
-    each, mean, within = np.zeros((filters, 3)), np.zeros(3), np.zeros((3, 3))
-    joint, rows = np.zeros((size, size)), np.zeros((3, size))
-    for f in range(filters):
-        weight, one = weights[f], covariance[f]
-        for i in range(size):
-            for j in range(size):
-                joint[i, j] += weight * one[i, j]
-        for k in range(3):
-            for i in range(size):
-                each[f, k] += h[k, i] * state[f, i]
-            mean[k] += weight * each[f, k]
-    for k in range(3):
-        for i in range(size):
-            if h[k, i] != 0.0:
-                for j in range(size):
-                    rows[k, j] += h[k, i] * joint[i, j]
-    for k in range(3):
-        for m in range(3):
-            for j in range(size):
-                within[k, m] += rows[k, j] * h[m, j]
+    size, filters = state.shape
+    each, mean, within = np.empty((3, filters)), np.zeros(3), np.zeros((3, 3))
+    _values(function, state, each)
+    for a in range(3):
+        for f in range(filters):
+            mean[a] += weights[f] * each[a, f]
+        for f in range(filters):
+            each[a, f] -= mean[a]
+    for a in range(3):
+        for b in range(a + 1):
+            total = 0.0
             for f in range(filters):
-                within[k, m] += weights[f] * (each[f, k] - mean[k]) * (each[f, m] - mean[m])
+                total += weights[f] * each[a, f] * each[b, f]
+            for k in range(size):
+                for m in range(size):
+                    factor = function[a, k] * function[b, m]
+                    if factor != 0.0:
+                        part = 0.0
+                        for f in range(filters):
+                            part += weights[f] * covariance[k, m, f]
+                        total += factor * part
+            within[a, b] = within[b, a] = total
     return mean, within
-
-
-@compiled("void(float64[:, ::1], float64[:, :, ::1], Array(float64, 2, 'A', readonly=True), int64)")
-def _clone(state: Array, covariance: Array, h: Array, first: int) -> None:
-    """What `cloned` gives, in place."""
-    filters, size = state.shape
-    rows, values = np.empty((3, size)), np.empty(3)
-    for f in range(filters):
-        rows[:] = 0.0
-        for k in range(3):
-            values[k] = 0.0
-            for i in range(size):
-                if h[k, i] != 0.0:
-                    values[k] += h[k, i] * state[f, i]
-                    for j in range(size):
-                        rows[k, j] += h[k, i] * covariance[f, i, j]
-        for k in range(3):
-            state[f, first + k] = values[k]
-            for j in range(size):
-                covariance[f, first + k, j] = covariance[f, j, first + k] = rows[k, j]
-        for k in range(3):
-            for m in range(3):
-                value = 0.0
-                for j in range(size):
-                    value += rows[k, j] * h[m, j]
-                covariance[f, first + k, first + m] = value
-
-
-@compiled(
-    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64))(float64[:, ::1], float64[:, :, ::1],"
-    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
-    " Array(float64, 2, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
-    " Array(float64, 1, 'A', readonly=True), float64, float64, Array(float64, 2, 'A', readonly=True), int64)"
-)
-def taken_in(
-    state: Array,
-    covariance: Array,
-    h: Array,
-    value: Array,
-    noise: Array,
-    log_weights: Array,
-    odds: Array,
-    freedom: float,
-    unusual: float,
-    function: Array,
-    first: int,
-) -> tuple[Array, Array, Array, float]:
-    """A measurement of two components, and what it tells of the filters: `RespiratoryMotion._update`.
-
-    Args:
-        state: as `measured`, like the next four.
-        covariance: (filters, N, N).
-        h: (2, N).
-        value: (2,).
-        noise: (2, 2).
-        log_weights: (filters,) logarithms of their weights, but for a constant.
-        odds: (filters,) of them before any measurement.
-        freedom: degrees of freedom of the measurements' distribution.
-        unusual: share of `odds` in what is expected.
-        function: (3, N) of the state, which a block becomes then;
-        first: of that block's three components; -1 where none does.
-
-    Returns:
-        States and covariances; the logarithms of the weights; that of the measurement's probability density.
-    """
-    new_state, new, distance, peaks = measured(state, covariance, h, value, noise)
-    filters = distance.size
-    densities, weights = np.empty(filters), np.empty(filters)
-    highest, heaviest, total, likelihood = -np.inf, -np.inf, 0.0, 0.0
-    for f in range(filters):
-        densities[f] = peaks[f] - 0.5 * (freedom + 2.0) * math.log1p(distance[f] / freedom)
-        highest, heaviest = max(highest, densities[f]), max(heaviest, log_weights[f])
-    for f in range(filters):
-        weights[f] = math.exp(log_weights[f] - heaviest)
-        total += weights[f]
-    for f in range(filters):
-        likelihood += ((1.0 - unusual) * weights[f] / total + unusual * odds[f]) * math.exp(densities[f] - highest)
-        densities[f] += log_weights[f]
-    if first >= 0:
-        _clone(new_state, new, function, first)
-    return new_state, new, densities, highest + math.log(likelihood + 1e-300)
-
-
-@compiled(
-    "Tuple((float64[:, ::1], float64[:, :, ::1]))(float64[:, ::1], float64[:, :, ::1],"
-    " Array(float64, 2, 'A', readonly=True), int64)"
-)
-def cloned(state: Array, covariance: Array, h: Array, first: int) -> tuple[Array, Array]:
-    """States and covariances with a block that becomes a function of the state: `RespiratoryMotion._clone`.
-
-    Args:
-        state: (filters, N).
-        covariance: (filters, N, N).
-        h: (3, N) the function.
-        first: of the block's three components.
-    """
-    new_state, new = state.copy(), covariance.copy()
-    _clone(new_state, new, h, first)
-    return new_state, new

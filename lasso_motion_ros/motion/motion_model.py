@@ -74,7 +74,6 @@ class MotionTuning:
     surge_m: float = 0.002  # what a breath that sets in unforeseen adds, standard deviations,
     surge_m_s: float = 0.02  # of place and speed
     unusual_share: float = 0.1  # a heartbeat may be of any size once in a while, whatever was learned
-    times_ahead: int = 8  # predictions kept; while the loop stays lost they are for ever new times
 
     def hearts(self, late_s: float) -> Hearts:
         """What the heart may do, before any measurement, where plane B is exposed so many seconds after plane A."""
@@ -90,6 +89,11 @@ class MotionTuning:
     def _hearts_in_step(self) -> Hearts:
         ways, across_share = self.heartbeat_ways_in_step, self.heartbeat_across_share_in_step
         return hearts(self.heartbeats_any_way, self.heartbeats_one_way, ways, across_share)
+
+    def passage(self, interval_s: float) -> Passage:
+        """What an interval does to a state, seconds."""
+        rates = self.heartbeat_damping_per_s, self.heartbeat_turning_rad_s
+        return _passage(round(interval_s * 1e9), self.time_scale_s, *rates)
 
     def heart_kept(self, interval_s: float) -> float:
         """Share of what was learned of the heart that is left after an interval, seconds."""
@@ -125,6 +129,14 @@ class Observation:
     across: Array
     value: Array
     covariance: Array
+
+    def of_two(self) -> Observation:
+        """The same with two components, as a plane's has, the second of which tells nothing; of one or two."""
+        if len(self.value) == 2:
+            return self
+        across, value, covariance = np.zeros((2, 3)), np.zeros(2), np.eye(2)
+        across[:1], value[:1], covariance[:1, :1] = self.across, self.value, self.covariance
+        return Observation(across, value, covariance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -196,43 +208,63 @@ def since_b_at(phase: float | None) -> Array:
     return since_b
 
 
-def beat_shape_covariance(heart: Array, tuning: MotionTuning) -> Array:
-    """(filters, 18, 18) m² of the Fourier coefficients of what repeats of hearts (filters, 3, 3) m²."""
-    return _in_each_direction(np.diag(np.repeat(tuning.beat_harmonics, 2)), tuning.beat_share * heart)
-
-
-def first_covariance(spread: Array, heart: Array, tuning: MotionTuning, phase: float | None = None) -> Array:
-    """(filters, N, N) of the state at plane A's first exposure, where the displacement is zero by definition.
+def first_states(spread: Array, heart: Array, tuning: MotionTuning, phase: float | None = None) -> tuple[Array, Array]:
+    """The states (N, filters) at plane A's first exposure, where the displacement is zero by definition.
 
     Args:
         spread: (3, 3) m² of breathing.
         heart: (filters, 3, 3) m² of the heartbeat.
         tuning: what is expected of it.
         phase: of the heart's beat then; None where no R peaks tell of it.
+
+    Returns:
+        They, and (N, N, filters) their covariances.
     """
-    displacement = displacement_at(phase)
-    size = displacement.shape[1]
-    covariance = np.zeros((len(heart), size, size))
-    covariance[:, BREATHING, BREATHING] = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
+    displacement, size = displacement_at(phase), SIZE if phase is None else SIZE_WITH_BEATS
     beat = oscillator.stationary(tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s)
     random = heart if phase is None else (1.0 - tuning.beat_share) * heart
-    covariance[:, BEATING, BEATING] = _in_each_direction(beat, random)
-    covariance[:, MEAN, MEAN] = spread
+    breathing = _in_each_direction(matern.stationary(tuning.time_scale_s), spread)
+    if has_kernels():
+        from lasso_motion_ros.motion import kernels
+
+        repeating = np.zeros(0) if phase is None else _beat_variances(tuning)
+        first: tuple[Array, Array] = kernels.first_states(
+            breathing, beat, repeating, random, heart, displacement, _SMALLEST_M2, AT_A.start
+        )
+        return first
+    covariance = np.zeros((size, size, len(heart)))
+    covariance[BREATHING, BREATHING] = breathing[..., None]
+    covariance[BEATING, BEATING] = filters_last(_in_each_direction(beat, random))
+    covariance[MEAN, MEAN] = spread[..., None]
     if phase is not None:
-        covariance[:, BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(heart, tuning)
+        covariance[BEAT_SHAPE, BEAT_SHAPE] = beat_shape_covariance(heart, tuning)
     # What makes up the displacement adds up to zero, as surely as numbers tell.
-    cross = covariance @ displacement.T
+    state = np.zeros((size, len(heart)))
     sure = _SMALLEST_M2 * _IDENTITY_3
-    precision = np.linalg.inv(displacement @ cross + sure)
-    covariance -= cross @ precision @ cross.swapaxes(-1, -2)
-    covariance[:, AT_A, AT_A] = sure
-    return covariance
+    _, covariance, _, _ = measured(state, covariance, displacement, np.zeros(3), sure)
+    covariance[AT_A, AT_A] = sure[..., None]
+    return state, covariance
+
+
+def _beat_variances(tuning: MotionTuning) -> Array:
+    """(6,) of the Fourier coefficients of what repeats, in units of the heartbeat's own."""
+    return tuning.beat_share * np.repeat(tuning.beat_harmonics, 2)
+
+
+def beat_shape_covariance(heart: Array, tuning: MotionTuning) -> Array:
+    """(18, 18, filters) m² of the Fourier coefficients of what repeats of hearts (filters, 3, 3) m²."""
+    return filters_last(_in_each_direction(np.diag(_beat_variances(tuning)), heart))
+
+
+def filters_last(values: Array) -> Array:
+    """(..., filters) of what is (filters, ...): all filters' values of one component lie side by side."""
+    return np.moveaxis(values, 0, -1)
 
 
 def moved_on(
     state: Array, covariance: Array, interval_s: float, spread: Array, heart: Array, tuning: MotionTuning
 ) -> tuple[Array, Array]:
-    """States (filters, N) and their covariances (filters, N, N) after an interval without measurements.
+    """States (N, filters) and their covariances (N, N, filters) after an interval without measurements.
 
     Args:
         state: at its beginning.
@@ -242,60 +274,89 @@ def moved_on(
         heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
         tuning: what is expected of them.
     """
-    scales = tuning.time_scale_s, tuning.heartbeat_damping_per_s, tuning.heartbeat_turning_rad_s
-    transition, breathing, beating = _passage(round(interval_s * 1e9), scales, state.shape[1])
+    passage = tuning.passage(interval_s)
     if has_kernels():
         from lasso_motion_ros.motion import kernels
 
-        later: tuple[Array, Array] = kernels.moved_on(state, covariance, transition, breathing, spread, beating, heart)
+        later: tuple[Array, Array] = kernels.moved_on(
+            state,
+            covariance,
+            passage.breathing,
+            passage.beating,
+            passage.breathing_noise,
+            passage.beating_noise,
+            spread,
+            heart,
+        )
         return later
-    covariance = transition @ covariance @ transition.T
-    covariance[:, BREATHING, BREATHING] += _in_each_direction(breathing, spread)
-    covariance[:, BEATING, BEATING] += _in_each_direction(beating, heart)
-    return state @ transition.T, 0.5 * (covariance + covariance.swapaxes(-1, -2))
+    size = len(state)
+    transition = passage.transition(size)
+    covariance = transition @ (transition @ covariance.reshape(size, -1)).reshape(covariance.shape)
+    covariance[BREATHING, BREATHING] += _in_each_direction(passage.breathing_noise, spread)[..., None]
+    covariance[BEATING, BEATING] += filters_last(_in_each_direction(passage.beating_noise, heart))
+    return transition @ state, 0.5 * (covariance + covariance.swapaxes(0, 1))
 
 
 def measured(
     state: Array, covariance: Array, h: Array, value: Array, noise: Array
 ) -> tuple[Array, Array, Array, Array]:
-    """States and covariances with a linear measurement h (N, SIZE) of the state taken in, its noise being (N, N).
+    """States and covariances with a linear measurement h (M, N) of the state taken in, its noise being (M, M).
 
     Returns:
         The two; (filters,) squared Mahalanobis distance of the value from what was foretold; and (filters,) natural
         logarithm of the highest normal density that it could have had.
     """
-    cross = covariance @ h.T
-    precision, determinant = inverses(h @ cross + noise)
-    innovation = value - state @ h.T
-    gain = cross @ precision
+    size, filters = state.shape
+    cross = (h @ covariance.reshape(size, -1)).reshape(-1, size, filters)
+    precision, determinant = inverses(np.moveaxis(h @ cross, -1, 0) + noise)
+    innovation = value[:, None] - h @ state
+    gain = np.einsum("fmk,mnf->knf", precision, cross)
     # Joseph's form, (1 − gain h) covariance (1 − gain h)ᵀ + gain noise gainᵀ, stays positive where nearly noise-free
-    # measurements would not. Its factors differ from 1 by a rank of N, and are never made.
-    covariance = covariance - gain @ cross.swapaxes(-1, -2)
-    covariance += (gain @ noise - covariance @ h.T) @ gain.swapaxes(-1, -2)
-    state = state + (gain @ innovation[..., None])[..., 0]
-    distance = (innovation * (precision @ innovation[..., None])[..., 0]).sum(axis=-1)
+    # measurements would not. Its factors differ from 1 by a rank of M, and are never made.
+    covariance = covariance - np.einsum("mif,mjf->ijf", gain, cross)
+    back = np.einsum("mif,mk->kif", gain, noise) - (h @ covariance.reshape(size, -1)).reshape(cross.shape)
+    covariance += np.einsum("mif,mjf->ijf", back, gain)
+    state = state + np.einsum("mnf,mf->nf", gain, innovation)
+    distance = np.einsum("mf,fmk,kf->f", innovation, precision, innovation)
     peaks = -0.5 * (np.log(determinant) + len(value) * math.log(2.0 * math.pi))
     return state, covariance, distance, peaks
 
 
-@lru_cache(maxsize=64)
-def _passage(interval_ns: int, scales: tuple[float, float, float], size: int) -> tuple[Array, Array, Array]:
-    """What an interval does to the state of a size N: (N, N) transition, and the noise that it adds; not to be changed.
+@dataclass(frozen=True, eq=False)
+class Passage:
+    """What an interval does to a state; not to be changed.
 
-    The noise is (3, 3) of breathing's value, slope and curvature, in units of the spread, and (2, 2) of the heartbeat's
-    value and speed, in units of its variance.
-    Exposures come at few intervals, and the past is gone through again at the same ones.
+    Attributes:
+        breathing: (3, 3) transition of its value, slope and curvature.
+        beating: (2, 2) transition of the heartbeat's value and speed.
+        breathing_noise: (3, 3) in units of the spread.
+        beating_noise: (2, 2) in units of the heartbeat's variance.
     """
-    interval_s, (scale_s, *rates) = interval_ns * 1e-9, scales
-    breathing, beat = matern.transition(interval_s, scale_s), oscillator.transition(interval_s, *rates)
-    transition = np.eye(size)
-    transition[BREATHING, BREATHING] = _in_each_direction(breathing, _IDENTITY_3)  # x, y and z move alike
-    transition[BEATING, BEATING] = _in_each_direction(beat, _IDENTITY_3)
+
+    breathing: Array
+    beating: Array
+    breathing_noise: Array
+    beating_noise: Array
+
+    def transition(self, size: int) -> Array:
+        """(N, N) of a state of that size."""
+        transition = np.eye(size)
+        transition[BREATHING, BREATHING] = _in_each_direction(self.breathing, _IDENTITY_3)  # x, y and z move alike
+        transition[BEATING, BEATING] = _in_each_direction(self.beating, _IDENTITY_3)
+        return transition
+
+
+@lru_cache(maxsize=64)
+def _passage(interval_ns: int, scale_s: float, damping_per_s: float, turning_rad_s: float) -> Passage:
+    """Exposures come at few intervals, and the past is gone through again at the same ones."""
+    interval_s = interval_ns * 1e-9
+    breathing = matern.transition(interval_s, scale_s)
+    beating = oscillator.transition(interval_s, damping_per_s, turning_rad_s)
     breathing_noise = _noise(breathing, matern.stationary(scale_s))
-    beating_noise = _noise(beat, oscillator.stationary(*rates))
-    for array in (transition, breathing_noise, beating_noise):
+    beating_noise = _noise(beating, oscillator.stationary(damping_per_s, turning_rad_s))
+    for array in (breathing, beating, breathing_noise, beating_noise):
         array.setflags(write=False)
-    return transition, breathing_noise, beating_noise
+    return Passage(breathing, beating, breathing_noise, beating_noise)
 
 
 def _noise(transition: Array, stationary: Array) -> Array:

@@ -12,12 +12,14 @@ while: rhythms change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import accumulate, groupby, pairwise
 
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.motion.heart_bank import HeartBank, each_filter
 from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import (
@@ -32,7 +34,7 @@ from lasso_motion_ros.motion.motion_model import (
     Observation,
     Spread,
     displacement_at,
-    first_covariance,
+    first_states,
     moved_on,
     since_b_at,
 )
@@ -40,16 +42,26 @@ from lasso_motion_ros.motion.motion_model import (
 Array = npt.NDArray[np.float64]
 
 _IDENTITY_3 = np.eye(3)
+_NOTHING = Observation(np.zeros((2, 3)), np.zeros(2), np.eye(2))
 
 
 @dataclass(frozen=True, eq=False)
-class _Exposure:
-    """Something that was taken in: measurements, or (`is_mark`) the time of plane A's exposure."""
+class _Step:
+    """Something that was taken in.
+
+    Attributes:
+        time_s: of the exposure.
+        seen: what was measured; None where only the time counts.
+        is_since_b: whether of how far the ring is from plane B's origin, instead of its displacement.
+        block: of the state, if one becomes the displacement then.
+        is_telling: whether it tells of the heart, and how likely it is.
+    """
 
     time_s: float
-    a: Observation | None
-    b: Observation | None
-    is_mark: bool
+    seen: Observation | None
+    is_since_b: bool
+    block: slice | None
+    is_telling: bool = True
 
 
 class RespiratoryMotion(HeartBank):
@@ -79,31 +91,25 @@ class RespiratoryMotion(HeartBank):
             beats: the heart's, by the R peaks known then; None without any.
             tuning: what is expected of breathing and heart.
         """
-        self._start_s = time_a_s, time_b_s
+        self._start_s, self._is_late = time_a_s, time_b_s != time_a_s
         super().__init__(tuning.hearts(time_b_s - time_a_s), tuning, time_a_s, beats)
-        self._between = between
         self._spread = Spread(shape, tuning)
         self._since_all_s = time_a_s
-        self._history: tuple[_Exposure, ...] = ()
         self._keeps_history = True
-        self._begin()
+        # What holds by definition tells nothing of the heart.
+        origin = _Step(time_b_s, between and between.of_two(), False, ORIGIN_B, is_telling=False)
+        self._history: tuple[_Step, ...] = (origin,)
+        self._filter_again()
 
-    def _begin(self) -> None:
-        """The state at plane B's first exposure, with the spread known by now."""
-        self._time_s, time_b_s = self._start_s
+    def _filter_again(self) -> None:
+        """Go through the past from the seed pair on, with the spread known by now."""
+        self._time_s = self._start_s
         self._beat_shape = None
         self._weigh(self._hearts.log_odds)
         beats = self._beats_at(self._time_s)
         phase = None if beats is None else beats.phase(self._time_s)
-        covariance = first_covariance(self.spread, self._hearts.covariances, self._tuning, phase)
-        self._become(np.zeros(covariance.shape[:2]), covariance)
-        self._advance(time_b_s)
-        if self._between is None:
-            self._clone(ORIGIN_B)
-        else:
-            between = self._between
-            self._update(between.across @ self._displacement, between.value, between.covariance, ORIGIN_B)
-        self._weigh(self._hearts.log_odds)  # what holds by definition tells nothing of the heart
+        self._become(*first_states(self.spread, self._hearts.covariances, self._tuning, phase))
+        self._take_in(self._history)
 
     def copy(self) -> RespiratoryMotion:
         """An independent filter in the same state; arrays are never changed in place, so they are shared."""
@@ -173,8 +179,16 @@ class RespiratoryMotion(HeartBank):
         """A function of the state and of the beat's phase, at a later time."""
         if self._tells_of_beats and self._beats_at(time_s) is None:
             later = self.later(time_s)
-            return later._seen_along(of_phase(None), later._state, later._covariance)
-        return self._seen_along(of_phase(self._phase(time_s)), *self._propagated(time_s))
+            return later._seen_along(of_phase(None))
+        function = of_phase(self._phase(time_s))
+        if time_s <= self._time_s:
+            return self._seen_along(function)
+        # Of the state later on, it is another function of the state now; of what comes in between, only places count.
+        passage = self._tuning.passage(time_s - self._time_s)
+        seen = self._seen_along(function @ passage.transition(function.shape[1]))
+        heart = np.tensordot(self.weights, self._random_heart, 1)
+        noise = passage.breathing_noise[0, 0] * self.spread + passage.beating_noise[0, 0] * heart
+        return Estimate(seen.displacement, seen.covariance + noise)
 
     @property
     def way(self) -> Array:
@@ -195,36 +209,100 @@ class RespiratoryMotion(HeartBank):
         Returns:
             How likely the measurements were, given all before.
         """
-        self._remember(_Exposure(time_s, a, b, is_mark=False))
-        self._advance(time_s)
-        likelihood = 0.0
-        if a is not None:
-            likelihood += self._update(a.across @ self._displacement, a.value, a.covariance, AT_A)
+        steps = () if a is None else (_Step(time_s, a, False, AT_A),)
         if b is not None:
-            likelihood += self._update(b.across @ self._since_b, b.value, b.covariance)
-        return likelihood
+            steps = (*steps, _Step(time_s, b, True, None))
+        return self._take_in_and_keep(*steps)
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: what would have been plane A's exposure, where it has none."""
-        self._remember(_Exposure(time_s, None, None, is_mark=True))
-        self._advance(time_s)
-        self._clone(AT_A)
+        self._take_in_and_keep(_Step(time_s, None, False, AT_A))
+
+    def _take_in_and_keep(self, *steps: _Step) -> float:
+        """Take in steps that may have to be gone through again; returns how likely they were."""
+        if self._keeps_history:
+            self._history = (*self._history, *steps)
+        return self._take_in(steps)
+
+    def _take_in(self, steps: Sequence[_Step]) -> float:
+        """The state after steps in turn; returns how likely their measurements were, given all before."""
+        likelihood = 0.0
+        if has_kernels():
+            for is_known, some in groupby(steps, lambda step: self._beats_at(step.time_s) is not None):
+                alike = list(some)
+                if is_known != self._tells_of_beats:
+                    self._advance(alike[0].time_s)
+                likelihood += self._go_through(alike)
+            return likelihood
+        for step in steps:
+            self._advance(step.time_s)
+            weights, function = self._log_weights, self._since_b if step.is_since_b else self._displacement
+            if step.seen is not None:
+                told = self._update(step.seen, function)
+                if step.is_telling:
+                    likelihood += told
+                else:
+                    self._weigh(weights)
+            if step.block is not None:
+                self._clone(function, step.block)
+        return likelihood
+
+    def _go_through(self, steps: Sequence[_Step]) -> float:
+        """The same, compiled, where the state tells of beats before and after all of them, or does not."""
+        from lasso_motion_ros.motion import kernels
+
+        times_s = list(accumulate((step.time_s for step in steps), max, initial=self._time_s))
+        intervals_s = [later - before for before, later in pairwise(times_s)]
+        passages = [self._tuning.passage(interval_s) for interval_s in intervals_s]
+        seen = [step.seen or _NOTHING for step in steps]
+        functions = [
+            (since_b_at if step.is_since_b else displacement_at)(self._phase(time_s))
+            for step, time_s in zip(steps, times_s[1:], strict=True)
+        ]
+        state, covariance, log_weights, likelihood = kernels.gone_through(
+            self._state,
+            self._covariance,
+            self._log_weights,
+            self._hearts.log_odds,
+            self._hearts.odds,
+            self.spread,
+            self._random_heart,
+            np.array(intervals_s),
+            _stacked([one.breathing for one in passages]),
+            _stacked([one.beating for one in passages]),
+            _stacked([one.breathing_noise for one in passages]),
+            _stacked([one.beating_noise for one in passages]),
+            np.array([self._tuning.heart_kept(interval_s) for interval_s in intervals_s]),
+            np.array([step.seen is not None for step in steps]),
+            np.array([step.is_telling for step in steps]),
+            _stacked(functions),
+            _stacked([one.across for one in seen]),
+            _stacked([one.value for one in seen]),
+            _stacked([one.covariance for one in seen]),
+            np.array([-1 if step.block is None else step.block.start for step in steps]),
+            self._tuning.freedom,
+            self._tuning.unusual_share,
+        )
+        self._become(state, covariance)
+        self._weigh(log_weights)
+        self._time_s = times_s[-1]
+        return likelihood
 
     @property
     def is_revised_next(self) -> bool:
         """Whether the past is gone through again with the next displacement that is learned, which revises `at_a`."""
         is_due = self._spread.count + 1 in self._tuning.rebuild_at
-        return is_due and self._keeps_history and self._start_s[0] != self._start_s[1]
+        return is_due and self._keeps_history and self._is_late
 
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
-        self._spread, self._ahead, self._foretold = self._spread.learned(displacement), {}, None
+        self._spread, self._foretold = self._spread.learned(displacement), None
         self._spread.way  # noqa: B018 - worked out while no pair waits: the next one asks for it
         if self._time_s - self._since_all_s >= self._tuning.heartbeat_memory_s:
             self._take_up_all()
         if is_revised:
-            self._rebuild()
+            self._filter_again()
         self._drop_hearts()  # by what the past says with the spread known by now
         if self._keeps_history and self._spread.count >= self._tuning.longest_history:
             self._history, self._keeps_history = (), False
@@ -235,18 +313,18 @@ class RespiratoryMotion(HeartBank):
         against = math.log(self._tuning.heartbeat_kept) * self._tuning.heart_kept(self._time_s - self._since_all_s)
         state, covariance = each_filter(self._mixed(self._state, self._weighted(self._covariance)), len(every))
         log_weights = every.log_odds + (self._log_weights - every.log_odds[old]).max() + against
-        state[old], covariance[old], log_weights[old] = self._state, self._covariance, self._log_weights
+        state[:, old], covariance[..., old], log_weights[old] = self._state, self._covariance, self._log_weights
         self._hearts, self._since_all_s = every, self._time_s
         self._become(state, covariance)
         self._weigh(log_weights)
 
     def move(self, displacement: Array) -> None:
         """Take the loop to have been put elsewhere, (3,) m: how it breathes is kept, and it breathes about there."""
-        shift = displacement - self._state @ self._displacement.T
+        shift = displacement[:, None] - self._displacement @ self._state
         state = self._state.copy()
-        state[:, MEAN] += shift
+        state[MEAN] += shift
         self._become(state, self._covariance)
-        self._spread = self._spread.moved(self.weights @ shift)
+        self._spread = self._spread.moved(shift @ self.weights)
         self._history, self._keeps_history = (), False  # it tells of another place
 
     def surged(self) -> RespiratoryMotion:
@@ -257,8 +335,8 @@ class RespiratoryMotion(HeartBank):
         surged = self.copy()
         covariance = self._covariance.copy()
         way = self.spread / np.linalg.eigvalsh(self.spread)[-1]
-        covariance[:, VELOCITY, VELOCITY] += self._tuning.surge_m_s**2 * way
-        covariance[:, POSITION, POSITION] += self._tuning.surge_m**2 * _IDENTITY_3
+        covariance[VELOCITY, VELOCITY] += (self._tuning.surge_m_s**2 * way)[..., None]
+        covariance[POSITION, POSITION] += (self._tuning.surge_m**2 * _IDENTITY_3)[..., None]
         surged._become(self._state, covariance)
         return surged
 
@@ -266,46 +344,26 @@ class RespiratoryMotion(HeartBank):
         """The same motion of a ring that somebody may just have put elsewhere, within a reach (standard deviation)."""
         moved = self.copy()
         covariance = self._covariance.copy()
-        covariance[:, MEAN, MEAN] += reach_m**2 * _IDENTITY_3
+        covariance[MEAN, MEAN] += (reach_m**2 * _IDENTITY_3)[..., None]
         moved._become(self._state, covariance)
         return moved
-
-    def _remember(self, exposure: _Exposure) -> None:
-        if self._keeps_history:
-            self._history = (*self._history, exposure)
-
-    def _rebuild(self) -> None:
-        """Filter the past again, with the spread learned since."""
-        history, self._history = self._history, ()
-        self._begin()
-        for exposure in history:
-            if exposure.is_mark:
-                self.mark_a(exposure.time_s)
-            else:
-                self.observe(exposure.time_s, a=exposure.a, b=exposure.b)
-
-    def _propagated(self, time_s: float) -> tuple[Array, Array]:
-        """State and covariance at a later time, kept for when they are asked for again."""
-        if time_s <= self._time_s:
-            return self._state, self._covariance
-        ahead = self._ahead.get(time_s)
-        if ahead is None:
-            if len(self._ahead) >= self._tuning.times_ahead:
-                self._ahead.clear()
-            interval_s = time_s - self._time_s
-            ahead = moved_on(self._state, self._covariance, interval_s, self.spread, self._random_heart, self._tuning)
-            self._ahead[time_s] = ahead
-        return ahead
 
     def _advance(self, time_s: float) -> None:
         if time_s > self._time_s:
             is_known = self._beats_at(time_s) is not None
             if not is_known:
                 self._switch(False)
-            self._become(*self._propagated(time_s))
-            fading = self._tuning.heart_kept(time_s - self._time_s)
+            interval_s = time_s - self._time_s
+            self._become(
+                *moved_on(self._state, self._covariance, interval_s, self.spread, self._random_heart, self._tuning)
+            )
             usual = self._hearts.log_odds
-            self._weigh(usual + fading * (self._log_weights - usual))
+            self._weigh(usual + self._tuning.heart_kept(interval_s) * (self._log_weights - usual))
             self._time_s = time_s
             if is_known:
                 self._switch(True)
+
+
+def _stacked(values: Sequence[Array]) -> Array:
+    """(S, ...) of values (...)."""
+    return values[0][None] if len(values) == 1 else np.array(values)

@@ -197,15 +197,15 @@ def associate(
     """
     believed = 0.0 if pending is None else pending.probability
     unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability) + math.log1p(-believed)
-    # At the pair's time, each once for all detections.
+    # Each worked out once for all detections.
     ways: list[Way] = [
-        (unmoved, cache(lambda: motion.later(time_s))),
-        (math.log(tuning.surge_probability), cache(lambda: motion.surged().later(time_s))),
-        (math.log(tuning.jump_probability), cache(lambda: motion.moved_by_hand(tuning.jump_reach_m).later(time_s))),
+        (unmoved, lambda: motion),
+        (math.log(tuning.surge_probability), cache(motion.surged)),
+        (math.log(tuning.jump_probability), cache(lambda: motion.moved_by_hand(tuning.jump_reach_m))),
     ]
     if pending is not None:
         told = pending.motion
-        ways.insert(0, (math.log(believed), cache(lambda: told.later(time_s))))
+        ways.insert(0, (math.log(believed), lambda: told))
     usual_sigma = math.hypot(tuning.usual_sigma, tuning.flattery / (sightings + 1))
     foreseen = motion.predict(time_s)
     hypotheses = [

@@ -10,52 +10,65 @@ import pytest
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.motion import motion_model
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
-from lasso_motion_ros.motion.motion_model import AT_A, ORIGIN_B, SIZE, TUNING, Observation, displacement_at, since_b_at
+from lasso_motion_ros.motion.heartbeat import Beats
+from lasso_motion_ros.motion.motion_model import TUNING, Observation
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
-
-DISPLACEMENT, SINCE_B = displacement_at(None), since_b_at(None)
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_states_move_on_and_are_measured_alike(seed: int) -> None:
+def test_states_begin_and_move_on_alike(seed: int) -> None:
     generator = np.random.default_rng(seed)
-    state = generator.normal(size=(8, SIZE)) * 1e-2
-    half = generator.normal(size=(8, SIZE, SIZE)) * 1e-3
-    covariance = half @ half.swapaxes(1, 2)
     spread = np.cov(generator.normal(size=(3, 9)) * 1e-2)
-    heart = generator.permutation(TUNING.hearts(0.1).covariances)[:8]
-    h = np.linalg.qr(generator.normal(size=(3, 3)))[0][:2] @ (SINCE_B if seed % 2 else DISPLACEMENT)
-    value, noise = generator.normal(size=2) * 1e-3, np.cov(generator.normal(size=(2, 5)) * 1e-4)
-
-    from lasso_motion_ros.motion import kernels
-
-    with plain():
-        plain_moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
-    moved = motion_model.moved_on(state, covariance, 0.067 * (seed + 1), spread, heart, TUNING)
-    measured = kernels.measured(state, covariance, h, value, noise)
-    for one, other in zip(
-        (*moved, *measured), (*plain_moved, *motion_model.measured(state, covariance, h, value, noise)), strict=True
-    ):
+    heart = generator.permutation(TUNING.hearts(0.1).covariances)[: (1, 8, 32, 33, 70)[seed % 5]]
+    phase = None if seed < 5 else 0.17 * seed
+    told: list[tuple[np.ndarray, ...]] = []
+    for version in (nullcontext(), plain()):
+        with version:
+            first = motion_model.first_states(spread, heart, TUNING, phase)
+            moving = first[0] + 1e-3 * np.random.default_rng(seed).normal(size=first[0].shape), first[1]
+            told.append((*first, *motion_model.moved_on(*moving, 0.067 * (seed + 1), spread, heart, TUNING)))
+    for one, other in zip(*told, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
-@pytest.mark.parametrize("block", [None, AT_A, ORIGIN_B])
-def test_a_block_becomes_the_displacement_with_the_measurement(block: slice | None) -> None:
-    across = Observation(np.eye(3)[:2], np.array([1e-3, -2e-3]), 1e-9 * np.eye(2))
+@pytest.mark.parametrize("late_s", [0.0, 0.03])
+@pytest.mark.parametrize("peaks_s", [(), (-1.4, -0.6, 0.3), (-1.4, -0.6, 0.3, 1.1, 1.9)])
+def test_exposures_are_taken_in_alike(peaks_s: tuple[float, ...], late_s: float) -> None:
+    """Of either plane, or none, one after the other and many at once; also where the phase of the beat gets lost."""
     told: list[list[np.ndarray]] = []
     for version in (nullcontext(), plain()):
         with version:
-            motion = RespiratoryMotion(0.0, 0.03).later(0.2)
-            motion._update(across.across @ DISPLACEMENT, across.value, across.covariance, block)
-            told.append([motion._state, motion._covariance, motion._log_weights])
+            generator = np.random.default_rng(2)
+            across = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+            between = Observation(across[1:2], np.array([4e-4]), np.array([[1e-7]])) if late_s > 0.0 else None
+            motion = RespiratoryMotion(0.0, late_s, between=between, beats=Beats.of(peaks_s))
+            told.append([np.array(motion.later(0.05)._tells_of_beats)])
+            for number in range(1, 14):
+                time_s, place = 0.2 * number, 1e-3 * generator.normal(size=3)
+                noise = np.cov(generator.normal(size=(2, 5)) * 1e-4)
+                likelihood = 0.0
+                if number == 4:
+                    motion.mark_a(time_s)
+                else:
+                    likelihood += motion.observe(time_s, a=Observation(across[:2], across[:2] @ place, noise))
+                if number != 7:
+                    seen = Observation(across[1:], across[1:] @ place, noise)
+                    likelihood += motion.observe(time_s + late_s, b=seen)
+                motion.learn(place)
+                foretold = motion.predict(time_s + 0.1)
+                told[-1] += [motion._state, motion._covariance, motion._log_weights, np.array(likelihood)]
+                told[-1] += [
+                    motion.at_a.displacement,
+                    motion.at_a.covariance,
+                    foretold.displacement,
+                    foretold.covariance,
+                ]
     for one, other in zip(*told, strict=True):
-        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
-    state, covariance, _ = told[0]
-    if block is not None:
-        np.testing.assert_allclose(state[:, block], state @ DISPLACEMENT.T, atol=1e-15)
-        np.testing.assert_allclose(covariance[:, block, block], DISPLACEMENT @ covariance @ DISPLACEMENT.T, atol=1e-18)
+        np.testing.assert_allclose(one, other, rtol=1e-7, atol=1e-9 * np.abs(other).max())
+        if one.ndim == 3:
+            np.testing.assert_array_equal(one, one.swapaxes(0, 1))
 
 
 def followed(late_s: float, pairs: int, noise_m: float) -> tuple[list[np.ndarray], float]:

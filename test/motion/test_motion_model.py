@@ -12,7 +12,7 @@ from lasso_motion_ros.motion.motion_model import (
     SIZE,
     TUNING,
     displacement_at,
-    first_covariance,
+    first_states,
     measured,
 )
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -46,15 +46,17 @@ def test_the_spread_is_learned_along_the_motion():
 def test_at_the_seed_position_heartbeat_and_mean_add_up_to_zero():
     """By the formula for a measurement, of what breathing, heart and mean may be each by itself."""
     heart = TUNING.hearts(0.1).covariances[[0, 3, 50, 195]]
-    expected = np.zeros((4, SIZE, SIZE))
-    expected[:, :9, :9] = np.kron(matern.stationary(TUNING.time_scale_s), 1e-4 * SHAPE)
+    expected = np.zeros((SIZE, SIZE, 4))
+    expected[:9, :9] = np.kron(matern.stationary(TUNING.time_scale_s), 1e-4 * SHAPE)[..., None]
     beat = oscillator.stationary(TUNING.heartbeat_damping_per_s, TUNING.heartbeat_turning_rad_s)
-    expected[:, 9:15, 9:15] = [np.kron(beat, one) for one in heart]
-    expected[:, 15:18, 15:18] = 1e-4 * SHAPE
-    _, expected, _, _ = measured(np.zeros((4, SIZE)), expected, DISPLACEMENT, np.zeros(3), 1e-14 * np.eye(3))
-    expected[:, AT_A, AT_A] = 1e-14 * np.eye(3)
-    found = first_covariance(1e-4 * SHAPE, heart, TUNING)
+    expected[9:15, 9:15] = np.stack([np.kron(beat, one) for one in heart], axis=-1)
+    expected[15:18, 15:18] = 1e-4 * SHAPE[..., None]
+    _, expected, _, _ = measured(np.zeros((SIZE, 4)), expected, DISPLACEMENT, np.zeros(3), 1e-14 * np.eye(3))
+    expected[AT_A, AT_A] = 1e-14 * np.eye(3)[..., None]
+    state, found = first_states(1e-4 * SHAPE, heart, TUNING)
+    assert not state.any()
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-16)
+    found = np.moveaxis(found, -1, 0)
     np.testing.assert_allclose(DISPLACEMENT @ found @ DISPLACEMENT.T, np.broadcast_to(0.0, (4, 3, 3)), atol=2e-14)
 
 
@@ -101,17 +103,18 @@ def test_a_direction_that_has_been_seen_outweighs_the_one_expected():
 def test_a_measurement_is_taken_in_by_josephs_form(noise_m):
     random = np.random.default_rng(4)
     factors = 0.01 * random.normal(size=(3, SIZE, SIZE))
-    state, covariance = random.normal(size=(3, SIZE)), factors @ factors.swapaxes(-1, -2)
+    states, covariances = random.normal(size=(3, SIZE)), factors @ factors.swapaxes(-1, -2)
     h, value, noise = random.normal(size=(2, 3)) @ DISPLACEMENT, random.normal(size=2), noise_m**2 * np.eye(2)
-    found_state, found, distance, peak = measured(state, covariance, h, value, noise)
-    for i in range(3):
-        expected = h @ covariance[i] @ h.T + noise
-        gain = covariance[i] @ h.T @ np.linalg.inv(expected)
+    measurement = h, value, noise
+    found_states, found, distance, peak = measured(states.T, np.moveaxis(covariances, 0, -1), *measurement)
+    for i, (state, covariance) in enumerate(zip(states, covariances, strict=True)):
+        expected = h @ covariance @ h.T + noise
+        gain = covariance @ h.T @ np.linalg.inv(expected)
         keep = np.eye(SIZE) - gain @ h
-        plain = keep @ covariance[i] @ keep.T + gain @ noise @ gain.T
-        innovation = value - h @ state[i]
-        np.testing.assert_allclose(found_state[i], state[i] + gain @ innovation, rtol=1e-9)
-        np.testing.assert_allclose(found[i], plain, atol=1e-12 * np.abs(covariance).max())
+        plain = keep @ covariance @ keep.T + gain @ noise @ gain.T
+        innovation = value - h @ state
+        np.testing.assert_allclose(found_states[:, i], state + gain @ innovation, rtol=1e-9)
+        np.testing.assert_allclose(found[..., i], plain, atol=1e-12 * np.abs(covariances).max())
         assert distance[i] == pytest.approx(innovation @ np.linalg.inv(expected) @ innovation, rel=1e-9)
         density = -0.5 * (np.linalg.slogdet(expected)[1] + 2.0 * np.log(2.0 * np.pi))
         assert peak[i] == pytest.approx(density, rel=1e-9)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from support.respiration_inputs import INTERVAL_S, SIGHT, SIGMA_M, breathing, observation, run, step
 
-from lasso_motion_ros.motion.motion_model import TUNING, Estimate
+from lasso_motion_ros.motion.heartbeat import Beats
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 
 
@@ -215,11 +216,18 @@ def test_what_was_foreseen_is_not_kept_once_more_is_known():
     np.testing.assert_array_equal(motion.predict(later).covariance, before.covariance)
 
 
-def test_of_what_was_foreseen_little_is_kept():
-    # A lasso that stays away is asked after at ever new times, for hours.
+@pytest.mark.parametrize("has_peaks", [False, True])
+def test_what_is_foreseen_is_what_is_there_later(has_peaks):
     motion, *_ = run(5, 0.02)
-    for index in range(100):
-        motion.predict(2.0 + 0.3 * index)
-    assert len(motion._ahead) <= TUNING.times_ahead
-    again = motion.copy().predict(2.3)
-    np.testing.assert_array_equal(motion.predict(2.3).covariance, again.covariance)
+    now = motion._time_s
+    beats = Beats.of(now + 0.8 * np.arange(-3.0, 1.0)) if has_peaks else None
+    motion = motion.hearing(beats).later(now + 0.1)
+    assert motion.beats == beats
+    for later_s in (0.2, 0.7, 4.0):  # where R peaks tell the phase, and where they no longer do
+        later = motion.later(now + later_s)
+        if (later.beats is None) == (beats is None):
+            later._weigh(motion._log_weights)  # what was learned of the heart does not fade before it is asked for
+        for foretell in (RespiratoryMotion.predict, RespiratoryMotion.expected_between):
+            foreseen, there = foretell(motion, now + later_s), foretell(later, now + later_s)
+            np.testing.assert_allclose(foreseen.displacement, there.displacement, atol=1e-12)
+            np.testing.assert_allclose(foreseen.covariance, there.covariance, rtol=1e-9, atol=1e-15)

@@ -14,7 +14,7 @@ from lasso_motion_ros.motion.motion_model import (
     SIZE_WITH_BEATS,
     TUNING,
     displacement_at,
-    first_covariance,
+    first_states,
     since_b_at,
 )
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
@@ -71,7 +71,7 @@ def test_its_errors_lie_within_the_covariance():
 
 def test_what_the_heart_does_in_its_beat_is_learned():
     motion, _, _ = beating(True)
-    state = motion.weights @ motion._state
+    state = motion._state @ motion.weights
     waves = [displacement_at(phase)[:, BEAT_SHAPE] @ state[BEAT_SHAPE] for phase in (0.225, 0.725)]
     np.testing.assert_allclose(waves[0] - waves[1], 3.5e-3 * WAY, atol=0.9e-3)
 
@@ -88,8 +88,10 @@ def test_compiled_and_plain_it_is_followed_alike():
 def test_at_the_seed_the_displacement_is_zero_at_any_phase():
     hearts = TUNING.hearts(LATE_S).covariances[:5]
     for phase in (0.0, 0.3, 0.9):
-        covariance = first_covariance(1e-4 * np.eye(3), hearts, TUNING, phase)
-        displacement = displacement_at(phase)
+        state, covariance = first_states(1e-4 * np.eye(3), hearts, TUNING, phase)
+        assert state.shape == (SIZE_WITH_BEATS, 5)
+        assert not state.any()
+        covariance, displacement = np.moveaxis(covariance, -1, 0), displacement_at(phase)
         np.testing.assert_allclose(displacement @ covariance @ displacement.T, np.zeros((5, 3, 3)), atol=2e-14)
         # Half a beat later it has moved, by twice what cosine and sine of odd harmonics have of the beat's variance.
         later = displacement_at((phase + 0.5) % 1.0)[:, BEAT_SHAPE] @ covariance[:, BEAT_SHAPE, BEAT_SHAPE]
@@ -113,7 +115,7 @@ def test_where_the_ecg_is_lost_the_heart_is_as_strong_as_it_was_learned_to_be():
     lost = told.hearing(None)
     assert lost.beats is None
     assert told.beats is not None
-    assert lost._state.shape[1] == SIZE
+    assert len(lost._state) == SIZE
     np.testing.assert_allclose(lost.at_a.displacement, told.at_a.displacement, atol=1e-12)
     now = told._time_s
     np.testing.assert_allclose(lost.predict(now).displacement, told.predict(now).displacement, atol=1e-9)
@@ -130,8 +132,8 @@ def test_what_was_learned_of_a_beat_is_not_forgotten_while_peaks_are_missed():
     told, _, _ = beating(True, tuning=FEW)
     now = told._time_s
     again = told.hearing(None).hearing(Beats.of(now + 0.83 * np.arange(-3.0, 1.0))).later(now + 0.1)
-    assert again._state.shape[1] == SIZE_WITH_BEATS
-    before, after = (motion.weights @ motion._state[:, BEAT_SHAPE] for motion in (told, again))
+    assert len(again._state) == SIZE_WITH_BEATS
+    before, after = (motion._state[BEAT_SHAPE] @ motion.weights for motion in (told, again))
     np.testing.assert_allclose(after, before, atol=1e-6)
     # Parted anew, the displacement stays where it was.
     meanwhile = told.hearing(None).predict(now + 0.1).displacement

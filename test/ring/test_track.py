@@ -167,7 +167,7 @@ def test_what_the_ring_moved_before_plane_b_saw_it_first_puts_the_models_depth_o
     one = track(late_s=0.1)
     np.testing.assert_allclose(one.depth_correction, 0.0, atol=1e-9)
     state = one.motion._state.copy()
-    state[:, ORIGIN_B] = [0.0, 0.004, 0.0]  # plane B's origin: 4 mm aside
+    state[ORIGIN_B] = [[0.0], [0.004], [0.0]]  # plane B's origin: 4 mm aside
     one.motion._become(state, one.motion._covariance)
     # -(0.6 · 4) / 0.8 = -3 mm along plane A's ray.
     np.testing.assert_allclose(one.depth_correction, [-0.003, 0.0, 0.0], atol=1e-9)
