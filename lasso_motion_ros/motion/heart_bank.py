@@ -32,6 +32,7 @@ from lasso_motion_ros.motion.motion_model import (
     measured,
     since_b_at,
 )
+from lasso_motion_ros.motion.outcome import Outlook
 
 Array = npt.NDArray[np.float64]
 
@@ -80,9 +81,10 @@ class HeartBank:
         self._tuning, self._time_s, self._beats = tuning, time_s, beats
         self._beat_shape: tuple[Array, Array] | None = None  # what was known of it when it was last told of
         self._weights: Array | None = None  # not worked out yet
-        # What was asked for is kept until the state changes: blocks of it, the last prediction.
+        # What was asked for is kept until the state changes: blocks of it, the last predictions.
         self._blocks: dict[int, Estimate] = {}
         self._foretold: tuple[float, Estimate] | None = None
+        self._ahead: Outlook | None = None
         self._weigh(hearts.log_odds)
 
     @property
@@ -146,7 +148,7 @@ class HeartBank:
         """Go on with the heart's beats as they are known by now."""
         if beats is None or not beats.is_known(self._time_s):
             self._switch(False)
-        self._beats, self._foretold, self._blocks = beats, None, {}
+        self._beats, self._foretold, self._ahead, self._blocks = beats, None, None, {}
 
     def _switch(self, tells: bool) -> None:
         """Have a state that tells of what repeats from beat to beat, or one that does not.
@@ -219,7 +221,7 @@ class HeartBank:
             across: (3, 3) onto the directions in which the filters are asked: all of them if not given.
         """
         off = (self._state[AT_A].T - self.at_a.displacement) @ across
-        covariances = across @ np.moveaxis(self._covariance[AT_A, AT_A], -1, 0) @ across
+        covariances = across @ self._covariance[AT_A, AT_A].transpose(2, 0, 1) @ across
         beyond = probabilities_beyond(limit_m, covariances + more, off)
         return float(self.weights @ beyond)
 
@@ -255,7 +257,7 @@ class HeartBank:
     def _become(self, state: Array, covariance: Array) -> None:
         # A new dictionary: a copy of this filter goes on with the old one.
         self._state, self._covariance, self._blocks = state, covariance, {}
-        self._foretold = None
+        self._foretold = self._ahead = None
 
     def _weigh(self, log_weights: Array) -> None:
         """Take over other weights (filters,), by their logarithms; what they sum up to is worked out when asked for."""

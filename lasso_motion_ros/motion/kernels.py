@@ -428,6 +428,29 @@ def moved_on(
     return new_state, new
 
 
+@compiled("float64(float64[::1], float64[::1], Array(float64, 1, 'A', readonly=True), float64)")
+def _told(densities: Array, log_weights: Array, odds: Array, unusual: float) -> float:
+    """Logarithm of a measurement's probability density over all filters, whose own (F,) their weights take in.
+
+    Args:
+        densities: (F,) natural logarithms of each filter's.
+        log_weights: (F,) of their weights, which are changed.
+        odds: (F,) of them before any measurement.
+        unusual: share of `odds` in what is expected.
+    """
+    highest, heaviest, total, mean = -np.inf, -np.inf, 0.0, 0.0
+    filters = densities.size
+    for f in range(filters):
+        highest, heaviest = max(highest, densities[f]), max(heaviest, log_weights[f])
+    for f in range(filters):
+        total += math.exp(log_weights[f] - heaviest)
+    for f in range(filters):
+        share = (1.0 - unusual) * math.exp(log_weights[f] - heaviest) / total + unusual * odds[f]
+        mean += share * math.exp(densities[f] - highest)
+        log_weights[f] += densities[f]
+    return highest + math.log(mean + 1e-300)
+
+
 @compiled(
     "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64))(float64[:, ::1], float64[:, :, ::1],"
     " float64[::1], Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
@@ -510,23 +533,13 @@ def gone_through(
             if firsts[s] >= 0:
                 _clone(some, half, function, firsts[s], shown, rows, joint)
         _put(new_state, new, start, some, half)
-    new_weights, expected, likelihood = log_weights.copy(), np.empty(filters), 0.0
+    new_weights, likelihood = log_weights.copy(), 0.0
     for s in range(steps):
         if intervals_s[s] > 0.0:
             for f in range(filters):
                 new_weights[f] = log_odds[f] + kept[s] * (new_weights[f] - log_odds[f])
         if is_measured[s] and is_telling[s]:
-            highest, heaviest, total, mean = -np.inf, -np.inf, 0.0, 0.0
-            for f in range(filters):
-                highest, heaviest = max(highest, densities[s, f]), max(heaviest, new_weights[f])
-            for f in range(filters):
-                expected[f] = math.exp(new_weights[f] - heaviest)
-                total += expected[f]
-            for f in range(filters):
-                share = (1.0 - unusual) * expected[f] / total + unusual * odds[f]
-                mean += share * math.exp(densities[s, f] - highest)
-                new_weights[f] += densities[s, f]
-            likelihood += highest + math.log(mean + 1e-300)
+            likelihood += _told(densities[s], new_weights, odds, unusual)
     return new_state, new, new_weights, likelihood
 
 
@@ -566,3 +579,171 @@ def mixed(weights: Array, state: Array, covariance: Array, function: Array) -> t
                         total += factor * part
             within[a, b] = within[b, a] = total
     return mean, within
+
+
+@compiled("void(float64[:, ::1], Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))")
+def _before(function: Array, breathing: Array, beating: Array) -> None:
+    """A function (M, N) of the state after transitions (3, 3), (2, 2) becomes that of the state before, in place."""
+    for a in range(len(function)):
+        for k in range(3):
+            u, v, w = function[a, k], function[a, k + 3], function[a, k + 6]
+            for n in range(3):
+                function[a, k + 3 * n] = u * breathing[0, n] + v * breathing[1, n] + w * breathing[2, n]
+        for k in range(9, 12):
+            u, v = function[a, k], function[a, k + 3]
+            for n in range(2):
+                function[a, k + 3 * n] = u * beating[0, n] + v * beating[1, n]
+
+
+@compiled(
+    "float64[:, ::1](Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 2, 'A', readonly=True))"
+)
+def _added(until: Array, way: Array, between: Array) -> Array:
+    """(2, 2) covariance of what comes to a value in an interval, and until another one has gone by after it.
+
+    Args:
+        until: (K, K) noise of value, slope and so on in the first interval.
+        way: (K, K) transition in the other.
+        between: (K, K) noise in that.
+    """
+    added, size = np.zeros((2, 2)), len(way)
+    added[0, 0], added[1, 1] = until[0, 0], between[0, 0]
+    for k in range(size):
+        added[1, 0] += way[0, k] * until[k, 0]
+        for m in range(size):
+            added[1, 1] += way[0, k] * until[k, m] * way[0, m]
+    return added
+
+
+@compiled("float64[::1](float64[::1])")
+def _shares(log_weights: Array) -> Array:
+    """(F,) weights of sum 1, by their logarithms."""
+    shares, heaviest, total = np.empty(log_weights.size), -np.inf, 0.0
+    for f in range(shares.size):
+        heaviest = max(heaviest, log_weights[f])
+    for f in range(shares.size):
+        shares[f] = math.exp(log_weights[f] - heaviest)
+        total += shares[f]
+    for f in range(shares.size):
+        shares[f] /= total
+    return shares
+
+
+@compiled(
+    "Tuple((float64[:, ::1], float64[:, :, ::1], float64[::1], float64[:, ::1]))(float64[:, ::1],"
+    " float64[:, :, ::1], float64[::1], Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " UniTuple(Array(float64, 2, 'A', readonly=True), 4), UniTuple(Array(float64, 2, 'A', readonly=True), 4),"
+    " Array(float64, 2, 'A', readonly=True), Array(float64, 3, 'A', readonly=True))"
+)
+def foreseen(
+    state: Array,
+    covariance: Array,
+    log_weights: Array,
+    first: Array,
+    last: Array,
+    until: tuple[Array, Array, Array, Array],
+    between: tuple[Array, Array, Array, Array],
+    spread: Array,
+    heart: Array,
+) -> tuple[Array, Array, Array, Array]:
+    """What two exposures will show, by each filter and all of them: `outcome.Outlook`.
+
+    Args:
+        state: (N, filters).
+        covariance: (N, N, filters).
+        log_weights: (filters,) logarithms of their weights, but for a constant.
+        first: (3, N) what the first one shows of the state then,
+        last: (3, N) and the other.
+        until: of the interval until the first one (3, 3) and (2, 2) transitions and noises, as of `moved_on`,
+        between: and of that between both.
+        spread: (3, 3) m².
+        heart: (filters, 3, 3) m² of what of the heartbeat does not repeat.
+
+    Returns:
+        (6, filters) values and (6, 6, filters) one half of their covariance; (6,) mean and (6, 6) covariance over all.
+    """
+    size, filters = state.shape
+    function = np.empty((6, size))
+    function[3:] = last
+    _before(function[3:], between[0], between[1])
+    function[:3] = first
+    _before(function, until[0], until[1])
+    breathing, beating = _added(until[2], between[0], between[2]), _added(until[3], between[1], between[3])
+    values, rows, joint = np.empty((6, filters)), np.empty((6, size, filters)), np.empty((6, 6, filters))
+    _values(function, state, values)
+    _rows(function, covariance, rows)
+    _joint(function, rows, joint)
+    weights, mean, within = _shares(log_weights), np.zeros(6), np.empty((6, 6))
+    for a in range(6):
+        for f in range(filters):
+            mean[a] += weights[f] * values[a, f]
+        for b in range(a + 1):
+            noise, beat = breathing[a // 3, b // 3] * spread[a % 3, b % 3], beating[a // 3, b // 3]
+            total = 0.0
+            for f in range(filters):
+                joint[a, b, f] += noise + beat * heart[f, a % 3, b % 3]
+            for f in range(filters):
+                total += weights[f] * (joint[a, b, f] + (values[a, f] - mean[a]) * (values[b, f] - mean[b]))
+            within[a, b] = within[b, a] = total
+    return values, joint, mean, within
+
+
+@compiled(
+    "Tuple((float64, float64[::1], float64[:, ::1], float64[::1], float64[:, ::1]))(float64[:, ::1],"
+    " float64[:, :, ::1], float64[::1], Array(float64, 1, 'A', readonly=True), Array(float64, 1, 'A', readonly=True),"
+    " UniTuple(float64, 2), UniTuple(boolean, 2), UniTuple(Array(float64, 2, 'A', readonly=True), 2),"
+    " UniTuple(Array(float64, 1, 'A', readonly=True), 2), UniTuple(Array(float64, 2, 'A', readonly=True), 2), float64,"
+    " float64)"
+)
+def outcome(
+    values: Array,
+    joint: Array,
+    log_weights: Array,
+    log_odds: Array,
+    odds: Array,
+    kept: tuple[float, float],
+    is_measured: tuple[bool, bool],
+    across: tuple[Array, Array],
+    measured: tuple[Array, Array],
+    noise: tuple[Array, Array],
+    freedom: float,
+    unusual: float,
+) -> tuple[float, Array, Array, Array, Array]:
+    """What two exposures' measurements tell: `outcome.Outlook.outcome`.
+
+    Args:
+        values: as `foreseen` gives them, like the next.
+        joint: (6, 6, filters).
+        log_weights: (filters,) logarithms of the filters' weights, but for a constant.
+        log_odds: (filters,) likewise before any measurement.
+        odds: (filters,) of them then.
+        kept: share of what was learned of the heart that is left at each exposure.
+        is_measured: whether there is a measurement.
+        across: (2, 3) directions of each.
+        measured: (2,) values.
+        noise: (2, 2) symmetric.
+        freedom: degrees of freedom of the measurements' distribution.
+        unusual: share of `odds` in what is expected.
+
+    Returns:
+        The logarithm of their probability density; (3,) mean and (3, 3) covariance of the first three components after
+        both; and of the last three after the first one alone.
+    """
+    filters = log_weights.size
+    some, half, weights = values.copy(), joint.copy(), log_weights.copy()
+    shown, rows, square = np.empty((3, filters)), np.empty((3, 6, filters)), np.empty((3, 3, filters))
+    first, last, densities, likelihood = np.eye(3, 6), np.eye(3, 6, 3), np.empty(filters), 0.0
+    between, spread = np.zeros(3), np.zeros((3, 3))
+    for k in range(2):
+        if k == 0 or is_measured[k]:
+            for f in range(filters):
+                weights[f] = log_odds[f] + kept[k] * (weights[f] - log_odds[f])
+        if is_measured[k]:
+            function = first if k == 0 else last
+            _measure(some, half, function, across[k], measured[k], noise[k], freedom, shown, rows, square, densities)
+            likelihood += _told(densities, weights, odds, unusual)
+        if k == 0 and is_measured[0] and is_measured[1]:
+            between, spread = mixed(_shares(weights), some, half, last)
+    mean, covariance = mixed(_shares(weights), some, half, first)
+    return likelihood, mean, covariance, between, spread

@@ -139,6 +139,10 @@ class Observation:
         return Observation(across, value, covariance)
 
 
+NOTHING = Observation(np.zeros((2, 3)), np.zeros(2), np.eye(2))
+"""Stands where there is no measurement."""
+
+
 @dataclass(frozen=True, eq=False)
 class Spread:
     """How large the motion is in each direction, learned from sure displacements.
@@ -290,7 +294,7 @@ def moved_on(
         )
         return later
     size = len(state)
-    transition = passage.transition(size)
+    transition = passage.before(np.eye(size))
     covariance = transition @ (transition @ covariance.reshape(size, -1)).reshape(covariance.shape)
     covariance[BREATHING, BREATHING] += _in_each_direction(passage.breathing_noise, spread)[..., None]
     covariance[BEATING, BEATING] += filters_last(_in_each_direction(passage.beating_noise, heart))
@@ -338,12 +342,18 @@ class Passage:
     breathing_noise: Array
     beating_noise: Array
 
-    def transition(self, size: int) -> Array:
-        """(N, N) of a state of that size."""
-        transition = np.eye(size)
-        transition[BREATHING, BREATHING] = _in_each_direction(self.breathing, _IDENTITY_3)  # x, y and z move alike
-        transition[BEATING, BEATING] = _in_each_direction(self.beating, _IDENTITY_3)
-        return transition
+    @property
+    def matrices(self) -> tuple[Array, Array, Array, Array]:
+        """All of them."""
+        return self.breathing, self.beating, self.breathing_noise, self.beating_noise
+
+    def before(self, function: Array) -> Array:
+        """(M, N) what a function (M, N) of the state after it is of the state before it, but for what is added."""
+        before = function.copy()
+        for block, transition in ((BREATHING, self.breathing), (BEATING, self.beating)):
+            by_axis = function[:, block].reshape(len(function), -1, 3)  # x, y and z move alike
+            before[:, block] = (transition.T @ by_axis).reshape(len(function), -1)
+        return before
 
 
 @lru_cache(maxsize=64)

@@ -25,6 +25,7 @@ from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
     MEAN,
+    NOTHING,
     ORIGIN_B,
     POSITION,
     TUNING,
@@ -38,11 +39,11 @@ from lasso_motion_ros.motion.motion_model import (
     moved_on,
     since_b_at,
 )
+from lasso_motion_ros.motion.outcome import Outcome, Outlook
 
 Array = npt.NDArray[np.float64]
 
 _IDENTITY_3 = np.eye(3)
-_NOTHING = Observation(np.zeros((2, 3)), np.zeros(2), np.eye(2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,6 +172,19 @@ class RespiratoryMotion(HeartBank):
         (alone, along), (_, way) = both @ np.linalg.solve(foretold.covariance + found.covariance, both.T)
         return math.sqrt(max(alone - along * along / way, 0.0))
 
+    def foresee(self, time_s: float, time_b_s: float) -> tuple[Estimate, Estimate]:
+        """What `predict` gives for plane A's exposure, and `expected_between` for plane B's, at once.
+
+        Args:
+            time_s: plane A's, not before what was last taken in.
+            time_b_s: plane B's, not before that.
+        """
+        outlook = self._outlook(time_s, time_b_s)
+        if outlook is None:
+            return self.predict(time_s), self.expected_between(time_b_s)
+        self._foretold = time_s, outlook.at_a
+        return outlook.at_a, outlook.between
+
     def expected_between(self, time_s: float) -> Estimate:
         """How far plane B's origin lies from the displacement at a time: what B measures, in 3-D."""
         return self._foreseen(since_b_at, time_s)
@@ -185,7 +199,7 @@ class RespiratoryMotion(HeartBank):
             return self._seen_along(function)
         # Of the state later on, it is another function of the state now; of what comes in between, only places count.
         passage = self._tuning.passage(time_s - self._time_s)
-        seen = self._seen_along(function @ passage.transition(function.shape[1]))
+        seen = self._seen_along(passage.before(function))
         heart = np.tensordot(self.weights, self._random_heart, 1)
         noise = passage.breathing_noise[0, 0] * self.spread + passage.beating_noise[0, 0] * heart
         return Estimate(seen.displacement, seen.covariance + noise)
@@ -213,6 +227,65 @@ class RespiratoryMotion(HeartBank):
         if b is not None:
             steps = (*steps, _Step(time_s, b, True, None))
         return self._take_in_and_keep(*steps)
+
+    def outcome(
+        self, time_s: float, a: Observation | None, time_b_s: float, b: Observation | None
+    ) -> Outcome[RespiratoryMotion]:
+        """What a pair's measurements would make of the motion; nothing is changed.
+
+        Args:
+            time_s: plane A's exposure, or what would have been it, not before what was last taken in.
+            a: its measurement, if it has one.
+            time_b_s: plane B's, not before that.
+            b: likewise.
+        """
+        steps = [_Step(time_s, a, False, AT_A)]
+        if b is not None:
+            steps.append(_Step(time_b_s, b, True, None))
+
+        def after() -> RespiratoryMotion:
+            later = self.copy()
+            later._take_in_and_keep(*steps)
+            return later
+
+        outlook = self._outlook(time_s, time_b_s)
+        if outlook is not None:
+            return outlook.outcome(a, b, self._log_weights, self._hearts, self._tuning, after)
+        later, between = self.copy(), None
+        likelihood = later._take_in_and_keep(steps[0])
+        if b is not None:
+            between = later.expected_between(time_b_s) if a is not None else None
+            likelihood += later._take_in_and_keep(steps[1])
+        return Outcome(likelihood, later.at_a, between, lambda: later)
+
+    def _outlook(self, time_s: float, time_b_s: float) -> Outlook | None:
+        """What both planes' exposures will show, kept, since many places are asked about.
+
+        None in plain arithmetic, and where the phase of the heart's beat gets lost until then, or known.
+        """
+        if self._ahead is not None and self._ahead.times_s == (time_s, time_b_s):
+            return self._ahead
+        is_known = {self._beats_at(one) is not None for one in (time_s, time_b_s)}
+        if not has_kernels() or is_known != {self._tells_of_beats} or not self._time_s <= time_s <= time_b_s:
+            return None
+        from lasso_motion_ros.motion import kernels
+
+        tuning, intervals_s = self._tuning, (time_s - self._time_s, time_b_s - time_s)
+        values, covariance, mean, within = kernels.foreseen(
+            self._state,
+            self._covariance,
+            self._log_weights,
+            displacement_at(self._phase(time_s)),
+            since_b_at(self._phase(time_b_s)),
+            tuning.passage(intervals_s[0]).matrices,
+            tuning.passage(intervals_s[1]).matrices,
+            self.spread,
+            self._random_heart,
+        )
+        kept = tuning.heart_kept(intervals_s[0]), tuning.heart_kept(intervals_s[1])
+        at_a, between = Estimate(mean[:3], within[:3, :3]), Estimate(mean[3:], within[3:, 3:])
+        self._ahead = Outlook((time_s, time_b_s), values, covariance, kept, at_a, between)
+        return self._ahead
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: what would have been plane A's exposure, where it has none."""
@@ -254,7 +327,7 @@ class RespiratoryMotion(HeartBank):
         times_s = list(accumulate((step.time_s for step in steps), max, initial=self._time_s))
         intervals_s = [later - before for before, later in pairwise(times_s)]
         passages = [self._tuning.passage(interval_s) for interval_s in intervals_s]
-        seen = [step.seen or _NOTHING for step in steps]
+        seen = [step.seen or NOTHING for step in steps]
         functions = [
             (since_b_at if step.is_since_b else displacement_at)(self._phase(time_s))
             for step, time_s in zip(steps, times_s[1:], strict=True)
@@ -297,7 +370,7 @@ class RespiratoryMotion(HeartBank):
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
-        self._spread, self._foretold = self._spread.learned(displacement), None
+        self._spread, self._foretold, self._ahead = self._spread.learned(displacement), None, None
         self._spread.way  # noqa: B018 - worked out while no pair waits: the next one asks for it
         if self._time_s - self._since_all_s >= self._tuning.heartbeat_memory_s:
             self._take_up_all()

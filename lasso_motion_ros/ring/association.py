@@ -19,6 +19,7 @@ import numpy.typing as npt
 from lasso_motion_ros.geometry.covariance import largest_sigma, squared_mahalanobis
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.motion.motion_model import Estimate
+from lasso_motion_ros.motion.outcome import Outcome
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.detection import Detection
 from lasso_motion_ros.ring.loop_model import LoopModel
@@ -82,7 +83,7 @@ class Hypothesis:
 
     Attributes:
         detection: where the ring would be.
-        motion: the filter after it.
+        outcome: what it would make of the motion.
         log_odds: for it, against the ring being out of view.
         gap_mm: by which the planes disagree on its place, mm, signed; 0 where one plane is alone.
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
@@ -93,7 +94,7 @@ class Hypothesis:
     """
 
     detection: Detection
-    motion: RespiratoryMotion
+    outcome: Outcome[RespiratoryMotion]
     log_odds: float
     gap_mm: float
     slack_mm: float
@@ -108,9 +109,19 @@ class Hypothesis:
         return len(self.detection.planes) == len(PLANES)
 
     @property
+    def motion(self) -> RespiratoryMotion:
+        """The filter after it."""
+        return self.outcome.motion
+
+    @property
+    def at_a(self) -> Estimate:
+        """The displacement of the ring's centre since the seed pair, at plane A's exposure."""
+        return self.outcome.at_a
+
+    @property
     def displacement(self) -> Array:
-        """(3,) of the ring's centre since the seed pair, metres."""
-        return self.motion.at_a.displacement
+        """(3,) of that, metres."""
+        return self.at_a.displacement
 
     def is_beside(self, other: Hypothesis, limit_m: float) -> bool:
         """Whether another one, shown by the same planes, has the ring within so many metres."""
@@ -250,34 +261,27 @@ def _hypothesis(
     """
     clutter = _clutter_density(detection, tuning)
     odds: list[float] = []
-    outcomes: list[tuple[RespiratoryMotion, tuple[float, float, float]]] = []
-    observations = {plane: detection.observation(plane, model.centre) for plane in detection.planes}
+    outcomes: list[Outcome[RespiratoryMotion]] = []
+    a, b = (detection.observation(plane, model.centre) if plane in detection.planes else None for plane in PLANES)
     for prior, motion in ways:
-        after, likelihood = motion().copy(), 0.0
-        if "a" in observations:
-            likelihood += after.observe(times["a"], a=observations["a"])
-        else:
-            after.mark_a(time_s)
-        is_whole = len(observations) == len(PLANES)
-        gap = _disagreement(detection, after, times, model) if is_whole else (0.0, 0.0, 0.0)
-        if "b" in observations:
-            likelihood += after.observe(times["b"], b=observations["b"])
-        odds.append(prior + likelihood - clutter)
-        outcomes.append((after, gap))
+        outcome = motion().outcome(time_s, a, times.get("b", time_s), b)
+        odds.append(prior + outcome.likelihood - clutter)
+        outcomes.append(outcome)
         # The first way that explains it will do: more of them add nothing.
         if len(odds) >= least and max(odds) > 0.0:
             break
     motion_odds = float(np.logaddexp.reduce(odds)) if len(odds) > 1 else odds[0]
-    after, (gap_mm, slack_mm, along_mm) = outcomes[odds.index(max(odds))]
+    outcome = outcomes[odds.index(max(odds))]
+    gap_mm, slack_mm, along_mm = _disagreement(detection, outcome.between, model)
     log_odds = sum(
         _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
     )
-    log_odds += _place_odds(after.at_a.displacement - foreseen.displacement, foreseen.covariance, tuning)
+    log_odds += _place_odds(outcome.at_a.displacement - foreseen.displacement, foreseen.covariance, tuning)
     if len(detection.planes) == len(PLANES):
         log_odds += _gap_odds(1e-3 * gap_mm, 1e-3 * slack_mm, tuning)
     # Which shows whatever the ring does, and anything else.
     alike = tuning.alike / (tuning.alike + usualness * math.exp(motion_odds))
-    return Hypothesis(detection, after, log_odds, gap_mm, slack_mm, along_mm, alike)
+    return Hypothesis(detection, outcome, log_odds, gap_mm, slack_mm, along_mm, alike)
 
 
 def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:
@@ -321,15 +325,19 @@ def _usualness(support: float, usual: float, usual_sigma: float, tuning: Associa
     return density(support) / density(usual)
 
 
-def _disagreement(
-    detection: Detection, after_a: RespiratoryMotion, times: Mapping[Plane, float], model: LoopModel
-) -> tuple[float, float, float]:
+def _disagreement(detection: Detection, between: Estimate | None, model: LoopModel) -> tuple[float, float, float]:
     """How far the planes' rays pass each other, what the motion between their exposures may do to that, mm.
 
+    Args:
+        detection: seen by both.
+        between: where plane B should have it by plane A; None where one plane is alone.
+        model: the ring at the seed pair.
+
     Returns:
-        These, and how far the ring has gone in that direction as both planes have it.
+        These, and how far the ring has gone in that direction as both planes have it; zeros where one is alone.
     """
-    between = after_a.expected_between(times["b"])
+    if between is None:
+        return 0.0, 0.0, 0.0
     gap, across = detection.gap(model.centre + between.displacement)
     middle = 0.5 * (detection.planes["a"].centre + detection.planes["b"].centre)
     along = float(across @ (middle - model.centre))

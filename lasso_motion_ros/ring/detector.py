@@ -215,7 +215,7 @@ class RingDetector:
                 fresh = [candidate for candidate in others if not any(map(candidate.is_like, candidates))]
                 detections = self._aligned(fresh, place.images, expected, prior, detections)
                 candidates = [*candidates, *fresh]
-            if self._is_enough(detections, expected):
+            if near is passes[-1] or self._is_enough(detections, expected):
                 break
             tried = [candidate for candidate in candidates if self._is_inside(candidate, place.images)]
         return detections
@@ -258,12 +258,13 @@ class RingDetector:
     ) -> _Surroundings:
         """The images of what lies near the prediction, or the whole of them."""
         model, times = self._model, self.exposures(pair)
-        foreseen = motion.predict(self.seconds(pair.stamp_ns))
+        time_s = self.seconds(pair.stamp_ns)
+        foreseen, between = motion.foresee(time_s, times.get("b", time_s))
         expected: dict[Plane, Array] = {}
         if "a" in times:
             expected["a"] = model.centre + foreseen.displacement
         if "b" in times:
-            expected["b"] = model.centre + motion.expected_between(times["b"]).displacement
+            expected["b"] = model.centre + between.displacement
         uncertainty_mm = 2e3 * largest_sigma(foreseen.covariance)
         search_mm = config.search.near_mm + min(uncertainty_mm, 20.0)
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm

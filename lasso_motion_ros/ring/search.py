@@ -89,7 +89,7 @@ def find_peaks(
     """
     kernel, first = _laid_out(template, image.projection, centre, arms)
     reach = None if reach_mm is None else _reach_cells(image, centre, reach_mm)
-    scores, away = _best_shifts(in_cells(image.values), kernel, first, reach)
+    scores, away = _best_shifts(image.cells, kernel, first, reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
 
 

@@ -215,8 +215,8 @@ class Track:
 
     def _take_for_breathing(self, best: Hypothesis, time_s: float) -> None:
         self.curve.accept(time_s, best.displacement)
-        self.depth = self.depth.seen(time_s, best.motion.at_a)
-        noise = best.motion.at_a.covariance + self.motion.heartbeat
+        self.depth = self.depth.seen(time_s, best.at_a)
+        noise = best.at_a.covariance + self.motion.heartbeat
         self.seat = self.seat.seen(time_s, best.displacement, noise, self.motion.way)
         self.motion.learn(best.displacement)
         # Half of what the heartbeat did to it is the best guess for the next pair.

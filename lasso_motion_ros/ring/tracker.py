@@ -251,7 +251,7 @@ class RingTracker:
         best, states, departure, denied, slid = association.best, self._options.state, 0.0, 0.0, 0.0
         is_back = False
         if best is not None:
-            covariance = best.motion.at_a.covariance + association.spread
+            covariance = best.at_a.covariance + association.spread
             sigma_m = largest_sigma(covariance + track.motion.heartbeat_sideways)
             is_away = track.belief.away > states.displaced
             is_believed = best.believed >= states.pose

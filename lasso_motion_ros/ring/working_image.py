@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import cv2
 import numpy as np
@@ -73,6 +73,11 @@ class WorkingImage:
     noise: Image
     grey: Grey
     bright: bool = False
+
+    @cached_property
+    def cells(self) -> Image:
+        """(h // CELL_PX, w // CELL_PX) means of the values, for the search."""
+        return in_cells(self.values)
 
     def evidence_at(self, pixels: Array) -> Image:
         """(N,) attenuation as wide as an electrode at pixels (N, 2), relative to its local root mean square; -1 to 2.

@@ -227,7 +227,14 @@ def test_what_is_foreseen_is_what_is_there_later(has_peaks):
         later = motion.later(now + later_s)
         if (later.beats is None) == (beats is None):
             later._weigh(motion._log_weights)  # what was learned of the heart does not fade before it is asked for
-        for foretell in (RespiratoryMotion.predict, RespiratoryMotion.expected_between):
+        for at_once, foretell in zip(
+            motion.copy().foresee(now + later_s, now + later_s),
+            (RespiratoryMotion.predict, RespiratoryMotion.expected_between),
+            strict=True,
+        ):
+            apart = foretell(motion, now + later_s)
+            np.testing.assert_allclose(at_once.displacement, apart.displacement, atol=1e-12)
+            np.testing.assert_allclose(at_once.covariance, apart.covariance, rtol=1e-9, atol=1e-15)
             foreseen, there = foretell(motion, now + later_s), foretell(later, now + later_s)
             np.testing.assert_allclose(foreseen.displacement, there.displacement, atol=1e-12)
             np.testing.assert_allclose(foreseen.covariance, there.covariance, rtol=1e-9, atol=1e-15)

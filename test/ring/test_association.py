@@ -299,8 +299,8 @@ def test_the_filter_before_is_not_changed():
 
 def test_the_spread_of_the_mixture_by_hand():
     def at(place, probability):
-        motion = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array(place)))
-        return Hypothesis(detection_at(FORETOLD), motion, 0.0, 0.0, 0.0, probability=probability)
+        outcome = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array(place)))
+        return Hypothesis(detection_at(FORETOLD), outcome, 0.0, 0.0, 0.0, probability=probability)
 
     one, other = at([0.0, 0.0, 0.0], 0.72), at([0.0, 0.003, 0.004], 0.18)
     # A fifth of what is believed to be the ring lies 5 mm off: E[x xᵀ] = 0.2 · (3, 4)(3, 4)ᵀ mm².

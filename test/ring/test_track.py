@@ -7,6 +7,7 @@ import pytest
 from support.ring_fits import detection_of, plane_fit
 
 from lasso_motion_ros.motion.motion_model import ORIGIN_B
+from lasso_motion_ros.motion.outcome import Outcome
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve, CurveTuning
@@ -58,7 +59,8 @@ def hypothesis(one, place, *, evidence=1.2, contrast=0.1, turn_deg=0.0, planes="
     for p in planes:
         motion.observe(one.last_s, **{p: detection.observation(p, CENTRE)})
         motion.mark_a(one.last_s)
-    return Hypothesis(detection, motion, 9.0, 0.0, 0.0, probability=0.999)
+    outcome = Outcome(0.0, motion.at_a, None, lambda: motion)
+    return Hypothesis(detection, outcome, 9.0, 0.0, 0.0, probability=0.999)
 
 
 def seen(one, stamp_ns, place, **of_hypothesis):

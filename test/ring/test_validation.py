@@ -201,8 +201,8 @@ def test_each_heart_that_the_motion_considers_counts_by_itself_but_along_the_ray
 
 def test_what_is_not_the_ring_misleads_as_often_as_it_is_not_however_far_off_the_ring_is():
     def at(x_m, probability, believed):
-        motion = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array([x_m, 0.0, 0.0])))
-        return replace(best(1.8, 1.2, probability=probability), motion=motion, believed=believed)
+        outcome = SimpleNamespace(at_a=SimpleNamespace(displacement=np.array([x_m, 0.0, 0.0])))
+        return replace(best(1.8, 1.2, probability=probability), outcome=outcome, believed=believed)
 
     for far_m in (0.012, 0.050):
         places = Association((at(0.0, 0.97, 0.97), at(far_m, 0.03, 0.0)), 0.0)
