@@ -7,7 +7,7 @@ no pair: noise does not repeat itself. It does not add up in full, since what li
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ import numpy.typing as npt
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import FramePair
+from lasso_motion_ros.ring.electrodes import RingEvidence
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.tracker import RingTracker
 
@@ -55,6 +56,11 @@ class FollowedRing:
 
     def __post_init__(self) -> None:
         self.places[self.begun_ns] = np.zeros(3)
+
+    @property
+    def catheter(self) -> RingEvidence:
+        """What the planes show along it by now."""
+        return replace(self.track.electrodes, shown=self.track.template.shown)
 
     @property
     def evidence(self) -> float:

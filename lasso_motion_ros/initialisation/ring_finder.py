@@ -119,17 +119,15 @@ def _look(
     found = search_rings(laid, shown, check=partial(_check, go_on))
     seen_before = KnownRings(known, pairs[0])
     chosen = worth_following(*found, RingCloseups(laid, motions), shown, seen_before, check=partial(_check, go_on))
-    tried: list[Proposal] = []
-    followed: list[FollowedRing] = []
+    outcomes: list[tuple[Proposal, FollowedRing]] = []
     for one in chosen:
         _check(go_on)
         if (outcome := _followed(one, pairs, config, go_on)) is not None:
-            tried.append(outcome[0])
-            followed.append(outcome[1])
-    tried.sort(key=lambda one: -one.judgement.evidence)
+            outcomes.append(outcome)
+    outcomes.sort(key=lambda one: -one[0].judgement.evidence)
     proposed: list[Proposal] = []
     astray: list[Proposal] = []
-    for ring in tried:
+    for ring, following in outcomes:
         # Beside a ring whose clicks lead astray its own parts are none, but another curve of it may be.
         is_another = all(ring.can_be_beside(other) or ring.is_of(other) for other in astray)
         if ring.judgement.is_ring and is_another and all(ring.can_be_beside(other) for other in proposed):
@@ -138,10 +136,11 @@ def _look(
             if clicked is None:
                 astray.append(ring)
             else:
-                proposed.append(clicked)
+                proposed.append(replace(clicked, text=following.catheter.text))
+    tried = [ring for ring, _ in outcomes]
     rivals = [*tried, *beside]
     believed = [replace(ring, rivals=_count_rivals(ring, rivals)) for ring in proposed]
-    return Look(believed, seen_before.remembered(followed), tried)
+    return Look(believed, seen_before.remembered([following for _, following in outcomes]), tried)
 
 
 def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
@@ -197,9 +196,8 @@ def _followed(
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
     _check(go_on)
-    evidence = replace(track.electrodes, shown=track.template.shown)
     judgement = judge(
-        evidence,
+        ring.catheter,
         places_along(track.model, one.images),
         np.asarray(track.template.weights, dtype=np.float64),
         roundness=track.model.roundness,
@@ -212,9 +210,8 @@ def _followed(
         before=one.added,
     )
     ring.looks = (*(() if one.before is None else one.before.looks), (pairs[-1].stamp_ns, judgement.evidence))
-    text = evidence.text if judgement.is_ring else ""
     projections = {plane: frame.projection for plane, frame in first.frames.items()}
-    return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, text), ring
+    return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, ""), ring
 
 
 def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.config.catheters import Catheter, catalogue
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import arc_length
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import Image
@@ -212,8 +213,7 @@ def _fitting(points: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Gener
     at_mm = np.linspace(0.0, step_mm * (count - 1), count)
     profiles: Array = np.stack([np.interp(at_mm, arc_mm, np.asarray(shown[plane], np.float64)) for plane in PLANES])
     seams = np.arange(TUNING.seams) * count // TUNING.seams if is_closed else np.zeros(1, np.intp)
-    begun, slow = _from_seams(profiles, seams)
-    compared = np.concatenate([begun, slow], axis=1)
+    compared = np.ascontiguousarray(np.concatenate(_from_seams(profiles, seams), axis=1).T)
     independent = length_mm / TUNING.independent_mm
     found: list[tuple[float, float, float, float]] = []  # share, length, period, score
     best = -np.inf, 0.0, 0  # score, phase, seam
@@ -221,19 +221,11 @@ def _fitting(points: Array, shown: Mapping[Plane, Image], kinds: Kinds) -> Gener
         pole = _pole(length)
         for first in range(0, len(periods), TUNING.together):
             some = periods[first : first + TUNING.together]
-            combs, power, begins = _combs(some, share, pole, step_mm, count)
-            products = combs @ compared
-            of_slow = products[:, begun.shape[1] :]
-            size = np.sqrt(np.maximum(power - np.einsum("ps,ps->p", of_slow, of_slow), 1e-18))
-            correlations = np.clip(products[:, : begun.shape[1]] / size[:, None], 0.0, TUNING.largest_correlation)
-            each = np.log1p(-np.square(correlations)).reshape(len(combs), -1, len(PLANES))
-            likelihood = -0.5 * independent * each.sum(axis=2)
-            means = _log_means(likelihood, begins)
+            means, likeliest = _likelihoods(some, share, pole, step_mm, compared, len(seams), independent)
             found += [(share, length, period, mean) for period, mean in zip(some.tolist(), means.tolist(), strict=True)]
             if means.max() > best[0]:
                 which = int(np.argmax(means))
-                of_best = likelihood[begins[which] : [*begins[1:], len(combs)][which]]
-                place, seam = divmod(int(np.argmax(of_best)), len(seams))
+                place, seam = divmod(int(likeliest[which]), len(seams))
                 best = float(means[which]), place * step_mm, int(seams[seam])
             yield
     scores = np.array([score for *_, score in found])
@@ -296,6 +288,41 @@ def is_near_size(range_mm: tuple[float, float], diameter_mm: float, tolerance: f
 def _distances(low: float, high: float) -> Array:
     count = max(1, round(np.log(high / low) / TUNING.distance_step) + 1)
     return np.asarray(np.exp(np.linspace(np.log(low), np.log(high), count)))
+
+
+def _likelihoods(
+    periods: Array, share: float, pole: Array, step_mm: float, compared: Array, seams: int, independent: float
+) -> tuple[Array, npt.NDArray[np.int64]]:
+    """(N,) logarithms of the mean likelihoods of combs in all their places and from all seams, and their likeliest.
+
+    That is (N,) its place times the number of seams, and its seam.
+
+    Args:
+        periods: (N,) of the combs, rising, mm.
+        share: of a pair, see `Comb`.
+        pole: one of their poles (`_pole`).
+        step_mm: from place to place.
+        compared: (seams times planes, and then the slow terms, L) from `_from_seams`.
+        seams: how many.
+        independent: how many values along the curve have noise of their own.
+    """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels import combs as kernels
+
+        means, likeliest = np.empty(len(periods)), np.empty(len(periods), np.int64)
+        along = TUNING.table_step_mm, step_mm, compared, seams, independent, TUNING.largest_correlation
+        kernels.likelihoods(periods, share, pole, *along, means, likeliest)
+        return means, likeliest
+    combs, power, begins = _combs(periods, share, pole, step_mm, compared.shape[1])
+    products = combs @ compared.T
+    of_slow = products[:, seams * len(PLANES) :]
+    size = np.sqrt(np.maximum(power - np.einsum("ps,ps->p", of_slow, of_slow), 1e-18))
+    correlations = np.clip(products[:, : seams * len(PLANES)] / size[:, None], 0.0, TUNING.largest_correlation)
+    each = np.log1p(-np.square(correlations)).reshape(len(combs), -1, len(PLANES))
+    likelihood = -0.5 * independent * each.sum(axis=2)
+    ends = [*begins[1:], len(combs)]
+    likeliest = [int(np.argmax(likelihood[begin:end])) for begin, end in zip(begins, ends, strict=True)]
+    return _log_means(likelihood, begins), np.array(likeliest)
 
 
 def _combs(

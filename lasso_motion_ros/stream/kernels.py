@@ -39,6 +39,7 @@ MODULES = tuple(
         "ring.kernels.companions",
         "ring.kernels.companion_slide",
         "ring.kernels.curve",
+        "ring.kernels.combs",
         "geometry.kernels",
         "seeding.kernels",
     )

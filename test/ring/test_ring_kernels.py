@@ -20,6 +20,7 @@ from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
+from lasso_motion_ros.ring.electrodes import likeliest_comb
 from lasso_motion_ros.ring.loop_views import LoopViews
 from lasso_motion_ros.ring.plane_companions import CompanionTuning, PlaneCompanions, Sighting
 from lasso_motion_ros.ring.search import Peaks
@@ -267,6 +268,24 @@ def test_clicks_are_as_far_from_a_circle(seed: int) -> None:
     np.testing.assert_allclose(beside, plain_beside, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(shown, plain_shown, atol=1e-6)
     np.testing.assert_allclose(beside, views.beside(around), rtol=1e-12)
+
+
+@pytest.mark.parametrize("turns", [0.9, 1.0])  # open, and closed
+@pytest.mark.parametrize("seed", range(2))
+def test_combs_are_as_likely(seed: int, turns: float) -> None:
+    random = np.random.default_rng(seed)
+    turn = 2.0 * np.pi * np.linspace(0.0, turns, 120)
+    points = 0.01 * np.column_stack([np.cos(turn), np.sin(turn), 0.1 * random.normal(size=120)])
+    shown = {plane: random.normal(size=120).astype(np.float32) for plane in ("a", "b")}
+    compiled, plainly = both(lambda: likeliest_comb(points, shown))
+    assert compiled.places_mm == pytest.approx(plainly.places_mm, rel=1e-12)
+    assert (compiled.period_mm, compiled.share, compiled.length_mm) == (
+        plainly.period_mm,
+        plainly.share,
+        plainly.length_mm,
+    )
+    for told in ("score", "probability", "paired"):
+        assert getattr(compiled, told) == pytest.approx(getattr(plainly, told), rel=1e-9), told
 
 
 @pytest.mark.parametrize("is_cut", [False, True])
