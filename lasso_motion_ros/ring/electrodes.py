@@ -321,8 +321,8 @@ def _likelihoods(
     each = np.log1p(-np.square(correlations)).reshape(len(combs), -1, len(PLANES))
     likelihood = -0.5 * independent * each.sum(axis=2)
     ends = [*begins[1:], len(combs)]
-    likeliest = [int(np.argmax(likelihood[begin:end])) for begin, end in zip(begins, ends, strict=True)]
-    return _log_means(likelihood, begins), np.array(likeliest)
+    best = [int(np.argmax(likelihood[begin:end])) for begin, end in zip(begins, ends, strict=True)]
+    return _log_means(likelihood, begins), np.array(best, np.int64)
 
 
 def _combs(

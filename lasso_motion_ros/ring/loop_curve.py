@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -156,8 +157,8 @@ class _View:
     ) -> None:
         matrix = image.projection.matrix
         # Homogeneous pixels are linear in the parameters.
-        self._fixed = base @ matrix[:, :3].T + matrix[:, 3]
-        self._moving = np.einsum("ij,njp->nip", matrix[:, :3], waves)
+        self.fixed = base @ matrix[:, :3].T + matrix[:, 3]
+        self.moving = np.einsum("ij,njp->nip", matrix[:, :3], waves)
         self.clicks, self.unit = clicks, unit
         seen = image.projection.project(around)
         self._evidence, self._evidence_corner = image.evidence_about(seen)
@@ -182,16 +183,10 @@ class _View:
 
     def pixels(self, parameters: Array) -> _Seen:
         """Where it sees a curve."""
-        if has_kernels():
-            from lasso_motion_ros.ring.kernels import curve as kernels
-
-            pixels, slopes = np.empty((len(self._fixed), 2)), np.empty((len(self._fixed), 2, len(parameters)))
-            kernels.seen(self._fixed, self._moving, parameters, pixels, slopes)
-            return pixels, slopes
-        seen = self._fixed + self._moving @ parameters
+        seen = self.fixed + self.moving @ parameters
         depth = seen[:, 2:]
         pixels = seen[:, :2] / depth
-        return pixels, (self._moving[:, :2] - pixels[:, :, None] * self._moving[:, 2:]) / depth[:, :, None]
+        return pixels, (self.moving[:, :2] - pixels[:, :, None] * self.moving[:, 2:]) / depth[:, :, None]
 
 
 class _Fit:
@@ -254,6 +249,14 @@ class _Fit:
     def climb(self) -> None:
         """Go to the maximum."""
         least, damping, most = TUNING.damping
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import curve as kernels
+
+            parameters = self._parameters.copy()
+            steps = TUNING.steps, least, damping, most, TUNING.largest_step_mm, TUNING.settled
+            kernels.climb(parameters, *[*self._seen_by_kernels(), self._moved, *steps])
+            self._parameters = parameters
+            return
         here, gradient, normal = self._probability(self._parameters)
         for _ in range(TUNING.steps):
             step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), gradient)
@@ -280,6 +283,12 @@ class _Fit:
 
     def _probability(self, parameters: Array) -> tuple[float, Array, Array]:
         """Logarithm of a curve's probability, (P,) its gradient, and (P, P) about its negative second derivatives."""
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels import curve as kernels
+
+            gradient, normal = np.empty(len(parameters)), np.empty((len(parameters), len(parameters)))
+            value = kernels.probability(parameters, *[*self._seen_by_kernels(), gradient, normal])
+            return value, gradient, normal
         value = -0.5 * float(self._precision @ parameters**2)
         gradient, normal = -self._precision * parameters, np.diag(self._precision)
         seen = [view.pixels(parameters) for view in self._views]
@@ -288,6 +297,26 @@ class _Fit:
         for view, one in zip(self._views, seen, strict=True):
             value += _of_clicks(view.clicks, self._click_variance, view.unit, one, gradient, normal)
         return value, gradient, normal
+
+    def _seen_by_kernels(self) -> list[Any]:
+        """What `kernels.curve.probability` asks for after the parameters."""
+        views, layers = self._views, [one for _, one in self._layers]
+        (coarse_a, coarse_b), (fine_a, fine_b) = layers[0], layers[-1]
+        return [
+            self._precision,
+            np.ascontiguousarray([view.fixed.T for view in views]),
+            np.ascontiguousarray([view.moving.transpose(1, 2, 0) for view in views]),
+            *(np.ascontiguousarray(view.clicks, np.float64) for view in views),
+            np.array([view.unit for view in views]),
+            *(layer.sampled for layer in (coarse_a, coarse_b, fine_a, fine_b)),
+            np.array([[layer.corner for layer in one] for one in layers], np.float64),
+            np.array([[layer.amplitude for layer in one] for one in layers], np.float64),
+            np.stack([self._spacing_mm / independent_mm for independent_mm, _ in self._layers]),
+            TUNING.electrodes,
+            *TUNING.odds,
+            TUNING.click_freedom,
+            self._click_variance,
+        ]
 
 
 def _of_images(layers: list[_Layer], seen: list[_Seen], weights: Array, gradient: Array, normal: Array) -> float:
@@ -301,13 +330,6 @@ def _of_images(layers: list[_Layer], seen: list[_Seen], weights: Array, gradient
         normal: (P, P) and about its negative second derivatives.
     """
     low, high = TUNING.odds
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels import curve as kernels
-
-        (a, b), ((pixels_a, along_a), (pixels_b, along_b)) = layers, seen
-        in_a = a.sampled, a.corner, a.amplitude, pixels_a, along_a
-        in_b = b.sampled, b.corner, b.amplitude, pixels_b, along_b
-        return kernels.electrodes(*in_a, *in_b, weights, TUNING.electrodes, low, high, gradient, normal)
     odds, slopes = np.ones(len(weights)), np.zeros((len(weights), len(gradient)))
     for layer, (pixels, along) in zip(layers, seen, strict=True):
         shown, steep = layer.at(pixels)
@@ -327,10 +349,6 @@ def _of_clicks(clicks: Array, variance: float, unit: float, seen: _Seen, gradien
     """Logarithm of how likely one plane's clicks (C, 2) are beside a curve; arguments as of `_View`, `_of_images`."""
     pixels, along = seen
     freedom = TUNING.click_freedom
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels import curve as kernels
-
-        return kernels.clicked(clicks, unit, pixels, along, freedom, variance, gradient, normal)
     apart = clicks[:, None] - pixels
     nearest = np.clip((apart**2).sum(axis=2).argmin(axis=1), 1, len(pixels) - 2)
     tangents = pixels[nearest + 1] - pixels[nearest - 1]

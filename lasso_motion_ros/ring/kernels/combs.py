@@ -49,7 +49,7 @@ def likelihoods(
     shown = np.empty(columns)
     for n in range(len(periods)):
         period = periods[n]
-        places = int(math.ceil(period / step_mm))
+        places = math.ceil(period / step_mm)
         along = np.zeros(places - 1 + count)
         for k in range(len(along)):
             for second in range(2 if share else 1):
