@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.initialisation.nearby_points import LEVELS, Nearby, PointCloud
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 
@@ -44,6 +45,7 @@ class _Tuning:
 
 
 TUNING = _Tuning()
+_NEAR_M = np.array([TUNING.near_m] * 3 + [TUNING.near_lift_m])
 
 
 def begun(rings: ShapedRings, cloud: PointCloud) -> tuple[ShapedRings, Array]:
@@ -114,12 +116,9 @@ def carried(
     moved = [np.zeros((len(rings), 4))]
     lift_m = TUNING.lift_m if is_later else TUNING.still_lift_m
     for cloud in clouds[1:]:
-        ways = []
-        for k, which in enumerate(is_on):
-            check()
-            # From where it was in the pair before: a breath goes on.
-            ways.append(_way(first, k, which, moved[-1][k], cloud, lift_m))
-        moved.append(np.array(ways).reshape(len(rings), 4))
+        check()
+        # From where it was in the pair before: a breath goes on.
+        moved.append(_ways(first, is_on, moved[-1], cloud, lift_m))
     nearby = _of_all(rings, clouds, moved)
     fitted = rings.fitted(nearby, TUNING.carried_sigmas_m)
     return Carried(fitted, tuple(moved), fitted.support(nearby).evidence(_by_chance(fitted, clouds, moved)))
@@ -143,6 +142,53 @@ def _by_chance(rings: ShapedRings, clouds: Sequence[PointCloud], moved: Sequence
 
 def _about(rings: ShapedRings, cloud: PointCloud, most: int) -> Nearby:
     return cloud.about(rings.centres, rings.radii, rings.lifts, np.zeros((len(rings), 4)), most)
+
+
+def _ways(nearby: Nearby, is_on: npt.NDArray[np.bool_], expected: Array, cloud: PointCloud, lift_m: float) -> Array:
+    """(N, 4) m by which rings have moved until another pair, and their lift has grown; else as of `_way`.
+
+    Args:
+        nearby: the points about rings in the first pair.
+        is_on: (N, M) which of them are on the rings.
+        expected: (N, 4) about which is looked.
+        cloud: the other pair's points.
+        lift_m: by which the lift may have changed.
+    """
+    if not has_kernels():
+        ways = [_way(nearby, k, which, expected[k], cloud, lift_m) for k, which in enumerate(is_on)]
+        return np.array(ways).reshape(len(is_on), 4)
+    from lasso_motion_ros.initialisation import point_kernels
+
+    found, points = np.empty((len(is_on), 4)), cloud.points
+    bounds, cells, size = _cells(lift_m)
+    point_kernels.ways(
+        nearby.places,
+        nearby.lifts,
+        nearby.strengths,
+        is_on,
+        np.ascontiguousarray(expected),
+        points.places,
+        points.lifts,
+        points.strengths,
+        TUNING.faintest,
+        TUNING.voted_for,
+        TUNING.strongest,
+        bounds,
+        cells,
+        size,
+        TUNING.dense,
+        _NEAR_M,
+        TUNING.rounds,
+        found,
+    )
+    return found
+
+
+def _cells(lift_m: float) -> tuple[Array, Array, npt.NDArray[np.intp]]:
+    """(4,) m within which ways are looked for, (4,) m of a cell of them, and (4,) how many cells there are."""
+    bounds = np.array([TUNING.reach_m] * 3 + [lift_m])
+    cells = np.array([TUNING.cell_m] * 3 + [TUNING.lift_cell_m])
+    return bounds, cells, np.ceil(2.0 * bounds / cells).astype(np.intp) + 2
 
 
 def _way(
@@ -169,20 +215,18 @@ def _way(
     here = np.concatenate([places, lifts[:, None]], axis=1)
     ways = (there[:, None] - here).reshape(-1, 4) - expected
     votes = np.minimum(cloud.points.strengths[near][:, None], strengths).reshape(-1)
-    bounds = np.array([TUNING.reach_m] * 3 + [lift_m])
+    bounds, cells, size = _cells(lift_m)
     is_possible = np.logical_and.reduce([np.abs(way) < bound for way, bound in zip(ways.T, bounds, strict=True)])
     ways, votes = ways[is_possible], votes[is_possible]
     if not len(votes):
         return expected
     electrode = np.tile(np.arange(len(lifts)), len(near))[is_possible]
-    found, agreed = _refined(_dense_ways(ways, votes, bounds), ways, votes, electrode)
+    found, agreed = _refined(_dense_ways(ways, votes, bounds, cells, size), ways, votes, electrode)
     return np.asarray(expected + found[int(agreed.argmax())])
 
 
-def _dense_ways(ways: Array, votes: Array, bounds: Array) -> Array:
-    """(K, 4) about where most votes (N,) for ways (N, 4) within bounds (4,) lie close together."""
-    cells = np.array([TUNING.cell_m] * 3 + [TUNING.lift_cell_m])
-    size = np.ceil(2.0 * bounds / cells).astype(np.intp) + 2
+def _dense_ways(ways: Array, votes: Array, bounds: Array, cells: Array, size: npt.NDArray[np.intp]) -> Array:
+    """(K, 4) about where most votes (N,) for ways (N, 4) lie close together; the rest as of `_cells`."""
     found = []
     for shift in (0.0, 0.5):  # what lies on the border of one cell lies within another
         at = ((ways + bounds) / cells + shift).astype(np.intp)
@@ -196,8 +240,7 @@ def _dense_ways(ways: Array, votes: Array, bounds: Array) -> Array:
 
 def _refined(found: Array, ways: Array, votes: Array, electrode: npt.NDArray[np.intp]) -> tuple[Array, Array]:
     """(K, 4) some ways as the votes about each have it, and (K,) how much those are, each electrode's most only."""
-    unit = np.array([TUNING.near_m] * 3 + [TUNING.near_lift_m])
-    ways, found = ways / unit, found / unit
+    ways, found = ways / _NEAR_M, found / _NEAR_M
     squared = np.einsum("ni,ni->n", ways, ways)
 
     def is_near() -> npt.NDArray[np.bool_]:  # (N, K)
@@ -211,4 +254,4 @@ def _refined(found: Array, ways: Array, votes: Array, electrode: npt.NDArray[np.
     most = np.zeros((len(found), int(electrode.max()) + 1))
     vote, which = np.nonzero(is_near())
     np.maximum.at(most, (which, electrode[vote]), votes[vote])
-    return found * unit, most.sum(axis=1)
+    return found * _NEAR_M, most.sum(axis=1)

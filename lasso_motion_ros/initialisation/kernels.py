@@ -190,27 +190,6 @@ def spots_along(
             shown[n, p] = min(shown[n, p], value)
 
 
-@compiled("void(float64[:, ::1], int64[::1], float64[::1], float64, int64[::1])")
-def counted(places: Array, ends: Numbers, centre: Array, radius_m: float, counts: Numbers) -> None:
-    """How many of the first points of each level lie in a sphere: `nearby_points.PointCloud.density`.
-
-    Args:
-        places: (M, 3) m, the strongest first.
-        ends: (LEVELS,) how many are as strong as each level: fewer for a higher one.
-        centre: (3,) m.
-        radius_m: of the sphere.
-        counts: (LEVELS,) filled.
-    """
-    inside, begin, high = 0, 0, radius_m**2
-    for level in range(len(ends) - 1, -1, -1):
-        for k in range(begin, ends[level]):
-            x, y, z = places[k, 0] - centre[0], places[k, 1] - centre[1], places[k, 2] - centre[2]
-            if x * x + y * y + z * z <= high:
-                inside += 1
-        begin = ends[level]
-        counts[level] = inside
-
-
 @compiled("int64[:, ::1](float64[:, ::1], float64[:, ::1], int64)")
 def directions(columns: Array, rows: Array, count: int) -> Numbers:
     """(N, P) which of some directions is nearest to closed curves' tangents: `direction_maps.nearest_direction`."""

@@ -24,6 +24,8 @@ class _Tuning:
     reach_m: float = 3e-3  # from a ring's circle
     lift_m: float = 0.8e-3
     surroundings_m: float = 12e-3  # beyond a ring, from which it is told how many points are there by chance
+    cells: int = 48  # along each axis; what lies beyond them is in the outermost
+    cell_m: float = 5e-3
     levels: tuple[float, ...] = (1.5, 2.0, 2.5, 3.0)  # of strength, at each of which points are counted
 
 
@@ -68,6 +70,11 @@ class Nearby:
             is_own: (N, M) which of those are the rings' own.
         """
         strengths = self.strengths.copy()
+        if has_kernels():
+            from lasso_motion_ros.initialisation import point_kernels
+
+            point_kernels.without(self.spots, own.spots, is_own, strengths)
+            return replace(self, strengths=strengths)
         for k, which in enumerate(is_own):
             # Compared one by one: a ring has few spots of its own.
             taken = (self.spots[k][:, None] == own.spots[k, which]).any(axis=1)  # (M, 2)
@@ -99,6 +106,18 @@ class PointCloud:
         """Of the points as strong as each level."""
         strong = [self.points.places[self.points.strengths >= level] for level in LEVELS]
         return [_tree_of(one) if len(one) else None for one in strong]
+
+    @cached_property
+    def _cells(self) -> tuple[Array, float, int, Indices, Indices]:
+        """Where the first cell begins, a cell's side, how many there are along each axis, and the points in each."""
+        from lasso_motion_ros.initialisation import point_kernels
+
+        places, count = self.points.places, TUNING.cells
+        middle = np.median(places, axis=0) if len(places) else np.zeros(3)
+        low = np.asarray(middle - 0.5 * count * TUNING.cell_m)
+        starts, order = np.empty(count**3 + 1, np.int64), np.empty(len(places), np.int64)
+        point_kernels.sorted_into_cells(places, low, TUNING.cell_m, count, starts, order)
+        return low, TUNING.cell_m, count, starts, order
 
     @cached_property
     def _ends(self) -> Indices:
@@ -140,6 +159,8 @@ class PointCloud:
             moved: (N, 4) m by which each has moved until then, and by which its lift has grown.
             most: how many of each at most: the strongest.
         """
+        if has_kernels():
+            return self._about_by_cells(centres, radii, lifts, moved, most)
         points, there, lifted = self.points, centres + moved[:, :3], lifts + moved[:, 3]
         some, ring = self._about(there, radii, lifted)
         column = np.arange(len(ring)) - np.searchsorted(ring, ring)
@@ -156,6 +177,38 @@ class PointCloud:
             table(points.strengths),
             table(points.spots),
         )
+
+    def _about_by_cells(self, centres: Array, radii: Array, lifts: Array, moved: Array, most: int) -> Nearby:
+        """As `about`, compiled."""
+        from lasso_motion_ros.initialisation import point_kernels
+
+        points, shape = self.points, (len(centres), most)
+        low, side_m, count, starts, order = self._cells
+        nearby = Nearby(
+            np.zeros((*shape, 3)), np.zeros(shape), np.zeros(shape), np.zeros((*shape, 2), points.spots.dtype)
+        )
+        point_kernels.about(
+            points.places,
+            points.lifts,
+            points.strengths,
+            points.spots,
+            low,
+            side_m,
+            count,
+            starts,
+            order,
+            np.ascontiguousarray(centres),
+            np.ascontiguousarray(radii),
+            np.ascontiguousarray(lifts),
+            np.ascontiguousarray(moved),
+            TUNING.reach_m,
+            TUNING.lift_m,
+            nearby.places,
+            nearby.lifts,
+            nearby.strengths,
+            nearby.spots,
+        )
+        return nearby
 
     def _about(self, there: Array, radii: Array, lifted: Array) -> tuple[Indices, Indices]:
         """Which points are about rings (N, 3), (N,), (N,), ring by ring, the strongest first; and which ring's."""
@@ -180,11 +233,11 @@ class PointCloud:
         spheres = radii + TUNING.surroundings_m
         volume = 4.0 / 3.0 * np.pi * spheres**3 * self._lifts_m
         if has_kernels():
-            from lasso_motion_ros.initialisation import kernels
+            from lasso_motion_ros.initialisation import point_kernels
 
-            number, ends = np.zeros((len(centres), len(LEVELS)), np.int64), self._ends
-            for centre, radius, of_ring in zip(centres, spheres.tolist(), number, strict=True):
-                kernels.counted(self.points.places, ends, centre, radius, of_ring)
+            number = np.zeros((len(centres), len(LEVELS)), np.int64)
+            around = np.ascontiguousarray(centres), np.ascontiguousarray(spheres), number
+            point_kernels.counted(self.points.places, self._ends, *self._cells, *around)
             return np.asarray(np.maximum(number, 1.0) / volume[:, None])
         counts = [
             np.ones(len(centres)) if tree is None else tree.query_ball_point(centres, spheres, return_length=True)

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.special import gammainc
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.initialisation.circles import TURN, Circles
 from lasso_motion_ros.initialisation.nearby_points import LEVELS, Nearby
@@ -128,10 +130,34 @@ class ShapedRings:
             nearby: the points.
             sigmas_m: round by round, the distance to which points count.
         """
+        if has_kernels():
+            return self._fitted_by_kernels(nearby, sigmas_m)
         rings = self
         for sigma_m in sigmas_m:
             rings = rings._moved(nearby, sigma_m)
         return rings
+
+    def _fitted_by_kernels(self, nearby: Nearby, sigmas_m: Sequence[float]) -> ShapedRings:
+        """As `fitted`, compiled."""
+        from lasso_motion_ros.initialisation import point_kernels
+
+        rings = [np.array(getattr(self, one.name), np.float64, order="C") for one in fields(self)]
+        points = nearby.places, nearby.lifts, nearby.strengths, np.array(sigmas_m, np.float64)
+        tuning = (
+            TUNING.strongest,
+            TUNING.lift_sigma_m,
+            TUNING.point_m,
+            TUNING.ellipse_share,
+            TUNING.saddle_m,
+            TUNING.inertia,
+            TUNING.largest_step_m,
+            TUNING.largest_ellipse_m,
+            TUNING.largest_saddle_m,
+            *TUNING.radii_m,
+        )
+        everything: list[Any] = [*rings, *points, *tuning]
+        point_kernels.fitted(*everything)
+        return ShapedRings(*rings)
 
     def _moved(self, nearby: Nearby, sigma_m: float) -> ShapedRings:
         """The rings after one step."""
@@ -196,6 +222,22 @@ class ShapedRings:
 
     def support(self, nearby: Nearby) -> Support:
         """Which of the points about the rings lie on each."""
+        if has_kernels():
+            from lasso_motion_ros.initialisation import point_kernels
+
+            support = Support(
+                np.empty((len(self), len(LEVELS)), np.int64),
+                np.empty(len(self)),
+                np.empty(nearby.strengths.shape, np.bool_),
+            )
+            everything: list[Any] = [
+                *(np.ascontiguousarray(getattr(self, one.name)) for one in fields(self)),
+                *(getattr(nearby, one.name) for one in fields(nearby)),
+                *(LEVELS, TUNING.on_m, TUNING.on_lift_m),
+                *(support.counts, support.gaps, support.is_on),
+            ]
+            point_kernels.support(*everything)
+            return support
         at = self._residuals(nearby)
         is_on = (at.outward**2 + at.along**2 < TUNING.on_m**2) & (np.abs(at.lifted) < TUNING.on_lift_m)
         is_on &= nearby.strengths > 0.0

@@ -31,6 +31,7 @@ MODULES = tuple(
         "motion.rotation_kernels",
         "ring.kernels.display",
         "initialisation.kernels",
+        "initialisation.point_kernels",
         "ring.kernels.seed",
         "ring.kernels.band",
         "ring.kernels.blur",

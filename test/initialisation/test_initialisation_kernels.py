@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from support.lasso_inputs import lasso_pair
 
 from lasso_motion_ros.core.compiled import has_kernels, plain
+from lasso_motion_ros.initialisation.carried_rings import carried
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circle_search import search_circles
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.nearby_points import PointCloud
 from lasso_motion_ros.initialisation.ring_search import Shown
+from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.initialisation.spot_circles import circles_of_spots
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
@@ -47,10 +49,66 @@ def test_circles_through_electrodes() -> None:
         _assert_same(compiled, circles_of_spots(PAIR.points, PAIR.spots, PAIR.grid))
 
 
-def test_how_densely_points_lie() -> None:
-    cloud = PointCloud(PAIR.points, PAIR.largest_lift_m)
+def _cloud() -> PointCloud:
+    return PointCloud(PAIR.points, PAIR.largest_lift_m)
+
+
+def _rings(count: int) -> ShapedRings:
+    """Rings through electrodes, bent and squeezed."""
+    random = np.random.default_rng(1)
+    rings = ShapedRings.of(circles_of_spots(PAIR.points, PAIR.spots, PAIR.grid)[:count])
+    shape = [random.normal(0.0, 0.5e-3, (len(rings), 2)) for _ in range(2)]
+    return replace(rings, ellipses=shape[0], saddles=shape[1])
+
+
+def _assert_alike(one: object, other: object) -> None:
+    for part in fields(one):  # type: ignore[arg-type]
+        np.testing.assert_allclose(getattr(one, part.name), getattr(other, part.name), rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("extent_m", [0.03, 0.3])  # about them, and beyond all cells
+def test_how_densely_points_lie(extent_m: float) -> None:
     random = np.random.default_rng(0)
-    about = random.uniform(-0.03, 0.03, (20, 3)), random.uniform(6e-3, 16e-3, 20)
-    compiled = cloud.density(*about)
+    about = random.uniform(-extent_m, extent_m, (20, 3)), random.uniform(6e-3, 16e-3, 20)
+    compiled = _cloud().density(*about)
     with plain():
-        assert compiled == pytest.approx(cloud.density(*about))
+        assert compiled == pytest.approx(_cloud().density(*about))
+
+
+@pytest.mark.parametrize("most", [5, 96])
+def test_the_same_points_are_about_rings(most: int) -> None:
+    random, rings = np.random.default_rng(2), _rings(30)
+    moved = random.normal(0.0, 5e-3, (len(rings), 4)) * (1.0, 1.0, 1.0, 0.1)
+    compiled = _cloud().about(rings.centres, rings.radii, rings.lifts, moved, most)
+    with plain():
+        _assert_alike(compiled, _cloud().about(rings.centres, rings.radii, rings.lifts, moved, most))
+
+
+def test_rings_come_to_lie_on_points_alike_and_have_the_same_support() -> None:
+    rings = _rings(30)
+    nearby = _cloud().about(rings.centres, rings.radii, rings.lifts, np.zeros((len(rings), 4)), 96)
+    compiled = rings.fitted(nearby, (1.2e-3, 0.6e-3))
+    support = compiled.support(nearby)
+    left = nearby.without(nearby, support.is_on)
+    assert support.counts.max() > 3
+    assert (left.strengths != nearby.strengths).any()
+    with plain():
+        _assert_alike(compiled, rings.fitted(nearby, (1.2e-3, 0.6e-3)))
+        _assert_alike(support, compiled.support(nearby))
+        _assert_alike(left, nearby.without(nearby, support.is_on))
+
+
+@pytest.mark.parametrize("is_later", [False, True])
+def test_rings_are_carried_alike(is_later: bool) -> None:
+    rings, later = _rings(12), LaidPair.of(lasso_pair(1), bright=False)
+
+    def clouds() -> list[PointCloud]:
+        return [_cloud(), PointCloud(later.points, later.largest_lift_m)]
+
+    compiled = carried(rings, clouds(), is_later=is_later)
+    assert abs(compiled.moved[1]).max() > 1e-3
+    with plain():
+        plainly = carried(rings, clouds(), is_later=is_later)
+    _assert_alike(compiled.rings, plainly.rings)
+    np.testing.assert_allclose(compiled.moved, plainly.moved, rtol=1e-9, atol=1e-12)
+    assert compiled.evidence == pytest.approx(plainly.evidence)
