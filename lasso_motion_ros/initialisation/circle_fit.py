@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,7 @@ from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.directions import axes_across
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.initialisation.circle_search import STRONGER_SHARE, search_circles
-from lasso_motion_ros.initialisation.circles import TURN, Circles, Indices, is_narrow, laid, outward
+from lasso_motion_ros.initialisation.circles import SHARES, TURN, Circles, is_narrow, laid, outward
 from lasso_motion_ros.initialisation.direction_maps import DIRECTIONS, DirectionMaps, nearest_direction, tangents
 from lasso_motion_ros.initialisation.epipolar_grid import LATER_S, EpipolarGrid
 from lasso_motion_ros.initialisation.laid_image import CELL_M
@@ -67,6 +68,7 @@ class _Tuning:
 
 
 TUNING = _Tuning()
+_BEYOND_M = np.array(TUNING.beyond_m)
 
 
 def find_circles(
@@ -146,33 +148,43 @@ def _with_tilted(circles: Circles, grid: EpipolarGrid) -> Circles:
 
 def scored(circles: Circles, maps: Mapping[Plane, DirectionMaps], grid: EpipolarGrid) -> Circles:
     """The circles with the mean response to lines along them, less that beside them: the weaker plane's above all."""
-    wider = TUNING.beside_m / circles.radii
-    scales = np.stack([np.ones(len(circles)), 1.0 + wider, 1.0 - wider], axis=1)
-    means = []
-    for plane in PLANES:
-        columns, rows = laid(circles, plane, grid)
-        direction = nearest_direction(columns, rows)
-        on, outside, inside = _means_along(columns, rows, direction, maps[plane], scales).T
-        beside = 0.5 * (outside + inside)
-        narrow = is_narrow(circles, plane, grid)
-        if narrow.any():
-            beside[narrow] = np.minimum(beside[narrow], _beside_narrow(columns[narrow], rows[narrow], maps[plane]))
-        means.append(on - TUNING.beside_share * beside)
+    means = [_shown_along(circles, maps[plane], plane, grid) for plane in PLANES]
     return replace(circles, scores=np.minimum(*means) + STRONGER_SHARE * np.maximum(*means))
 
 
-def _means_along(columns: Array, rows: Array, direction: Indices, maps: DirectionMaps, scales: Array) -> Array:
-    """(N, K) means of the responses, the strongest within a cell, along closed curves (N, P) at some scales (N, K)."""
+def _shown_along(circles: Circles, maps: DirectionMaps, plane: Plane, grid: EpipolarGrid) -> Array:
+    """(N,) the mean response of one plane to lines along circles, less that beside them."""
+    narrow = is_narrow(circles, plane, grid)
     if has_kernels():
         from lasso_motion_ros.initialisation import kernels
 
-        return kernels.means_along(maps.widened, maps.left, maps.top, CELL_M, columns, rows, direction, scales)
+        shown = np.empty(len(circles))
+        tuning = TUNING.beside_m, TUNING.beside_share, _BEYOND_M, TUNING.narrow_beside, TUNING.beyond_share
+        radii = np.ascontiguousarray(circles.radii)
+        lines = maps.widened, maps.left, maps.top, CELL_M
+        everything: list[Any] = [*_laid_by(circles, plane, grid), radii, narrow, *lines, *tuning, shown]
+        kernels.shown_along(*everything)
+        return shown
+    columns, rows = laid(circles, plane, grid)
+    direction = nearest_direction(columns, rows)
     column, row = (one.mean(axis=1, keepdims=True) for one in (columns, rows))
-    means = []
-    for scale in scales.T[..., None]:
+    wider = (TUNING.beside_m / circles.radii)[:, None]
+
+    def mean(scale: Array | float) -> Array:
+        """(N,) along the curves at a scale."""
         at = column + scale * (columns - column), row + scale * (rows - row)
-        means.append(maps.at(*at, direction, widened=True).mean(axis=1))
-    return np.asarray(np.stack(means, axis=1), np.float64)
+        return np.asarray(maps.at(*at, direction, widened=True).mean(axis=1), np.float64)
+
+    beside = 0.5 * (mean(1.0 + wider) + mean(1.0 - wider))
+    if narrow.any():
+        beside[narrow] = np.minimum(beside[narrow], _beside_narrow(columns[narrow], rows[narrow], maps))
+    return np.asarray(mean(1.0) - TUNING.beside_share * beside)
+
+
+def _laid_by(circles: Circles, plane: Plane, grid: EpipolarGrid) -> tuple[Array, Array, Array, float, float]:
+    """What kernels lay circles out by: see `kernels.shown_along`."""
+    lifts = circles.lifts if plane == "b" else np.zeros(len(circles))
+    return grid.parts(plane, circles.axes), np.ascontiguousarray(lifts), SHARES, grid.distance(plane), grid.lever
 
 
 def _beside_narrow(columns: Array, rows: Array, maps: DirectionMaps) -> Array:
@@ -231,17 +243,61 @@ def _line_beside(
     """
     x, y = across
     direction = nearest_direction(columns, rows)
-    if has_kernels():
-        from lasso_motion_ros.initialisation import kernels
-
-        way = np.ascontiguousarray(x), np.ascontiguousarray(y)
-        map_ = maps.responses, maps.left, maps.top, CELL_M
-        return kernels.beside(*map_, columns, rows, *way, direction, offsets, nearness)
     at = columns[..., None] + offsets * x[..., None], rows[..., None] + offsets * y[..., None]
     shown = maps.at(*at, direction[..., None])
     weights = shown**2 * nearness
     found = (weights * offsets).sum(axis=2) / np.maximum(weights.sum(axis=2), 1e-6)
     return found, np.asarray(shown.max(axis=2), np.float64)
+
+
+def _pull(
+    circles: Circles,
+    axes: Array,
+    maps: DirectionMaps,
+    plane: Plane,
+    grid: EpipolarGrid,
+    offsets: Array,
+    nearness: Array,
+    normal: Array,
+    right: Array,
+) -> None:
+    """Add what the lines beside circles in one plane say of a step towards them.
+
+    Args:
+        circles: some.
+        axes: (N, 3, 3) m by which a tilt moves their points, and two unit vectors across them.
+        maps: the plane's.
+        plane: which.
+        grid: on which they lie.
+        offsets: as of `_line_beside`.
+        nearness: likewise.
+        normal: (N, 7, 7) of the least squares of centre, tilts, radius and lift,
+        right: (N, 7) likewise.
+    """
+    basis = np.stack([grid.sideways[plane], grid.upward])
+    ways = axes @ basis.T  # (N, 3, 2)
+    lifted = 1.0 if plane == "b" else 0.0
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        moved = basis, np.ascontiguousarray(ways), lifted
+        lines = maps.responses, maps.left, maps.top, CELL_M, offsets, nearness
+        everything: list[Any] = [*_laid_by(circles, plane, grid), *moved, *lines, normal, right]
+        kernels.pull(*everything)
+        return
+    cosine, sine = np.cos(TURN), np.sin(TURN)
+    columns, rows = laid(circles, plane, grid)
+    along, down, length = tangents(columns, rows)
+    found, most = _line_beside(columns, rows, (-down, along), maps, offsets, nearness)
+    # Where a plane sees the circle's side, its points lie close together.
+    weight = most * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
+    across = np.stack([-down, along], axis=2)  # (N, P, 2)
+    tilted, wider, aside = np.moveaxis(across @ ways.transpose(0, 2, 1), 2, 0)
+    others = sine * tilted, cosine * tilted, cosine * wider + sine * aside, lifted * along
+    jacobian = np.concatenate([across @ basis, np.stack(others, axis=2)], axis=2)
+    weighted = jacobian * weight[..., None]
+    normal += np.matmul(weighted.transpose(0, 2, 1), jacobian)
+    right += np.einsum("npi,np->ni", weighted, found)
 
 
 def _moved(
@@ -255,29 +311,9 @@ def _moved(
     offsets = np.arange(-one.reach_m, one.reach_m + 0.5 * one.step_m, one.step_m)
     nearness = np.exp(-0.5 * (offsets / (TUNING.nearer_share * one.reach_m)) ** 2)
     first, second = axes_across(circles.normals)
-    cosine, sine = np.cos(TURN), np.sin(TURN)
-    jacobian = np.zeros((len(circles), len(TURN), 7))
+    axes = np.stack([circles.radii[:, None] * circles.normals, first, second], axis=1)
     for plane in PLANES:
-        columns, rows = laid(circles, plane, grid)
-        along, down, length = tangents(columns, rows)
-        x, y = -down[..., None], along[..., None]  # across the circle
-        found, most = _line_beside(columns, rows, (x[..., 0], y[..., 0]), maps[plane], offsets, nearness)
-        # Where a plane sees the circle's side, its points lie close together.
-        weight = most * np.minimum(1.0, length / length.mean(axis=1, keepdims=True))
-        jacobian[..., :3] = x * grid.sideways[plane] + y * grid.upward
-
-        def seen(axes: Array) -> Array:
-            """(N, P) how far across the circle points go that move along axes (N, 3)."""
-            return -down * (axes @ grid.sideways[plane])[:, None] + along * (axes @ grid.upward)[:, None]  # noqa: B023 - called at once
-
-        # A tilt about either axis, and a larger radius.
-        tilted = seen(circles.radii[:, None] * circles.normals)
-        jacobian[..., 3], jacobian[..., 4] = sine * tilted, cosine * tilted
-        jacobian[..., 5] = cosine * seen(first) + sine * seen(second)
-        jacobian[..., 6] = along if plane == "b" else 0.0
-        weighted = jacobian * weight[..., None]
-        normal += np.matmul(weighted.transpose(0, 2, 1), jacobian)
-        right += np.einsum("npi,np->ni", weighted, found)
+        _pull(circles, axes, maps[plane], plane, grid, offsets, nearness, normal, right)
     step = np.linalg.solve(normal, right[..., None])[..., 0]
     step = np.clip(step, -np.array(TUNING.largest_step), TUNING.largest_step)
     normals = circles.normals - step[:, 3:4] * second - step[:, 4:5] * first

@@ -13,6 +13,7 @@ Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 Bytes = npt.NDArray[np.uint8]
 Numbers = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
 
 
 @compiled("void(uint8[:, ::1], int64[:, ::1], int64[:, ::1], int64, int64, uint8[:, :, ::1], uint8[:, ::1])")
@@ -61,87 +62,242 @@ def contrasts(
                 best[inner, row] = most
 
 
-@compiled(
-    "UniTuple(float64[:, ::1], 2)(float32[:, :, ::1], float64, float64, float64, float64[:, ::1], float64[:, ::1],"
-    " float64[:, ::1], float64[:, ::1], int64[:, ::1], float64[::1], float64[::1])"
-)
-def beside(
-    responses: Image,
-    left: float,
-    top: float,
-    cell_m: float,
-    columns: Array,
-    rows: Array,
-    across: Array,
-    down: Array,
-    direction: Numbers,
-    offsets: Array,
-    nearness: Array,
-) -> tuple[Array, Array]:
-    """How far beside points (N, P) a line lies, and the most that is shown there: `circle_fit._line_beside`.
+@compiled("int64(float64, float64, int64)")
+def _direction(along: float, down: float, count: int) -> int:
+    """Which of some directions of half a turn is nearest to a line's."""
+    nearest = int(np.rint(math.atan2(down, along) * (count / math.pi)))
+    if nearest < 0:
+        nearest += count
+    return nearest - count if nearest >= count else nearest
+
+
+@compiled("void(float64[::1], float64[::1], float64[::1], float64[::1], int64, int64[::1])")
+def _turned(columns: Array, rows: Array, along: Array, down: Array, count: int, direction: Numbers) -> None:
+    """Which way a closed curve (P,) goes: from before to after each point, and the nearest of some directions."""
+    points = len(columns)
+    for p in range(points):
+        before, after = (p if p else points) - 1, p + 1 if p + 1 < points else 0
+        along[p], down[p] = columns[after] - columns[before], rows[after] - rows[before]
+        direction[p] = _direction(along[p], down[p], count)
+
+
+@compiled("float64(float32[:, :, ::1], int64[::1], float64[::1], float64[::1], float64, float64, float64)")
+def _mean(
+    responses: Image, direction: Numbers, columns: Array, rows: Array, left: float, top: float, cell_m: float
+) -> float:
+    """Of some directions (P,) at columns and rows (P,), m; nothing outside."""
+    _, height, width = responses.shape
+    total = 0.0
+    for p in range(len(direction)):
+        x, y = int(np.rint((columns[p] - left) / cell_m)), int(np.rint((rows[p] - top) / cell_m))
+        if 0 <= x < width and 0 <= y < height:
+            total += responses[direction[p], y, x]
+    return total / len(direction)
+
+
+@compiled("void(float64[:, ::1], float64, float64[:, ::1], float64, float64, float64[::1], float64[::1])")
+def _lay(parts: Array, lift: float, shares: Array, distance: float, lever: float, columns: Array, rows: Array) -> None:
+    """Columns and rows (P,) of a circle's points, m: `circles.laid`.
 
     Args:
-        responses: (DIRECTIONS, H, W) of a plane.
-        left: of the first column, metres.
-        top: of the first row, metres.
-        cell_m: from column to column.
-        columns: (N, P) of the points, metres.
-        rows: (N, P) likewise.
-        across: (N, P) unit vectors along which a line is looked for, along columns,
-        down: (N, P) and rows.
-        direction: (N, P) of the line.
-        offsets: (K,) along them, metres.
-        nearness: (K,) how much each counts.
+        parts: (3, 4) what the grid asks of its middle and of two radii.
+        lift: m by which the plane sees it higher.
+        shares: (3, P) how much of each is in the points.
+        distance: of the grid's centre from the source, m.
+        lever: from the baseline, m.
+        columns: filled.
+        rows: filled.
     """
-    _, height, width = responses.shape
-    found, most = np.zeros(columns.shape), np.zeros(columns.shape)
-    for n in range(columns.shape[0]):
-        for p in range(columns.shape[1]):
-            total, weighted, highest = 0.0, 0.0, 0.0
-            of_direction = responses[direction[n, p]]
-            for k in range(len(offsets)):
-                x = int(np.rint((columns[n, p] + offsets[k] * across[n, p] - left) / cell_m))
-                y = int(np.rint((rows[n, p] + offsets[k] * down[n, p] - top) / cell_m))
-                if 0 <= x < width and 0 <= y < height:
-                    value = of_direction[y, x]
-                    weight = value * value * nearness[k]
-                    total += weight
-                    weighted += weight * offsets[k]
-                    highest = max(highest, value)
-            found[n, p] = weighted / max(total, 1e-6)
-            most[n, p] = highest
-    return found, most
+    middle, one, other = parts[0], parts[1], parts[2]
+    for p in range(len(columns)):
+        u, v = shares[1, p], shares[2, p]
+        ahead, out = middle[1] + u * one[1] + v * other[1], middle[3] + u * one[3] + v * other[3]
+        columns[p] = distance * (middle[0] + u * one[0] + v * other[0]) / ahead
+        rows[p] = lever * (middle[2] + u * one[2] + v * other[2]) / out + lift
 
 
 @compiled(
-    "float64[:, ::1](float32[:, :, ::1], float64, float64, float64, float64[:, ::1], float64[:, ::1],"
-    " int64[:, ::1], float64[:, ::1])"
+    "void(float64[:, :, ::1], float64[::1], float64[:, ::1], float64, float64, float64[::1], bool_[::1],"
+    " float32[:, :, ::1], float64, float64, float64, float64, float64, float64[::1], float64, float64, float64[::1])"
 )
-def means_along(
+def shown_along(
+    parts: Array,
+    lifts: Array,
+    shares: Array,
+    distance: float,
+    lever: float,
+    radii: Array,
+    is_narrow: Flags,
     responses: Image,
     left: float,
     top: float,
     cell_m: float,
-    columns: Array,
-    rows: Array,
-    direction: Numbers,
-    scales: Array,
-) -> Array:
-    """(N, K) means of the responses along closed curves (N, P) at some scales (N, K): `circle_fit._means_along`."""
-    _, height, width = responses.shape
-    count, points = columns.shape
-    means = np.zeros(scales.shape)
-    for n in range(count):
-        column, row = columns[n].mean(), rows[n].mean()
-        for k in range(scales.shape[1]):
-            total, scale = 0.0, scales[n, k]
+    beside_m: float,
+    beside_share: float,
+    beyond_m: Array,
+    narrow_beside: float,
+    beyond_share: float,
+    shown: Array,
+) -> None:
+    """What a plane shows along circles, less what it shows beside them: `circle_fit._shown_along`.
+
+    Args:
+        parts: (N, 3, 4) what the grid asks of each circle's middle and of two radii.
+        lifts: (N,) m by which the plane sees each higher.
+        shares: (3, P) how much of each is in the points.
+        distance: of the grid's centre from the source, m.
+        lever: from the baseline, m.
+        radii: (N,) m.
+        is_narrow: (N,) whether the plane sees a circle nearly edge-on.
+        responses: (DIRECTIONS, H, W) of the plane, widened.
+        left: of the first column, m.
+        top: of the first row, m.
+        cell_m: from column to column.
+        beside_m: this and the next four as of the tuning of `circle_fit`.
+        beside_share: likewise.
+        beyond_m: likewise.
+        narrow_beside: likewise.
+        beyond_share: likewise.
+        shown: (N,) filled.
+    """
+    count, points = responses.shape[0], shares.shape[1]
+    columns, rows, direction = np.empty(points), np.empty(points), np.empty(points, np.int64)
+    along, down, aside_columns, aside_rows = np.empty(points), np.empty(points), np.empty(points), np.empty(points)
+    ends = 2 * len(beyond_m)
+    onward, end_columns, end_rows = np.empty(ends, np.int64), np.empty(ends), np.empty(ends)
+    for n in range(len(radii)):
+        _lay(parts[n], lifts[n], shares, distance, lever, columns, rows)
+        _turned(columns, rows, along, down, count, direction)
+        column, row, beside = columns.mean(), rows.mean(), 0.0
+        for way in (-1.0, 1.0):
+            scale = 1.0 + way * beside_m / radii[n]
             for p in range(points):
-                x = int(np.rint((column + scale * (columns[n, p] - column) - left) / cell_m))
-                y = int(np.rint((row + scale * (rows[n, p] - row) - top) / cell_m))
-                if 0 <= x < width and 0 <= y < height:
-                    total += responses[direction[n, p], y, x]
-            means[n, k] = total / points
-    return means
+                aside_columns[p] = column + scale * (columns[p] - column)
+                aside_rows[p] = row + scale * (rows[p] - row)
+            beside += 0.5 * _mean(responses, direction, aside_columns, aside_rows, left, top, cell_m)
+        if is_narrow[n]:
+            area, farthest, far = 0.0, -1.0, 0
+            for p in range(points):
+                after = p + 1 if p + 1 < points else 0
+                area += columns[p] * rows[after] - rows[p] * columns[after]
+                away = math.hypot(columns[p] - column, rows[p] - row)
+                if away > farthest:
+                    farthest, far = away, p
+            outward = -beside_m if area < 0.0 else beside_m
+            for p in range(points):
+                length = max(math.hypot(along[p], down[p]), 1e-12)
+                aside_columns[p] = columns[p] + outward * down[p] / length
+                aside_rows[p] = rows[p] - outward * along[p] / length
+            sides = _mean(responses, direction, aside_columns, aside_rows, left, top, cell_m)
+            x, y = (columns[far] - column) / farthest, (rows[far] - row) / farthest
+            onward[:] = _direction(x, y, count)
+            for k in range(ends):
+                reach = (1 - 2 * (k % 2)) * (farthest + beyond_m[k // 2])
+                end_columns[k], end_rows[k] = column + reach * x, row + reach * y
+            beyond = _mean(responses, onward, end_columns, end_rows, left, top, cell_m)
+            beside = min(beside, narrow_beside + sides + beyond_share * beyond)
+        on = _mean(responses, direction, columns, rows, left, top, cell_m)
+        shown[n] = on - beside_share * beside
+
+
+@compiled(
+    "void(float64[:, :, ::1], float64[::1], float64[:, ::1], float64, float64, float64[:, ::1], float64[:, :, ::1],"
+    " float64, float32[:, :, ::1], float64, float64, float64, float64[::1], float64[::1], float64[:, :, ::1],"
+    " float64[:, ::1])"
+)
+def pull(
+    parts: Array,
+    lifts: Array,
+    shares: Array,
+    distance: float,
+    lever: float,
+    basis: Array,
+    ways: Array,
+    lifted: float,
+    responses: Image,
+    left: float,
+    top: float,
+    cell_m: float,
+    offsets: Array,
+    nearness: Array,
+    normal: Array,
+    right: Array,
+) -> None:
+    """Add what the lines beside circles in one plane say of a step towards them: `circle_fit._pull`.
+
+    Args:
+        parts: (N, 3, 4) what the grid asks of each circle's middle and of two radii.
+        lifts: (N,) m by which the plane sees each higher.
+        shares: (3, P) how much of each is in the points: 1, cosine and sine.
+        distance: of the grid's centre from the source, m.
+        lever: from the baseline, m.
+        basis: (2, 3) unit vectors along the plane's columns and rows.
+        ways: (N, 3, 2) how far along those each circle's tilt, and two axes across it, move its points.
+        lifted: m by which a lift of a metre moves them along the rows.
+        responses: (DIRECTIONS, H, W) of the plane.
+        left: of the first column, m.
+        top: of the first row, m.
+        cell_m: from column to column.
+        offsets: (K,) m across a circle, at which a line is looked for,
+        nearness: (K,) and how much each counts.
+        normal: (N, 7, 7) added to.
+        right: (N, 7) added to.
+    """
+    count, points = responses.shape[0], shares.shape[1]
+    columns, rows, jacobian, row = np.empty(points), np.empty(points), np.empty((7, points)), np.empty(points)
+    weights, pulled, direction = np.empty(points), np.empty(points), np.empty(points, np.int64)
+    _, height, width = responses.shape
+    along, down, length = np.empty(points), np.empty(points), np.empty(points)
+    for n in range(len(lifts)):
+        _lay(parts[n], lifts[n], shares, distance, lever, columns, rows)
+        _turned(columns, rows, along, down, count, direction)
+        mean, tilt, first, second = 0.0, ways[n, 0], ways[n, 1], ways[n, 2]
+        for p in range(points):
+            length[p] = max(math.hypot(along[p], down[p]), 1e-12)
+            along[p] /= length[p]
+            down[p] /= length[p]
+            mean += length[p] / points
+        for p in range(points):
+            # Across the circle, and the line that is looked for there.
+            x, y = -down[p], along[p]
+            total, weighted, most = 0.0, 0.0, 0.0
+            of_direction = responses[direction[p]]
+            for i in range(len(offsets)):
+                at_column = int(np.rint((columns[p] + offsets[i] * x - left) / cell_m))
+                at_row = int(np.rint((rows[p] + offsets[i] * y - top) / cell_m))
+                value = (
+                    of_direction[at_row, at_column]
+                    if 0 <= at_column < width and 0 <= at_row < height
+                    else np.float32(0.0)
+                )
+                weight = value * value * nearness[i]
+                total += weight
+                weighted += weight * offsets[i]
+                most = max(most, float(value))
+            # Where a plane sees the circle's side, its points lie close together.
+            weights[p], pulled[p] = most * min(1.0, length[p] / mean), weighted / max(total, 1e-6)
+        for p in range(points):
+            x, y, cosine, sine = -down[p], along[p], shares[1, p], shares[2, p]
+            for i in range(3):
+                jacobian[i, p] = x * basis[0, i] + y * basis[1, i]
+            tilted = x * tilt[0] + y * tilt[1]
+            jacobian[3, p], jacobian[4, p] = sine * tilted, cosine * tilted
+            jacobian[5, p] = cosine * (x * first[0] + y * first[1]) + sine * (x * second[0] + y * second[1])
+            jacobian[6, p] = lifted * y
+        for i in range(7):
+            one, total = jacobian[i], 0.0
+            for p in range(points):
+                row[p] = one[p] * weights[p]
+                total += row[p] * pulled[p]
+            right[n, i] += total
+            for j in range(i + 1):
+                other, total = jacobian[j], 0.0
+                for p in range(points):
+                    total += row[p] * other[p]
+                normal[n, i, j] += total
+        for i in range(7):
+            for j in range(i):
+                normal[n, j, i] = normal[n, i, j]
 
 
 @compiled(
@@ -178,14 +334,9 @@ def spots_along(
     points = shares.shape[1]
     columns, rows = np.empty(points), np.empty(points)
     for n in range(parts.shape[0]):
-        middle, one, other = parts[n, 0], parts[n, 1], parts[n, 2]
+        _lay(parts[n], lifts[n], shares, distance, lever, columns, rows)
         for p in range(points):
-            u, v = shares[1, p], shares[2, p]
-            ahead, out = middle[1] + u * one[1] + v * other[1], middle[3] + u * one[3] + v * other[3]
-            columns[p] = (distance * (middle[0] + u * one[0] + v * other[0]) / ahead - left) / cell_m
-            rows[p] = (lever * (middle[2] + u * one[2] + v * other[2]) / out + lifts[n] - top) / cell_m
-        for p in range(points):
-            x, y = int(np.rint(columns[p])), int(np.rint(rows[p]))
+            x, y = int(np.rint((columns[p] - left) / cell_m)), int(np.rint((rows[p] - top) / cell_m))
             value = spots[y, x] if 0 <= x < width and 0 <= y < height else np.float32(0.0)
             shown[n, p] = min(shown[n, p], value)
 
@@ -194,12 +345,9 @@ def spots_along(
 def directions(columns: Array, rows: Array, count: int) -> Numbers:
     """(N, P) which of some directions is nearest to closed curves' tangents: `direction_maps.nearest_direction`."""
     curves, points = columns.shape
-    nearest = np.empty((curves, points), np.int64)
+    nearest, along, down = np.empty((curves, points), np.int64), np.empty(points), np.empty(points)
     for n in range(curves):
-        for p in range(points):
-            before, after = (p - 1) % points, (p + 1) % points
-            down, along = rows[n, after] - rows[n, before], columns[n, after] - columns[n, before]
-            nearest[n, p] = int(np.rint(math.atan2(down, along) * (count / math.pi))) % count
+        _turned(columns[n], rows[n], along, down, count, nearest[n])
     return nearest
 
 
