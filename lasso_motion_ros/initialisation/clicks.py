@@ -43,7 +43,8 @@ def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopM
     # Between the heights at which the planes see it, as far as plane A's images are taken to be off, too.
     between = share_of_a * lift
     around = ring.beside_ellipse(0, angles_between(0.0, TURN)) + between
-    places = around[_evenly(len(around))]
+    # Not where the curve begins and ends: which of both is nearer, rounding would tell.
+    places = around[np.linspace(0, len(around) - 1, 2 * CLICKS + 1).astype(np.intp)[1::2]]
     a, b = (images.projections[plane].project(places) + shifts[plane] for plane in PLANES)
     return model_beside(around, images, shifts, Seed(a, b), RING_SIGMA_MM)
 
