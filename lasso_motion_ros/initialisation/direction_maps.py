@@ -163,16 +163,25 @@ def direction_maps(seen: Curvature, *, bright: bool) -> DirectionMaps:
     responses = np.zeros((DIRECTIONS, height, width), np.float32)
     weights = np.exp(-0.5 * (np.array(TUNING.along_steps) / TUNING.along_cells) ** 2)
     weights /= weights.sum()
+    turn = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    cosine, sine, steps = np.cos(turn), np.sin(turn), np.array(TUNING.along_steps)
+    shares = np.stack([sine**2, cosine**2, -2.0 * sine * cosine], axis=1)  # of the derivatives in that across a line
+    right, down = (np.rint(one[:, None] * steps).astype(np.int64) for one in (cosine, sine))
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        limits = TUNING.outlier, TUNING.floor, TUNING.ceiling
+        kernels.lines(xx, yy, xy, seen.inside, shares, right, down, weights, *limits, responses)
+        return DirectionMaps(responses, seen.left, seen.top)
     reach = int(max(TUNING.along_steps))
     # One array within a margin of nothing for all directions, and sums that are made in place.
     padded = np.zeros((height + 2 * reach, width + 2 * reach), np.float32)
     inner = padded[reach : reach + height, reach : reach + width]
     for k, response in enumerate(responses):
-        c, s = np.cos(np.pi * k / DIRECTIONS), np.sin(np.pi * k / DIRECTIONS)
-        across = cv2.scaleAdd(xy, -2.0 * s * c, cv2.addWeighted(xx, s * s, yy, c * c, 0.0))
+        of_xx, of_yy, of_xy = shares[k].tolist()
+        across = cv2.scaleAdd(xy, of_xy, cv2.addWeighted(xx, of_xx, yy, of_yy, 0.0))
         np.clip(across, -TUNING.outlier, TUNING.outlier, out=inner)
-        for step, weight in zip(TUNING.along_steps, weights.tolist(), strict=True):
-            x, y = reach + round(step * c), reach + round(step * s)
+        for x, y, weight in zip(right[k] + reach, down[k] + reach, weights.tolist(), strict=True):
             cv2.scaleAdd(padded[y : y + height, x : x + width], weight, response, response)
     power = cv2.norm(responses.reshape(DIRECTIONS, -1), cv2.NORM_L2SQR)
     rms = float(np.sqrt(power / max(DIRECTIONS * float(seen.inside.sum()), 1.0)))

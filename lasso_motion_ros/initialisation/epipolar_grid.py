@@ -89,9 +89,14 @@ class EpipolarGrid:
 
         A row is an epipolar plane, by its height at the centre.
         """
+        aside, up = self.columns(plane, columns)
+        return np.asarray(aside[None] + rows[:, None, None] * up[None])
+
+    def columns(self, plane: Plane, columns: Array) -> tuple[Array, Array]:
+        """(C, 3) world points of columns (C,) in the row of height 0, and (C, 3) how far a metre of height goes."""
         aside = self.centre + columns[:, None] * self.sideways[plane]
         out = (aside - self.sources[plane]) @ self.outward / self.lever  # nearer to the baseline planes are closer
-        return np.asarray(aside[None] + (rows[:, None] * out[None])[..., None] * self.upward)
+        return aside, np.asarray(out[:, None] * self.upward)
 
     def point(self, plane: Plane, columns: Array, rows: Array) -> Array:
         """(N, 3) the same of a column and a row (N,) each."""
@@ -121,10 +126,15 @@ class EpipolarGrid:
 
     def parts(self, plane: Plane, axes: Array) -> Array:
         """(N, K, 4) of vectors as in `lay_along`, what lies aside of a plane's view, along it, upward and outward."""
-        seen = np.stack([self.sideways[plane], self.view[plane], self.upward, self.outward])
-        parts = axes @ seen.T
-        parts[:, 0] -= seen @ self.sources[plane]
+        asked = self.asked(plane)
+        parts = axes @ asked[:, :3].T
+        parts[:, 0] += asked[:, 3]
         return np.asarray(parts)
+
+    def asked(self, plane: Plane) -> Array:
+        """(4, 4) what lies aside of a plane's view, along it, upward and outward, of homogeneous world points."""
+        axes = np.stack([self.sideways[plane], self.view[plane], self.upward, self.outward])
+        return np.column_stack([axes, -axes @ self.sources[plane]])
 
     def distance(self, plane: Plane) -> float:
         """Of the centre from a plane's source, metres."""

@@ -300,47 +300,6 @@ def pull(
                 normal[n, j, i] = normal[n, i, j]
 
 
-@compiled(
-    "void(float64[:, :, ::1], float64[::1], float64[:, ::1], float64, float64, float32[:, ::1], float64, float64,"
-    " float64, float32[:, ::1])"
-)
-def spots_along(
-    parts: Array,
-    lifts: Array,
-    shares: Array,
-    distance: float,
-    lever: float,
-    spots: Image,
-    left: float,
-    top: float,
-    cell_m: float,
-    shown: Image,
-) -> None:
-    """The spots along circles, where both planes show them: `spot_circles._shown_along`.
-
-    Args:
-        parts: (N, 3, 4) what the grid asks of each circle's middle and of two radii.
-        lifts: (N,) m by which the plane sees each higher.
-        shares: (3, P) how much of each is in the points.
-        distance: of the grid's centre from the source, metres.
-        lever: from the baseline, metres.
-        spots: (H, W) of the plane.
-        left: of the first column, metres.
-        top: of the first row, metres.
-        cell_m: from column to column.
-        shown: (N, P) is made what the plane shows, where that is less.
-    """
-    height, width = spots.shape
-    points = shares.shape[1]
-    columns, rows = np.empty(points), np.empty(points)
-    for n in range(parts.shape[0]):
-        _lay(parts[n], lifts[n], shares, distance, lever, columns, rows)
-        for p in range(points):
-            x, y = int(np.rint((columns[p] - left) / cell_m)), int(np.rint((rows[p] - top) / cell_m))
-            value = spots[y, x] if 0 <= x < width and 0 <= y < height else np.float32(0.0)
-            shown[n, p] = min(shown[n, p], value)
-
-
 @compiled("int64[:, ::1](float64[:, ::1], float64[:, ::1], int64)")
 def directions(columns: Array, rows: Array, count: int) -> Numbers:
     """(N, P) which of some directions is nearest to closed curves' tangents: `direction_maps.nearest_direction`."""
@@ -351,37 +310,109 @@ def directions(columns: Array, rows: Array, count: int) -> Numbers:
     return nearest
 
 
-@compiled("int64[:, ::1](float64[:, ::1], float64[::1], int64, int64, float64, float64, float64)")
-def triples(
-    places: Array,
-    lifts: Array,
-    begun: int,
-    neighbours: int,
-    nearest_m2: float,
-    farthest_m2: float,
-    lift_m: float,
-) -> Numbers:
-    """(3, T) which points can be on a ring together: `spot_circles._triples`."""
-    found = np.empty((3, begun * (neighbours * (neighbours - 1) // 2)), np.int64)
-    near, total = np.empty(neighbours, np.int64), 0
-    for k in range(begun):
-        count = 0
-        for n in range(len(lifts)):
-            squared = 0.0
-            for i in range(3):
-                squared += (places[n, i] - places[k, i]) ** 2
-            if nearest_m2 < squared < farthest_m2 and abs(lifts[n] - lifts[k]) < lift_m:
-                near[count] = n
-                count += 1
-                if count == neighbours:
-                    break
-        for a in range(count):
-            for b in range(a + 1, count):
-                one, other = near[a], near[b]
-                squared = 0.0
-                for i in range(3):
-                    squared += (places[other, i] - places[one, i]) ** 2
-                if squared > nearest_m2 and abs(lifts[one] - lifts[other]) < lift_m:
-                    found[0, total], found[1, total], found[2, total] = k, one, other
-                    total += 1
-    return np.ascontiguousarray(found[:, :total])
+@compiled(
+    "void(float64[:, ::1], float64[:, ::1], float64[:, ::1], float64[::1], int64, int64, int64, float32[:, :, ::1],"
+    " float32[:, ::1])"
+)
+def laid_places(
+    matrix: Array, aside: Array, up: Array, rows: Array, margin: int, width: int, height: int, at: Image, inside: Image
+) -> None:
+    """Where an image shows a grid: `laid_image._places`.
+
+    Args:
+        matrix: (3, 4) projection.
+        aside: (W, 3) world points of the columns, at height 0,
+        up: (W, 3) and how far a metre of height goes there.
+        rows: (H,) heights, m.
+        margin: pixels of the image that are not inside.
+        width: of the image, pixels.
+        height: likewise.
+        at: (H, W, 2) pixels, filled.
+        inside: (H, W) 1 where the image reaches, filled.
+    """
+    count = len(aside)
+    seen, risen = np.empty((3, count)), np.empty((3, count))
+    for i in range(3):
+        for column in range(count):
+            total, more = matrix[i, 3], 0.0
+            for j in range(3):
+                total += matrix[i, j] * aside[column, j]
+                more += matrix[i, j] * up[column, j]
+            seen[i, column], risen[i, column] = total, more
+    for k in range(len(rows)):
+        row, of_row, is_inside = rows[k], at[k], inside[k]
+        for column in range(count):
+            depth = seen[2, column] + row * risen[2, column]
+            x = np.float32((seen[0, column] + row * risen[0, column]) / depth)
+            y = np.float32((seen[1, column] + row * risen[1, column]) / depth)
+            of_row[column, 0], of_row[column, 1] = x, y
+            is_in = margin < x < width - margin - 1 and margin < y < height - margin - 1
+            is_inside[column] = np.float32(1.0) if is_in else np.float32(0.0)
+
+
+@compiled(
+    "void(float32[:, ::1], float32[:, ::1], float32[:, ::1], float32[:, ::1], float64[:, ::1], int64[:, ::1],"
+    " int64[:, ::1], float64[::1], float64, float64, float64, float32[:, :, ::1])"
+)
+def lines(
+    xx: Image,
+    yy: Image,
+    xy: Image,
+    inside: Image,
+    across: Array,
+    x_steps: Numbers,
+    y_steps: Numbers,
+    weights: Array,
+    outlier: float,
+    floor: float,
+    ceiling: float,
+    responses: Image,
+) -> None:
+    """The responses to lines of each direction: `direction_maps.direction_maps`.
+
+    Args:
+        xx: (H, W) second derivative along the columns,
+        yy: (H, W) along the rows,
+        xy: (H, W) and mixed.
+        inside: (H, W) 1 where the image reaches.
+        across: (DIRECTIONS, 3) how much of each of the three is in that across a line.
+        x_steps: (DIRECTIONS, S) cells along a line,
+        y_steps: (DIRECTIONS, S) likewise,
+        weights: (S,) and how much each counts.
+        outlier: what is denser counts no more.
+        floor: of the mean along a line, in units of its rms,
+        ceiling: and where the response is 1.
+        responses: (DIRECTIONS, H, W) of zeros, filled.
+    """
+    count, height, width = responses.shape
+    reach = max(np.abs(x_steps).max(), np.abs(y_steps).max())
+    # Within a margin of nothing.
+    padded = np.zeros((height + 2 * reach, width + 2 * reach), np.float32)
+    most, power, area = np.float32(outlier), 0.0, 0.0
+    for k in range(count):
+        of_xx, of_yy, of_xy = np.float32(across[k, 0]), np.float32(across[k, 1]), np.float32(across[k, 2])
+        for row in range(height):
+            shown, one, two, mixed = padded[row + reach], xx[row], yy[row], xy[row]
+            for i in range(width):
+                value = of_xx * one[i] + of_yy * two[i] + of_xy * mixed[i]
+                shown[reach + i] = min(max(value, -most), most)
+        for row in range(height):
+            response = responses[k, row]
+            for step in range(len(weights)):
+                weight, first = np.float32(weights[step]), reach + x_steps[k, step]
+                along = padded[row + reach + y_steps[k, step], first : first + width]
+                for i in range(width):
+                    response[i] += weight * along[i]
+            for i in range(width):
+                power += float(response[i]) * float(response[i])
+    for row in range(height):
+        for i in range(width):
+            area += inside[row, i]
+    rms = np.float32(max(math.sqrt(power / max(count * area, 1.0)), 1e-6))
+    least, scale = np.float32(floor), np.float32(1.0 / (ceiling - floor))
+    for k in range(count):
+        for row in range(height):
+            response, reaches = responses[k, row], inside[row]
+            for i in range(width):
+                value = (response[i] * (reaches[i] / rms) - least) * scale
+                response[i] = min(max(value, np.float32(0.0)), np.float32(1.0))

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import Frame, Plane
 from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
@@ -70,11 +71,24 @@ class LaidImage:
         if logarithm:
             values = cv2.log(np.maximum(values, np.float32(1.0)))
         smooth = cv2.GaussianBlur(values, (0, 0), SMOOTHED_MM / projection.millimetres_per_pixel(grid.centre))
-        at = projection.project(grid.points(plane, xs, hs)).astype(np.float32)
+        at, inside = _places(projection, plane, grid, xs, hs)
         laid = cv2.remap(smooth, at, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-        size, margin = np.array([projection.width, projection.height]), TUNING.margin_px
-        inside = ((at > margin) & (at < size - margin - 1)).all(axis=2).astype(np.float32)
-        return cls(np.asarray(laid, np.float32), np.asarray(inside), float(xs[0]), float(hs[0]))
+        return cls(np.asarray(laid, np.float32), inside, float(xs[0]), float(hs[0]))
+
+
+def _places(projection: Projection, plane: Plane, grid: EpipolarGrid, xs: Array, hs: Array) -> tuple[Image, Image]:
+    """Where an image shows the grid's columns (W,) and rows (H,): (H, W, 2) pixels, and (H, W) 1 where it reaches."""
+    width, height, margin = projection.width, projection.height, TUNING.margin_px
+    if has_kernels():
+        from lasso_motion_ros.initialisation import kernels
+
+        at, inside = np.empty((len(hs), len(xs), 2), np.float32), np.empty((len(hs), len(xs)), np.float32)
+        aside, up = grid.columns(plane, xs)
+        kernels.laid_places(np.array(projection.matrix), aside, up, hs, margin, width, height, at, inside)
+        return at, inside
+    at = projection.project(grid.points(plane, xs, hs)).astype(np.float32)
+    is_inside = (at > margin) & (at < np.array([width, height]) - margin - 1)
+    return at, np.asarray(is_inside.all(axis=2), np.float32)
 
 
 def reduced(frame: Frame, centre: Array) -> tuple[npt.NDArray[np.uint8 | np.uint16], Projection]:

@@ -181,10 +181,8 @@ def _beside(curve: Array, side: int) -> Image:
 
 def _peak(found: Image) -> Array:
     """(2,) column and row where an image is highest, to a fraction of a cell."""
-    row, column = (
-        int(np.clip(k, 1, side - 2))
-        for k, side in zip(np.unravel_index(found.argmax(), found.shape), found.shape, strict=True)
-    )
-    across = vertex(*(found[row, column + k : column + k + 1] for k in (-1, 0, 1)))
-    down = vertex(*(found[row + k : row + k + 1, column] for k in (-1, 0, 1)))
-    return np.array([column + across[0], row + down[0]])
+    height, width = found.shape
+    row, column = divmod(int(found.argmax()), width)
+    row, column = min(max(row, 1), height - 2), min(max(column, 1), width - 2)
+    before, after = found[[row, row - 1], [column - 1, column]], found[[row, row + 1], [column + 1, column]]
+    return np.array([column, row]) + vertex(before, found[row, column], after)

@@ -80,14 +80,15 @@ def _shown(circles: Circles, spots: Spots, plane: Plane, grid: EpipolarGrid) -> 
 
 def _shown_along(circles: Circles, spots: Mapping[Plane, Spots], grid: EpipolarGrid) -> Image:
     """(N, POINTS) the spots that both planes show along circles, compiled."""
-    from lasso_motion_ros.initialisation import kernels
+    from lasso_motion_ros.initialisation import spot_kernels
 
-    axes = circles.axes
+    axes = np.ascontiguousarray(circles.axes)
     both = np.full((len(circles), POINTS), np.float32(np.inf))
     for plane in PLANES:
-        lifts = circles.lifts if plane == "b" else np.zeros(len(circles))
-        seen = grid.parts(plane, axes), np.ascontiguousarray(lifts), SHARES, grid.distance(plane), grid.lever
-        kernels.spots_along(*seen, *_spot_map(spots[plane]), CELL_M, both)
+        lifts = np.ascontiguousarray(circles.lifts) if plane == "b" else np.zeros(len(circles))
+        image, left, top = _spot_map(spots[plane])
+        seen = grid.asked(plane), SHARES, grid.distance(plane), grid.lever
+        spot_kernels.spots_along(axes, lifts, *seen, image, left, top, CELL_M, both)
     return both
 
 
@@ -96,6 +97,13 @@ def _through_triples(points: ElectrodePoints) -> Circles:
     strong = np.flatnonzero(points.strengths >= TUNING.faintest)
     strong = strong[np.argsort(-points.strengths[strong], kind="stable")][: TUNING.strong]
     places, lifts = points.places[strong], points.lifts[strong]
+    if has_kernels():
+        from lasso_motion_ros.initialisation import spot_kernels
+
+        bounds = TUNING.nearest_m**2, (2.0 * TUNING.radii_m[1]) ** 2, TUNING.lift_m, TUNING.thinnest_m2
+        begun = min(TUNING.begun_with, len(places))
+        found = spot_kernels.through_triples(places, lifts, begun, TUNING.neighbours, *bounds, *TUNING.radii_m)
+        return Circles(found[:, :3], found[:, 3:6], found[:, 6], found[:, 7], np.zeros(len(found)))
     first, second, third = _triples(places, lifts)
     u, v = places[second] - places[first], places[third] - places[first]
     middle, normals, is_open = _circumcircles(u, v)
@@ -116,11 +124,6 @@ def _triples(places: Array, lifts: Array) -> Indices:
     """
     begun = min(TUNING.begun_with, len(places))
     nearest_m2, farthest_m2 = TUNING.nearest_m**2, (2.0 * TUNING.radii_m[1]) ** 2
-    if has_kernels():
-        from lasso_motion_ros.initialisation import kernels
-
-        bounds = nearest_m2, farthest_m2, TUNING.lift_m
-        return kernels.triples(places, np.ascontiguousarray(lifts), begun, TUNING.neighbours, *bounds)
     found = [np.zeros((3, 0), np.intp)]
     for k in range(begun):
         away = places - places[k]

@@ -32,6 +32,7 @@ MODULES = tuple(
         "ring.kernels.display",
         "initialisation.kernels",
         "initialisation.point_kernels",
+        "initialisation.spot_kernels",
         "ring.kernels.seed",
         "ring.kernels.band",
         "ring.kernels.blur",
