@@ -185,8 +185,9 @@ def _spectra(patches: Image) -> npt.NDArray[np.complex64]:
 def _correlation(spectra: npt.NDArray[np.complex64]) -> Image:
     """(N, D, D) by displacement, from minus the reach to plus the reach."""
     whole = fft.irfft2(spectra, (TUNING.size, TUNING.size))
-    span = np.arange(-TUNING.reach, TUNING.reach + 1) % TUNING.size
-    return np.asarray(whole[:, span][:, :, span], np.float32)
+    halves = slice(-TUNING.reach, None), slice(TUNING.reach + 1)
+    rows = [np.concatenate([whole[:, below, beside] for beside in halves], axis=2) for below in halves]
+    return np.asarray(np.concatenate(rows, axis=1), np.float32)
 
 
 def _peaks(correlation: Image) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.core.errors import GeometryError
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.geometry.projection import Projection
@@ -142,6 +143,15 @@ class EpipolarGrid:
 
     def places(self, columns: dict[Plane, Array], rows: Array) -> Array:
         """(N, 3) the world points that both planes show in columns (N,) of theirs and common rows (N,), metres."""
+        if has_kernels():
+            from lasso_motion_ros.initialisation import spot_kernels
+
+            a, b = (np.ascontiguousarray(columns[plane], np.float64) for plane in PLANES)
+            sources = np.stack([self.sources[plane] for plane in PLANES])
+            axes = self.centre, np.stack([self.sideways[plane] for plane in PLANES]), self.upward, self.outward
+            found = np.empty((len(rows), 3))
+            spot_kernels.places(a, b, np.ascontiguousarray(rows), sources, *axes, self.lever, found)
+            return found
         ends = {}
         for plane in PLANES:
             aside = self.centre + columns[plane][:, None] * self.sideways[plane]

@@ -295,7 +295,8 @@ def _doubled(values: Array, places: Array) -> Array:
     length = len(values)
     along = np.abs(np.arange(length)[:, None] - np.arange(length))
     apart = np.minimum(along, length - along) >= TUNING.apart_share * length
-    is_same = apart & (np.linalg.norm(places[:, None] - places, axis=2) < TUNING.same_place_mm)
+    squared = sum(np.square(one[:, None] - one) for one in places.T)
+    is_same = apart & (squared < TUNING.same_place_mm**2)
     return np.asarray(np.maximum(values, np.where(is_same, values, -np.inf).max(axis=1)))
 
 

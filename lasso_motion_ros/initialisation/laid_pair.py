@@ -19,6 +19,7 @@ from lasso_motion_ros.initialisation.electrode_spots import (
 )
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid, largest_lift_m
 from lasso_motion_ros.initialisation.laid_image import Image, LaidImage, row_range
+from lasso_motion_ros.initialisation.nearby_points import PointCloud
 
 Array = npt.NDArray[np.float64]
 
@@ -92,3 +93,8 @@ class LaidPair:
     def points(self) -> ElectrodePoints:
         """Where both planes show a spot."""
         return points_of(self.spots, self.grid, self.largest_lift_m)
+
+    @cached_property
+    def cloud(self) -> PointCloud:
+        """Those, to be asked for the ones about rings."""
+        return PointCloud(self.points, self.largest_lift_m)

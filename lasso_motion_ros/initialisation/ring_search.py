@@ -15,7 +15,6 @@ from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps
 from lasso_motion_ros.initialisation.epipolar_grid import LATER_S
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
-from lasso_motion_ros.initialisation.nearby_points import PointCloud
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
 from lasso_motion_ros.initialisation.spot_circles import circles_of_spots
 
@@ -92,7 +91,7 @@ def search_rings(
     clouds = []
     for pair in pairs:
         check()
-        clouds.append(PointCloud(pair.points, pair.largest_lift_m))
+        clouds.append(pair.cloud)
     spotted, lined, begins = [], [], []
     for one in shown:
         check()
@@ -104,8 +103,7 @@ def search_rings(
     rings = ShapedRings.of(Circles.joined([circles, lines]))
     for one in shown:
         check()
-        cloud = clouds[0] if one.pair is first else PointCloud(one.pair.points, first.largest_lift_m)
-        begins.append(begun(rings, cloud))
+        begins.append(begun(rings, one.pair.cloud))
     evidence = np.stack([one for _, one in begins])
     best_of = evidence.argmax(axis=0) * len(rings) + np.arange(len(rings))
     rings, evidence = ShapedRings.joined([one for one, _ in begins])[best_of], evidence.max(axis=0)

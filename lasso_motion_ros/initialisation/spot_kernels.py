@@ -145,3 +145,56 @@ def spots_along(
             x, y = int(np.rint(columns[p])), int(np.rint(rows[p]))
             value = spots[y, x] if 0 <= x < width and 0 <= y < height else np.float32(0.0)
             shown[n, p] = min(shown[n, p], value)
+
+
+@compiled(
+    "void(float64[::1], float64[::1], float64[::1], float64[:, ::1], float64[::1], float64[:, ::1], float64[::1],"
+    " float64[::1], float64, float64[:, ::1])"
+)
+def places(
+    columns_a: Array,
+    columns_b: Array,
+    rows: Array,
+    sources: Array,
+    centre: Array,
+    sideways: Array,
+    upward: Array,
+    outward: Array,
+    lever: float,
+    found: Array,
+) -> None:
+    """The world points that both planes show: `epipolar_grid.EpipolarGrid.places`.
+
+    Args:
+        columns_a: (N,) m in plane A's grid.
+        columns_b: (N,) likewise.
+        rows: (N,) m, common.
+        sources: (2, 3) m of the planes.
+        centre: (3,) m of the grid,
+        sideways: (2, 3) unit vectors along the planes' columns,
+        upward: (3,) and along their rows,
+        outward: (3,) unit vector across the baseline.
+        lever: of the centre from the baseline, m.
+        found: (N, 3) filled, m.
+    """
+    rays, across, normal = np.empty((2, 3)), np.empty(3), np.empty(3)
+    for i in range(3):
+        across[i] = sources[1, i] - sources[0, i]
+    for n in range(len(rows)):
+        for plane in range(2):
+            column = columns_b[n] if plane else columns_a[n]
+            out = 0.0
+            for i in range(3):
+                rays[plane, i] = centre[i] + column * sideways[plane, i] - sources[plane, i]
+                out += rays[plane, i] * outward[i]
+            for i in range(3):
+                rays[plane, i] += rows[n] * (out / lever) * upward[i]
+        along, squared = 0.0, 0.0
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            normal[i] = rays[0, j] * rays[1, k] - rays[0, k] * rays[1, j]
+            along += (across[j] * rays[1, k] - across[k] * rays[1, j]) * normal[i]
+            squared += normal[i] * normal[i]
+        # The rays lie in one epipolar plane: where they meet in it.
+        for i in range(3):
+            found[n, i] = sources[0, i] + along / squared * rays[0, i]
