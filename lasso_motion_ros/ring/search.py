@@ -306,10 +306,22 @@ def _correlation(cells: Image, kernel: Image, low: npt.NDArray[np.int64], high: 
         cv2.dft(cv2.copyMakeBorder(part, y, down - y - h, x, along - x - w, cv2.BORDER_CONSTANT))
         for part, y, x, (h, w) in ((inside, above, before, inside.shape), (kernel, 0, 0, kernel.shape))
     )
-    product = cv2.mulSpectrums(of_cells, of_kernel, 0, conjB=True)
-    scores = cv2.dft(product, flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
+    scores = cv2.dft(_product(of_cells, of_kernel), flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
     columns, rows = (high - low + 1).tolist()
     return np.ascontiguousarray(scores[:rows, :columns])
+
+
+def _product(one: Image, other: Image) -> Image:
+    """Product of a real image's transform (h, w), as `cv2.dft` packs it, with the complex conjugate of another one's.
+
+    The first may be changed by it.
+    """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.search import multiply
+
+        multiply(one, other)
+        return one
+    return np.asarray(cv2.mulSpectrums(one, other, 0, conjB=True))
 
 
 def vertex(before: Image, at: Image, after: Image) -> Array:

@@ -171,6 +171,14 @@ def test_a_template_is_laid_back_alike(seed: int) -> None:
     np.testing.assert_allclose(kernel, plain_kernel, atol=2e-5)
 
 
+@pytest.mark.parametrize("shape", [(8, 10), (9, 10), (8, 15), (9, 15), (1, 6), (6, 1)])
+def test_transforms_are_multiplied_alike(shape: tuple[int, int]) -> None:
+    generator = np.random.default_rng(4)
+    one, other = (cv2.dft(generator.normal(size=shape).astype(np.float32)) for _ in range(2))
+    compiled, plainly = both(lambda: search._product(one.copy(), other))
+    np.testing.assert_allclose(compiled, plainly, rtol=1e-6)
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_the_same_peaks_are_found(seed: int) -> None:
     generator = np.random.default_rng(seed)

@@ -336,3 +336,29 @@ def joined(
             for k in range(3):
                 found_a[place, k], found_b[place, k] = on_a[k], on_b[k]
     return best[:kept], found_a[:kept], found_b[:kept]
+
+
+@compiled("void(float32[:, ::1], float32[:, ::1])")
+def multiply(one: Image, other: Image) -> None:
+    """A real image's transform (h, w), times the complex conjugate of another one's, in place: `search._product`.
+
+    As `cv2.dft` packs them: real and imaginary parts stand side by side in rows, but for the first column, and the last
+    one where there is an even number. These are real for the first frequency, and the last one of an even number;
+    between them the parts stand one below the other. Rounded once, as there.
+    """
+    rows, columns = one.shape
+    for i in range(rows):
+        for k in range((columns - 1) // 2):
+            j = 2 * k + 1
+            a, b = np.float64(one[i, j]), np.float64(one[i, j + 1])
+            c, d = np.float64(other[i, j]), np.float64(other[i, j + 1])
+            one[i, j], one[i, j + 1] = a * c + b * d, b * c - a * d
+    for side in range(1 + (columns + 1) % 2):
+        j = side * (columns - 1)
+        one[0, j] *= other[0, j]
+        for i in range(1, rows - 1, 2):
+            a, b = np.float64(one[i, j]), np.float64(one[i + 1, j])
+            c, d = np.float64(other[i, j]), np.float64(other[i + 1, j])
+            one[i, j], one[i + 1, j] = a * c + b * d, b * c - a * d
+        if rows % 2 == 0:
+            one[rows - 1, j] *= other[rows - 1, j]
