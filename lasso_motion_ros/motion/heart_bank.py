@@ -81,10 +81,11 @@ class HeartBank:
         self._tuning, self._time_s, self._beats = tuning, time_s, beats
         self._beat_shape: tuple[Array, Array] | None = None  # what was known of it when it was last told of
         self._weights: Array | None = None  # not worked out yet
-        # What was asked for is kept until the state changes: blocks of it, the last predictions.
+        # What was asked for is kept until the state changes: blocks of it, the last predictions, the state later on.
         self._blocks: dict[int, Estimate] = {}
         self._foretold: tuple[float, Estimate] | None = None
         self._ahead: Outlook | None = None
+        self._later: HeartBank | None = None
         self._weigh(hearts.log_odds)
 
     @property
@@ -148,7 +149,8 @@ class HeartBank:
         """Go on with the heart's beats as they are known by now."""
         if beats is None or not beats.is_known(self._time_s):
             self._switch(False)
-        self._beats, self._foretold, self._ahead, self._blocks = beats, None, None, {}
+        self._beats, self._blocks = beats, {}
+        self._forget_foreseen()
 
     def _switch(self, tells: bool) -> None:
         """Have a state that tells of what repeats from beat to beat, or one that does not.
@@ -257,13 +259,16 @@ class HeartBank:
     def _become(self, state: Array, covariance: Array) -> None:
         # A new dictionary: a copy of this filter goes on with the old one.
         self._state, self._covariance, self._blocks = state, covariance, {}
-        self._foretold = self._ahead = None
+        self._forget_foreseen()
 
     def _weigh(self, log_weights: Array) -> None:
         """Take over other weights (filters,), by their logarithms; what they sum up to is worked out when asked for."""
         self._log_weights = log_weights
-        self._weights = self._foretold = None
-        self._blocks = {}
+        self._weights, self._blocks = None, {}
+        self._forget_foreseen()
+
+    def _forget_foreseen(self) -> None:
+        self._foretold = self._ahead = self._later = None
 
     def _clone(self, function: Array, block: slice) -> None:
         """Make a block of the state a function (3, N) of it."""

@@ -140,6 +140,13 @@ class RespiratoryMotion(HeartBank):
         later._advance(time_s)
         return later
 
+    def _reached(self, time_s: float) -> RespiratoryMotion:
+        """The same; kept, and not to be changed."""
+        known = self._later
+        if not isinstance(known, RespiratoryMotion) or known._time_s != time_s:
+            known = self._later = self.later(time_s)
+        return known
+
     @property
     def spread(self) -> Array:
         """(3, 3) covariance of the motion about its mean, learned so far, m²."""
@@ -192,8 +199,7 @@ class RespiratoryMotion(HeartBank):
     def _foreseen(self, of_phase: Callable[[float | None], Array], time_s: float) -> Estimate:
         """A function of the state and of the beat's phase, at a later time."""
         if self._tells_of_beats and self._beats_at(time_s) is None:
-            later = self.later(time_s)
-            return later._seen_along(of_phase(None))
+            return self._reached(time_s)._seen_along(of_phase(None))
         function = of_phase(self._phase(time_s))
         if time_s <= self._time_s:
             return self._seen_along(function)
@@ -251,7 +257,7 @@ class RespiratoryMotion(HeartBank):
         outlook = self._outlook(time_s, time_b_s)
         if outlook is not None:
             return outlook.outcome(a, b, self._log_weights, self._hearts, self._tuning, after)
-        later, between = self.copy(), None
+        later, between = self._reached(time_s).copy(), None
         likelihood = later._take_in_and_keep(steps[0])
         if b is not None:
             between = later.expected_between(time_b_s) if a is not None else None
@@ -370,7 +376,8 @@ class RespiratoryMotion(HeartBank):
     def learn(self, displacement: Array) -> None:
         """Learn the directions of the motion from one sure displacement (3,) m."""
         is_revised = self.is_revised_next
-        self._spread, self._foretold, self._ahead = self._spread.learned(displacement), None, None
+        self._spread = self._spread.learned(displacement)
+        self._forget_foreseen()
         self._spread.way  # noqa: B018 - worked out while no pair waits: the next one asks for it
         if self._time_s - self._since_all_s >= self._tuning.heartbeat_memory_s:
             self._take_up_all()

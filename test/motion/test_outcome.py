@@ -47,3 +47,22 @@ def test_it_is_told_before_anything_is_taken_in(planes, late_s, has_peaks, is_pl
                 np.testing.assert_allclose(at_a.covariance, after.at_a.covariance, rtol=1e-6, atol=1e-15)
             np.testing.assert_allclose(told.motion.weights, after.weights, rtol=1e-6, atol=1e-9)
             np.testing.assert_array_equal(heard.predict(time_s).covariance, before.covariance)
+
+
+def test_where_the_phase_gets_lost_the_state_then_is_worked_out_once_for_all_places(monkeypatch):
+    motion, *_ = run(5, 0.02)
+    time_s = motion._time_s + 2.0  # long after the last peak
+    heard = motion.hearing(Beats.of(motion._time_s + 0.8 * np.arange(-3.0, 1.0))).later(motion._time_s + 0.1)
+    assert heard.beats is not None
+    moves, advance = [], type(heard)._advance
+    monkeypatch.setattr(
+        type(heard), "_advance", lambda one, at_s: (moves.append(one._time_s < at_s), advance(one, at_s))
+    )
+    foretold = heard.predict(time_s)
+    for aside_m in (0.0, 1e-3):
+        seen = observation("a", foretold.displacement + aside_m)
+        told = heard.outcome(time_s, seen, time_s, None)
+        assert np.linalg.norm(told.at_a.displacement - foretold.displacement) <= 2.0 * aside_m + 1e-12
+    assert sum(moves) == 1
+    heard.observe(time_s, a=seen)
+    assert heard.predict(time_s + 0.1).covariance.trace() != foretold.covariance.trace()
