@@ -14,6 +14,11 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
+# What a turn tells of a hand, as a natural logarithm of the odds: so much for each standard deviation beyond what tells
+# nothing, and at most so much. That it is not turned tells little: hands put rings elsewhere as they lie.
+ODDS_A_SIGMA = 2.6
+INDIFFERENT_SIGMAS = 1.3
+MOST_ODDS = 4.5
 EXPECTED_PAIRS = 4.0  # as which the expectation counts
 REMEMBERED_PAIRS = 24.0  # over which what is usual follows the patient
 
@@ -48,6 +53,15 @@ class OwnTurn:
     def excess(self) -> float:
         """How many times as far as expected it turns; 1 at least."""
         return max(self.sigma_rad / self.expected_rad, 1.0)
+
+    def log_odds_of_a_hand(self, turn: Array) -> float:
+        """Natural logarithm of the odds that a hand has turned it, which turns it any way and far, by this turn alone.
+
+        Args:
+            turn: (3,) rotation vector, rad, by which it is turned from how it belongs.
+        """
+        sigmas = math.sqrt(float(turn @ turn)) / (self.expected_rad * self.excess)
+        return min(max(ODDS_A_SIGMA * (sigmas - INDIFFERENT_SIGMAS), 0.0), MOST_ODDS)
 
     def seen(self, turn: Array, home: Array) -> OwnTurn:
         """With one more pair.

@@ -32,6 +32,10 @@ class StateTuning:
     along_share: float = 0.1  # of what is displaced, goes the way of a breath
     largest_sigmas: float = 6.0  # no one pair may say more
     surprise_sigmas: float = 1.8  # of the filter's, sideways, count for one: hearts surprise it more than normally
+    # Likewise before a breath is complete, when nothing else tells of a hand; but not before the heart had time for a
+    # beat.
+    first_surprise_sigmas: float = 1.3
+    longest_beat_s: float = 1.25
     # Of being in place, and the detection being the ring:
     tracking: float = 0.97  # with less a pose is DEGRADED
     pose: float = 0.9  # with less there is none
@@ -40,6 +44,16 @@ class StateTuning:
     misleading_mm: float = 2.0
     misleads_tracking: float = 0.01  # with more a pose is DEGRADED,
     misleads_pose: float = 0.05  # and with more than this there is none: it is within that in 19 of 20 cases
+
+    def surprise(self, time_s: float, *, is_complete: bool) -> float:
+        """How many standard deviations of the filter's, sideways, count for one.
+
+        Args:
+            time_s: since the seed pair.
+            is_complete: a breath has been seen from its beginning to its end.
+        """
+        is_first = not is_complete and time_s > self.longest_beat_s
+        return self.first_surprise_sigmas if is_first else self.surprise_sigmas
 
     @property
     def misleading_m(self) -> float:
@@ -74,7 +88,13 @@ class TrackBelief:
         return self.elsewhere + self.hidden_elsewhere
 
     def after(
-        self, interval_s: float, seen: float, sigmas: float, tuning: StateTuning, companions: float = 0.0
+        self,
+        interval_s: float,
+        seen: float,
+        sigmas: float,
+        tuning: StateTuning,
+        companions: float = 0.0,
+        turned: float = 0.0,
     ) -> TrackBelief:
         """The belief after a pair.
 
@@ -85,6 +105,7 @@ class TrackBelief:
             tuning: chances of a change.
             companions: log odds that it is in its place by what moves with the heart beside it. They only speak against
                 it: a ring that is near them may be one that slides.
+            turned: log odds that a hand has put it elsewhere, by how it is turned.
         """
         before = self._changed(interval_s, tuning)
         on_curve = np.exp(-0.5 * min(sigmas, tuning.largest_sigmas) ** 2)
@@ -92,6 +113,7 @@ class TrackBelief:
         fits = on_curve * believed
         # Where they deny it, it may as well have been taken the way of a breath, where the curve does not tell.
         other = np.exp(-0.5 * tuning.elsewhere_sigmas**2) + tuning.along_share * on_curve * (1.0 - believed)
+        other *= np.exp(turned)
         nothing = (1.0 - seen) * max(fits, other)
         likelihood = np.array([seen * fits, seen * other, nothing, nothing])
         now = before * (likelihood + 1e-9)

@@ -249,7 +249,7 @@ class RingTracker:
     def _believe(self, track: Track, pair: FramePair, association: Association, time_s: float) -> float:
         """Renew the belief; returns how far from breathing the best place is, in standard deviations."""
         best, states, departure, denied, slid = association.best, self._options.state, 0.0, 0.0, 0.0
-        is_back = False
+        is_back, turned = False, 0.0
         if best is not None:
             covariance = best.at_a.covariance + association.spread
             sigma_m = largest_sigma(covariance + track.motion.heartbeat_sideways)
@@ -268,14 +268,15 @@ class RingTracker:
             alone = Slide() if companions.is_told else track.slide
             departure = track.curve.departure_sigmas(time_s, best.displacement, sigma_m, alone, is_away=is_away)
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
-            departure = max(departure, sideways / states.surprise_sigmas)
+            departure = max(departure, sideways / states.surprise(time_s, is_complete=track.curve.is_complete))
             if best.is_whole:
+                turned = track.own_turn.log_odds_of_a_hand(track.turn_of(best))
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show
                 departure = max(departure, states.elsewhere_sigmas)
         seen = 1.0 - association.absent
-        track.belief = track.belief.after(track.interval_s, seen, max(departure, slid), states, denied)
+        track.belief = track.belief.after(track.interval_s, seen, max(departure, slid), states, denied, turned)
         if track.belief.in_place >= states.pose:
             if is_back:
                 track.curve.forget_aside()

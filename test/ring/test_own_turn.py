@@ -58,3 +58,17 @@ def test_it_counts_from_how_the_ring_belongs():
     for turn in (12.0, 11.0, 12.0, 11.0) * 6:
         one = one.seen(about_x(turn), about_x(11.5))
     assert np.degrees(one.sigma_rad) < 1.3
+
+
+def test_a_turn_speaks_of_a_hand_the_more_the_further_it_is_and_never_against_one():
+    own = OwnTurn.expected(np.radians(2.5))
+
+    def odds(turned_deg, of=own):
+        return of.log_odds_of_a_hand(np.radians([0.0, turned_deg, 0.0]))
+
+    assert [odds(0.0), odds(3.2)] == [0.0, 0.0]
+    assert odds(5.0) == pytest.approx(2.6 * (2.0 - 1.3))
+    assert odds(20.0) == 4.5  # what is seen there may be a loop that was taken the wrong way round
+    # A ring that turns by itself twice as far has to be turned twice as far.
+    lively = OwnTurn(np.radians(2.5), np.radians(5.0) ** 2)
+    assert odds(10.0, lively) == pytest.approx(odds(5.0))

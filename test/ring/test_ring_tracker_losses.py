@@ -208,6 +208,18 @@ def test_a_hand_that_moves_it_aside_in_the_first_breath_is_noticed_with_its_firs
     assert [early.track(pair(index, (index - 6) * step)).motion for index in range(7, 11)] == [None] * 4
 
 
+@pytest.mark.parametrize("step", [(0.0045, 0.0, 0.0), (0.004, 0.001, -0.004)])
+def test_a_hand_that_moves_it_aside_once_the_heart_had_time_for_a_beat_is_noticed_at_once(step):
+    early = RingTracker(CONFIG)
+    early.initialise(pair(0), lasso_seed())
+    for index in range(1, 5):
+        assert early.track(pair(index)).motion is not None
+    # A strong heart might do the first step; published and learned from, it would make a breath of the second.
+    results = [early.track(pair(index, (index - 4) * np.array(step))) for index in range(5, 11)]
+    assert [result.motion for result in results] == [None] * 6
+    assert {result.state for result in results[1:]} == {DISPLACED}
+
+
 def test_displaced_and_hidden_it_is_still_displaced_when_it_comes_into_view_again():
     early = RingTracker(CONFIG)
     early.initialise(pair(0), lasso_seed())

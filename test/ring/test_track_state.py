@@ -42,6 +42,25 @@ def test_what_moves_with_the_heart_beside_it_speaks_against_it_only():
     assert is_displaced(asked(-6.0, pairs=6))
 
 
+def test_a_turned_ring_is_displaced_only_where_it_is_off_its_breathing_too():
+    def asked(sigmas, turned, pairs):
+        belief = TrackBelief()
+        for _ in range(pairs):
+            belief = belief.after(PAIR_S, SEEN, sigmas, TUNING, turned=turned)
+        return belief
+
+    assert has_pose(asked(1.0, 4.5, pairs=20))
+    assert has_pose(asked(2.5, 0.0, pairs=20))
+    assert is_displaced(asked(2.5, 4.5, pairs=3))
+
+
+def test_before_a_breath_is_known_a_surprise_tells_of_a_hand_once_the_heart_had_time_for_a_beat():
+    beat_s = TUNING.longest_beat_s
+    assert TUNING.surprise(beat_s + 0.1, is_complete=False) == TUNING.first_surprise_sigmas
+    assert TUNING.surprise(beat_s - 0.1, is_complete=False) == TUNING.surprise_sigmas
+    assert TUNING.surprise(beat_s + 0.1, is_complete=True) == TUNING.surprise_sigmas
+
+
 def test_probabilities_sum_to_one_whatever_comes():
     random = np.random.default_rng(1)
     belief = TrackBelief()
