@@ -162,19 +162,18 @@ def _rows(function: Array, half: Array, rows: Array) -> None:
             if function[a, k] != 0.0:
                 parts[used], factors[used] = k, function[a, k]
                 used += 1
-        parts[used : used + 2], factors[used : used + 2] = 0, 0.0  # three at a time
+        for n in range(used, used + 2):  # three at a time
+            parts[n], factors[n] = 0, 0.0
+        for i in range(size):
+            for f in range(filters):
+                rows[a, i, f] = 0.0
         for first in range(0, used, 3):
-            (k, m, n), (u, v, w) = parts[first : first + 3], factors[first : first + 3]
+            k, m, n = parts[first], parts[first + 1], parts[first + 2]
+            u, v, w = factors[first], factors[first + 1], factors[first + 2]
             for i in range(size):
-                one = half[max(i, k), min(i, k)]
-                two = half[max(i, m), min(i, m)]
-                three = half[max(i, n), min(i, n)]
-                if first == 0:
-                    for f in range(filters):
-                        rows[a, i, f] = u * one[f] + v * two[f] + w * three[f]
-                else:
-                    for f in range(filters):
-                        rows[a, i, f] += u * one[f] + v * two[f] + w * three[f]
+                one, two, three = half[max(i, k), min(i, k)], half[max(i, m), min(i, m)], half[max(i, n), min(i, n)]
+                for f in range(filters):
+                    rows[a, i, f] += u * one[f] + v * two[f] + w * three[f]
 
 
 @compiled("void(Array(float64, 2, 'A', readonly=True), float64[:, :, ::1], float64[:, :, ::1])")
@@ -266,7 +265,7 @@ def _measure(
     _values(function, state, values)
     _rows(function, half, rows)
     _joint(function, rows, joint)
-    (k, m, n), (p, q, r) = across
+    k, m, n, p, q, r = across[0, 0], across[0, 1], across[0, 2], across[1, 0], across[1, 1], across[1, 2]
     off, precision = np.empty((2, filters)), np.empty((3, filters))
     cross, gain = np.empty((2, size, filters)), np.empty((2, size, filters))
     for f in range(filters):
@@ -340,13 +339,15 @@ def first_states(
     joint, gain, some = np.empty((3, 3, count)), np.empty((3, count)), np.zeros((size, count))
     for at in range(0, filters, count):
         start = min(at, filters - count)
-        half[:] = 0.0
-        for i in range(9):
+        for i in range(size):
             for j in range(i + 1):
-                half[i, j] = breathing[i, j]
-        for i in range(3):
-            for j in range(i + 1):
-                half[_MOVING + i, _MOVING + j] = breathing[i, j]  # of the mean
+                value = 0.0
+                if i < 9:
+                    value = breathing[i, j]
+                elif j >= _MOVING and i < _MOVING + 3:  # the mean spreads as breathing does
+                    value = breathing[i - _MOVING, j - _MOVING]
+                for f in range(count):
+                    half[i, j, f] = value
         for k in range(2):
             for m in range(k + 1):
                 for i in range(3):
@@ -379,8 +380,9 @@ def first_states(
                     half[i, j, f] -= (
                         gain[0, f] * rows[0, j, f] + gain[1, f] * rows[1, j, f] + gain[2, f] * rows[2, j, f]
                     )
-        for i in range(3):
-            half[first + i, first + i] = sure
+        for i in range(first, first + 3):
+            for f in range(count):
+                half[i, i, f] = sure
         _put(states, covariances, start, some, half)
     return states, covariances
 
@@ -581,10 +583,10 @@ def mixed(weights: Array, state: Array, covariance: Array, function: Array) -> t
     return mean, within
 
 
-@compiled("void(float64[:, ::1], Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))")
-def _before(function: Array, breathing: Array, beating: Array) -> None:
-    """A function (M, N) of the state after transitions (3, 3), (2, 2) becomes that of the state before, in place."""
-    for a in range(len(function)):
+@compiled("void(float64[:, ::1], int64, Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))")
+def _before(function: Array, start: int, breathing: Array, beating: Array) -> None:
+    """A function (M, N) of the state after transitions (3, 3), (2, 2) becomes that of the state before, from a row on."""
+    for a in range(start, len(function)):
         for k in range(3):
             u, v, w = function[a, k], function[a, k + 3], function[a, k + 6]
             for n in range(3):
@@ -665,10 +667,11 @@ def foreseen(
     """
     size, filters = state.shape
     function = np.empty((6, size))
-    function[3:] = last
-    _before(function[3:], between[0], between[1])
-    function[:3] = first
-    _before(function, until[0], until[1])
+    for a in range(3):
+        for k in range(size):
+            function[a, k], function[a + 3, k] = first[a, k], last[a, k]
+    _before(function, 3, between[0], between[1])
+    _before(function, 0, until[0], until[1])
     breathing, beating = _added(until[2], between[0], between[2]), _added(until[3], between[1], between[3])
     values, rows, joint = np.empty((6, filters)), np.empty((6, size, filters)), np.empty((6, 6, filters))
     _values(function, state, values)
