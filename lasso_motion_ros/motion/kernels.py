@@ -585,7 +585,7 @@ def mixed(weights: Array, state: Array, covariance: Array, function: Array) -> t
 
 @compiled("void(float64[:, ::1], int64, Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True))")
 def _before(function: Array, start: int, breathing: Array, beating: Array) -> None:
-    """A function (M, N) of the state after transitions (3, 3), (2, 2) becomes that of the state before, from a row on."""
+    """A function (M, N) of the state after transitions (3, 3), (2, 2) becomes that before them, from a row on."""
     for a in range(start, len(function)):
         for k in range(3):
             u, v, w = function[a, k], function[a, k + 3], function[a, k + 6]
