@@ -21,7 +21,7 @@ import numpy.typing as npt
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.directions import half_sphere
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, laid
+from lasso_motion_ros.initialisation.circles import POINTS, Circles, Indices, highest, laid
 from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, nearest_direction
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid, largest_lift_m
 from lasso_motion_ros.initialisation.laid_image import CELL_MM
@@ -69,7 +69,7 @@ def search_circles(
     rows = [_best_rows(best, step) for step in range(-steps, steps + 1)]
     of_shape, row, step, scores = (np.concatenate(part) for part in zip(*rows, strict=True))
     check()
-    order = _highest(scores, TUNING.rows)
+    order = highest(scores, TUNING.rows)
     of_shape, row, step = of_shape[order], row[order], step[order]
     # In each plane two places of the row: the best may be another thing.
     a, b = _two_peaks(shown["a"][0][of_shape, row]), _two_peaks(shown["b"][0][of_shape, row + step])
@@ -172,20 +172,12 @@ def _sums(flat: Coarse, starts: Indices, directions: Indices, length: int, check
     return sums
 
 
-def _highest(scores: Array, count: int) -> Indices:
-    """(K,) which of some scores (N,) are the highest, highest first."""
-    if len(scores) > count:
-        some = np.flatnonzero(scores >= np.partition(scores, -count)[-count])
-        return np.asarray(some[np.argsort(-scores[some], kind="stable")][:count])
-    return np.argsort(-scores, kind="stable")
-
-
 def _best_rows(best: Mapping[Plane, Coarse], step: int) -> tuple[Indices, Indices, Indices, Array]:
     """Shapes, rows of plane A, steps to those of plane B, and scores of the rows that show most in both planes."""
     height = min(best[plane].shape[1] for plane in PLANES)
     rows = np.arange(max(0, -step), min(height, height - step))
     scores = _together(best["a"][:, rows], best["b"][:, rows + step])
-    order = _highest(scores.reshape(-1), TUNING.rows)
+    order = highest(scores.reshape(-1), TUNING.rows)
     shape, row = np.unravel_index(order, scores.shape)
     return shape, rows[row], np.full(len(order), step), scores.reshape(-1)[order]
 

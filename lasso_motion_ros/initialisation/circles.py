@@ -125,3 +125,11 @@ def laid(circles: Circles, plane: Plane, grid: EpipolarGrid) -> tuple[Array, Arr
     """(N, POINTS) columns and rows, metres, of points along circles in a plane's grid."""
     columns, rows = grid.lay_along(plane, circles.axes, SHARES)
     return columns, rows + circles.lifts[:, None] if plane == "b" else rows
+
+
+def highest(scores: Array, count: int) -> Indices:
+    """(K,) which of some scores (N,) are the highest, highest first."""
+    if len(scores) > count:
+        some = np.flatnonzero(scores >= np.partition(scores, -count)[-count])
+        return np.asarray(some[np.argsort(-scores[some], kind="stable")][:count])
+    return np.argsort(-scores, kind="stable")

@@ -179,10 +179,12 @@ def _seen_along(
         model = model_of(ring, images, grid)
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
+    if not has_ring_size(model.diameter_mm):
+        return None
     seen = images.working(model.centre, {p: model.shift(p, images.projections[p]) for p in PLANES})
     along = {p: image.projection.project(model.points) for p, image in seen.items()}
     shown = {p: image.evidence_at(along[p]) for p, image in seen.items()}
     glance = Glance.at(shown, places_along(model, images))
-    if not (glance.is_worth_following and has_ring_size(model.diameter_mm)):
+    if not glance.is_worth_following:
         return None
     return model, glance.agreement, shown, CurveElsewhere(seen, along)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.initialisation.circles import POINTS, SHARES, Circles, laid
+from lasso_motion_ros.initialisation.circles import POINTS, SHARES, Circles, highest, laid
 from lasso_motion_ros.initialisation.electrode_spots import ElectrodePoints, Indices, Spots
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.laid_image import CELL_M
@@ -95,7 +95,7 @@ def _shown_along(circles: Circles, spots: Mapping[Plane, Spots], grid: EpipolarG
 def _through_triples(points: ElectrodePoints) -> Circles:
     """The circle through each of the strongest points and two of its neighbours."""
     strong = np.flatnonzero(points.strengths >= TUNING.faintest)
-    strong = strong[np.argsort(-points.strengths[strong], kind="stable")][: TUNING.strong]
+    strong = strong[highest(points.strengths[strong], TUNING.strong)]
     places, lifts = points.places[strong], points.lifts[strong]
     if has_kernels():
         from lasso_motion_ros.initialisation import spot_kernels
