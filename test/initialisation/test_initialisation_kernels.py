@@ -13,11 +13,12 @@ from lasso_motion_ros.initialisation.carried_rings import carried
 from lasso_motion_ros.initialisation.circle_fit import find_circles
 from lasso_motion_ros.initialisation.circle_search import search_circles
 from lasso_motion_ros.initialisation.circles import Circles
+from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.nearby_points import PointCloud
 from lasso_motion_ros.initialisation.ring_search import Shown
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
-from lasso_motion_ros.initialisation.spot_circles import circles_of_spots
+from lasso_motion_ros.initialisation.spot_circles import _through_triples, circles_of_spots
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
 
@@ -28,6 +29,33 @@ SHOWN = Shown.by(PAIR)
 def _assert_same(one: Circles, other: Circles) -> None:
     for part in fields(Circles):
         assert getattr(one, part.name) == pytest.approx(getattr(other, part.name), rel=1e-6, abs=1e-6), part.name
+
+
+def test_a_pair_is_laid_out_alike() -> None:
+    with plain():
+        plainly = LaidPair.of(PAIR.pair, bright=False)
+    for plane, laid in PAIR.laid.items():
+        assert laid.inside.min() == 0.0
+        np.testing.assert_array_equal(laid.inside, plainly.laid[plane].inside)
+        np.testing.assert_allclose(laid.values, plainly.laid[plane].values, atol=1e-5)
+
+
+@pytest.mark.parametrize("bright", [False, True])
+def test_lines_are_seen_alike(bright: bool) -> None:
+    seen = curvature(PAIR.laid["a"])
+    compiled = direction_maps(seen, bright=bright).responses
+    assert compiled.max() == 1.0
+    with plain():
+        np.testing.assert_allclose(compiled, direction_maps(seen, bright=bright).responses, atol=1e-6)
+
+
+def test_rays_cross_in_the_same_places() -> None:
+    random = np.random.default_rng(3)
+    columns = {"a": random.uniform(-0.05, 0.05, 50), "b": random.uniform(-0.05, 0.05, 50)}
+    rows = random.uniform(-0.04, 0.04, 50)
+    compiled = PAIR.grid.places(columns, rows)
+    with plain():
+        np.testing.assert_allclose(compiled, PAIR.grid.places(columns, rows), atol=1e-12)
 
 
 def test_all_circles_that_a_ring_can_be() -> None:
@@ -47,6 +75,13 @@ def test_circles_through_electrodes() -> None:
     compiled = circles_of_spots(PAIR.points, PAIR.spots, PAIR.grid)
     with plain():
         _assert_same(compiled, circles_of_spots(PAIR.points, PAIR.spots, PAIR.grid))
+
+
+def test_all_circles_through_three_electrodes() -> None:
+    compiled = _through_triples(PAIR.points)
+    assert len(compiled) > 1000
+    with plain():
+        _assert_same(compiled, _through_triples(PAIR.points))
 
 
 def _cloud() -> PointCloud:

@@ -319,6 +319,16 @@ def test_a_curve_is_as_probable(seed: int, is_fine: bool, is_cut: bool) -> None:
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * np.abs(other).max())
 
 
+def test_the_likeliest_curve_is_the_same() -> None:
+    frames = {p: Frame(0, noisy(lasso_image(CURVE, view), [3, ord(p)], 5.0), view) for p, view in VIEWS.items()}
+    images = SeedImages(FramePair(0, **frames), bright=False)
+    start, shifts = CURVE[::4] + 3e-4, dict.fromkeys("ab", np.zeros(2))
+    compiled, plainly = both(lambda: loop_curve.likeliest_curve(start, images, shifts, lasso_seed()))
+    assert np.linalg.norm(compiled.points - start, axis=1).max() > 2e-4
+    np.testing.assert_allclose(compiled.points, plainly.points, atol=1e-8)
+    assert compiled.log_odds == pytest.approx(plainly.log_odds, abs=1e-3)
+
+
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 @pytest.mark.parametrize("factor", [1, 2, 3])
 @pytest.mark.parametrize("place", ["inside", "at the border", "outside"])
