@@ -53,7 +53,8 @@ class DepthTuning:
     common_share: float = 0.5
     kept: int = 40  # places
     spacing_s: float = 0.25  # places nearer in time share a heartbeat, and count as one
-    longest_interval_s: float = 0.75  # after a longer one nothing is known of the speed
+    longest_interval_s: float = 0.75  # after a longer one nothing is known of the speed,
+    usual_speed_m_s: float = 0.010  # which then is like this, or as it was seen to be
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +66,7 @@ class BreathingDepth:
         times_s: (N,) when, seconds.
         places: (N, 3) displacements, metres.
         covariances: (N, 3, 3) m² of them.
+        shared: (N, 3, 3) m² of an error that is one and the same of all that have it: they were moved together.
         velocities: (N, 3) m/s on the way there.
         last_s: time of the last place that was seen.
         last: (3,) that place, metres.
@@ -74,6 +76,7 @@ class BreathingDepth:
     times_s: Array
     places: Array
     covariances: Array
+    shared: Array
     velocities: Array
     last_s: float
     last: Array
@@ -81,7 +84,7 @@ class BreathingDepth:
     @staticmethod
     def first(time_s: float, place: Array, tuning: DepthTuning | None = None) -> BreathingDepth:
         """At the first place (3,) m, where nothing is known of its speed."""
-        at = np.array([time_s]), place[None], np.zeros((1, 3, 3)), np.zeros((1, 3))
+        at = np.array([time_s]), place[None], np.zeros((1, 3, 3)), np.zeros((1, 3, 3)), np.zeros((1, 3))
         return BreathingDepth(tuning or DepthTuning(), *at, time_s, place)
 
     def seen(self, time_s: float, place: Estimate) -> BreathingDepth:
@@ -95,6 +98,7 @@ class BreathingDepth:
             times_s=np.append(self.times_s, time_s)[kept],
             places=np.vstack([self.places, place.displacement])[kept],
             covariances=np.concatenate([self.covariances, place.covariance[None]])[kept],
+            shared=np.concatenate([self.shared, np.zeros((1, 3, 3))])[kept],
             velocities=np.vstack([self.velocities, self._velocity(time_s, place.displacement)])[kept],
         )
 
@@ -102,12 +106,9 @@ class BreathingDepth:
         """With a place (3,) m of which nothing is to be learned but how fast it goes on from there."""
         return replace(self, last_s=time_s, last=place)
 
-    def moved(self, shift: Array) -> BreathingDepth:
-        """The same of a ring that was put elsewhere by a shift (3,) m, and breathes there as it did.
-
-        Which phase of the breath the shift is taken from does not matter much: the function goes through all of them.
-        """
-        return replace(self, places=self.places + shift, last=self.last + shift)
+    def moved(self, shift: Array, covariance: Array) -> BreathingDepth:
+        """The same of a ring put elsewhere by a shift (3,) m, known to (3, 3) m², where it breathes as it did."""
+        return replace(self, places=self.places + shift, shared=self.shared + covariance, last=self.last + shift)
 
     def _velocity(self, time_s: float, place: Array) -> Array:
         """(3,) m/s on the way to a place (3,) m; zero where it was not seen just before."""
@@ -131,14 +132,13 @@ class BreathingDepth:
         off = shown.displacement - middle
         terms = _terms(self.places - middle, self.velocities, axes)
         (here,) = _terms(off[None], self._velocity(time_s, shown.displacement)[None], axes)
-        depths, own = (self.places - middle) @ ray, self.covariances @ ray @ ray
         beat = float(ray @ heartbeat @ ray)
-        means, variances, coefficients, odds = self._by_size(time_s, terms, here, depths, own, beat)
-        # Where the plane has it is not sure, either, nor how fast it goes: the function makes depth of that.
-        across = coefficients[:, 1:3] @ axes
+        depths, errors = (self.places - middle) @ ray, self._errors(ray, beat)
+        vague = float((self.shared @ ray @ ray).max())
+        means, variances, slopes, odds = self._by_size(time_s, terms, here, depths, errors, beat, vague)
+        # Where the plane has it is not sure, either: the function's slope makes depth of that.
+        across = slopes @ axes
         variances = variances + ((across @ shown.covariance) * across).sum(axis=1)
-        if not self._is_just_before(time_s):
-            variances = variances + np.square(coefficients[:, 3]) * np.square(terms[:, 3]).mean()
         shares = np.exp(odds - odds.max())
         shares /= shares.sum()
         depth = float(shares @ means)
@@ -146,8 +146,15 @@ class BreathingDepth:
         flat, along = _IDENTITY_3 - np.outer(ray, ray), np.outer(ray, ray)
         return Estimate(middle + flat @ off + depth * ray, flat @ shown.covariance @ flat + variance * along)
 
+    def _errors(self, ray: Array, beat: float) -> Array:
+        """(N, N) m² of the places' depths: their own errors, those that several share, and the heartbeat's m²."""
+        own, shared = self.covariances @ ray @ ray, np.sqrt(self.shared @ ray @ ray)
+        share = self.tuning.common_share
+        common = share * np.sqrt(np.outer(own, own)) + np.outer(shared, shared)
+        return np.asarray(common + np.diag((1.0 - share) * own + beat))
+
     def _by_size(
-        self, time_s: float, terms: Array, here: Array, depths: Array, own: Array, beat: float
+        self, time_s: float, terms: Array, here: Array, depths: Array, errors: Array, beat: float, vague: float
     ) -> tuple[Array, Array, Array, Array]:
         """The depth at a time, for each size S of what the function leaves over.
 
@@ -156,28 +163,33 @@ class BreathingDepth:
             terms: (N, 5) of the places.
             here: (5,) of the one at that time.
             depths: (N,) of the places from their mean, metres.
-            own: (N,) m² of those depths.
-            beat: m² of the heartbeat along the ray, another one at each place.
+            errors: (N, N) m² of those depths.
+            beat: m² of the heartbeat along the ray.
+            vague: m² of the mean depth, by what the places share.
 
         Returns:
-            (S,) metres from their mean; (S,) m²; (S, 5) the function's coefficients; (S,) log odds of the size.
+            (S,) metres from their mean; (S,) m²; (S, 2) metres of depth per metre across; (S,) log odds of the size.
         """
         tuning = self.tuning
         sizes, odds = np.array(tuning.sizes).T
         prior = np.square([tuning.mean_m, tuning.slope, tuning.slope, tuning.speed_s, tuning.bend_per_m])
+        prior[0] += vague
         lasting, noise, scales = tuning.lasting_m**2, tuning.noise_m**2, np.square(sizes)
         apart = np.abs(self.times_s[:, None] - self.times_s)
         left = lasting * np.exp(-apart / tuning.lasting_s) + noise * np.eye(len(apart))
         since = lasting * np.exp(-np.abs(time_s - self.times_s) / tuning.lasting_s)
-        common = tuning.common_share * np.sqrt(np.outer(own, own)) + (1.0 - tuning.common_share) * np.diag(own)
-        common += beat * np.eye(len(own))
-        known = (terms * prior) @ terms.T + common + scales[:, None, None] * left
+        known = (terms * prior) @ terms.T + errors + scales[:, None, None] * left
         cross = terms @ (prior * here) + scales[:, None] * since
-        told = np.stack([np.broadcast_to(depths, cross.shape), cross], axis=-1)
-        of_depths, of_cross = np.moveaxis(np.linalg.solve(known, told), -1, 0)
+        speeds = terms[:, 3]
+        told = np.stack([np.broadcast_to(one, cross.shape) for one in (depths, cross, speeds)], axis=-1)
+        of_depths, of_cross, of_speeds = np.moveaxis(np.linalg.solve(known, told), -1, 0)
         likely = np.log(odds) - 0.5 * (np.linalg.slogdet(known)[1] + of_depths @ depths)
         variances = prior @ np.square(here) + scales * (lasting + noise) + beat - (cross * of_cross).sum(axis=1)
-        return (cross * of_depths).sum(axis=1), variances, prior * (of_depths @ terms), likely
+        if not self._is_just_before(time_s):
+            # How fast it goes is not known, and what that makes of the depth only so well.
+            a_second = np.square(prior[3] * (of_depths @ speeds)) + prior[3] - prior[3] ** 2 * (of_speeds @ speeds)
+            variances = variances + a_second * max(np.square(speeds).mean(), tuning.usual_speed_m_s**2)
+        return (cross * of_depths).sum(axis=1), variances, prior[1:3] * (of_depths @ terms[:, 1:3]), likely
 
 
 def _across(ray: Array, way: Array) -> Array:

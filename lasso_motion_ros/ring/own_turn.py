@@ -54,13 +54,12 @@ class OwnTurn:
         """How many times as far as expected it turns; 1 at least."""
         return max(self.sigma_rad / self.expected_rad, 1.0)
 
-    def log_odds_of_a_hand(self, turn: Array) -> float:
-        """Natural logarithm of the odds that a hand has turned it, which turns it any way and far, by this turn alone.
+    def log_odds_of_a_hand(self, turn: Array, home: Array) -> float:
+        """Natural logarithm of the odds that a hand has turned it since the last pair, which turns it any way and far.
 
-        Args:
-            turn: (3,) rotation vector, rad, by which it is turned from how it belongs.
+        Args: as of `seen`.
         """
-        sigmas = math.sqrt(float(turn @ turn)) / (self.expected_rad * self.excess)
+        sigmas = math.sqrt(self._square(turn, home)) / (self.expected_rad * self.excess)
         return min(max(ODDS_A_SIGMA * (sigmas - INDIFFERENT_SIGMAS), 0.0), MOST_ODDS)
 
     def seen(self, turn: Array, home: Array) -> OwnTurn:
@@ -72,8 +71,12 @@ class OwnTurn:
             turn: (3,) rotation vector, rad, by which it is turned from the seed pair.
             home: (3,) likewise, by which it is as it belongs.
         """
-        own, change = turn - home, turn - self.last
-        square = min(float(own @ own), float(change @ change)) / 3.0
+        square = self._square(turn, home) / 3.0
         pairs = min(self.pairs + 1.0, REMEMBERED_PAIRS)
         variance = self.variance + (square - self.variance) / pairs
         return replace(self, variance=variance, last=np.array(turn), pairs=pairs)
+
+    def _square(self, turn: Array, home: Array) -> float:
+        """Rad², of the turn from home; what stays from pair to pair counts once."""
+        own, change = turn - home, turn - self.last
+        return min(float(own @ own), float(change @ change))

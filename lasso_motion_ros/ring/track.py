@@ -12,6 +12,7 @@ from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.motion.breathing_depth import BreathingDepth
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.heartbeat import Beats
+from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.association import Hypothesis, Pending
 from lasso_motion_ros.ring.breathing_curve import BreathingCurve
@@ -71,6 +72,7 @@ class Track:
         last_s: time of the last pair, seconds since the seed pair.
         interval_s: between the last two pairs, seconds.
         displacement: (3,) m of its centre in the last pair, in its place or displaced; None where it is not believed.
+        alone: (3, 3) m² of that displacement where one plane alone showed it; None where both did, or none.
         seen_before: (3,) m, the displacement in the last pair before it in which the ring was believed to be seen.
         seen_before_s: time of that pair, seconds since the seed pair.
         turn: (3,) rotation vector, rad, to start the next alignment from.
@@ -119,6 +121,7 @@ class Track:
     last_s: float = 0.0
     interval_s: float = 0.0
     displacement: Array | None = field(default_factory=lambda: np.zeros(3))
+    alone: Array | None = None
     seen_before: Array = field(default_factory=lambda: np.zeros(3))
     seen_before_s: float = 0.0
     turn: Array = field(default_factory=lambda: np.zeros(3))
@@ -143,6 +146,7 @@ class Track:
         if self.displacement is not None:
             self.seen_before, self.seen_before_s = self.displacement, self.last_s
         self.interval_s, self.last_s, self.displacement = time_s - self.last_s, time_s, None
+        self.alone = None
         self.last_support, self.slide, self.joined_slide = -1.0, Slide(), self.companions.slide
         return time_s
 
@@ -196,6 +200,7 @@ class Track:
         place = self.depth.with_depth(time_s, self.motion.at_a, fit.ray, self.motion.way, self.motion.heartbeat)
         self.displacement, self.depth = place.displacement, self.depth.passed(time_s, place.displacement)
         self.curve.see(time_s, place.displacement, is_whole=False)
+        self.alone = place.covariance
         return place.covariance
 
     def learn_motion(self, best: Hypothesis, time_s: float) -> None:
@@ -258,7 +263,7 @@ class Track:
     def refer_to_now(self) -> None:
         """Make the last pair the reference."""
         self.reference, self.reference_ns = self.seen_at, self.start_ns + round(self.last_s * 1e9)
-        self.reference_covariance = self.motion.at_a.covariance
+        self.reference_covariance = self.motion.at_a.covariance if self.alone is None else self.alone
 
     def settle(self, curve: BreathingCurve) -> None:
         """Take it that the ring belongs where, and as, it lies now.
@@ -268,7 +273,10 @@ class Track:
         """
         self.home, self.home_turn, self.home_stretch = self.seen_at, self.last_turn, self.last_stretch
         self.turn = 0.5 * self.last_turn
-        self.depth = self.depth.moved(self.seen_at - self.motion.predict(self.last_s).displacement)
+        foretold = self.motion.predict(self.last_s)
+        depth = self.depth.moved(self.seen_at - foretold.displacement, foretold.covariance)
+        depth = depth.passed(self.seen_before_s, self.seen_before)
+        self.depth = depth.seen(self.last_s, Estimate(self.seen_at, np.zeros((3, 3))))
         self.motion.move(self.seen_at)
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
         self.seat, self.contradiction = self.seat.anew(), self.contradiction.anew()

@@ -214,7 +214,7 @@ class RingTracker:
             state, reason = quality(track, best, pair, config.judgement, options.validation, options.state)
         with self._stages("learning"):
             position = self._update(track, best, association, time_s, state)
-            position = position + track.display.covariance(track.way(best.displacement))
+            position = position + track.display.covariance(track.way(track.seen_at))
         # Report.
         with self._stages("report"):
             position = covariance_since_reference(track, position, best)
@@ -270,7 +270,7 @@ class RingTracker:
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / states.surprise(time_s, is_complete=track.curve.is_complete))
             if best.is_whole:
-                turned = track.own_turn.log_odds_of_a_hand(track.turn_of(best))
+                turned = track.own_turn.log_odds_of_a_hand(track.home_turn + track.turn_of(best), track.home_turn)
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)
             elif is_away:  # that a displaced ring is back, both planes have to show

@@ -72,7 +72,7 @@ def test_where_nothing_but_the_seed_was_seen_depth_is_what_was_expected_before()
     left = 2.0**2 * (0.25**2 + 0.3**2)
     seed, lasting = 1.0 + left, 1.0 + 2.0**2 * 0.25**2 * math.exp(-0.2)
     slopes = 0.6**2 * (10.0**2 + 3.0**2) + (20.0 * 0.010**2 * 1e3) ** 2
-    expected = 1.0 + slopes + left - lasting**2 / seed
+    expected = 1.0 + slopes + left - lasting**2 / seed + 1.0  # and 0.1 s at 10 mm/s, whose speed is not known
     assert 1e6 * RAY @ told.covariance @ RAY == pytest.approx(expected, rel=1e-9)
 
 
@@ -132,6 +132,15 @@ def test_of_a_speed_that_is_not_known_depth_is_vaguer():
     assert abs(RAY @ (unknown.displacement - true)) < 2.0 * math.sqrt(RAY @ unknown.covariance @ RAY)
 
 
+def test_where_no_speed_was_seen_that_it_is_not_known_counts_as_usual():
+    still = BreathingDepth.first(0.0, np.zeros(3))
+    for time_s in (1.0, 2.0, 3.0, 4.0):  # too far apart to tell one
+        still = still.seen(time_s, Estimate(np.zeros(3), STILL))
+    told = still.with_depth(5.0, Estimate(np.zeros(3), STILL), RAY, WAY, STILL)
+    # A second of depth per metre a second is expected to be 0.1, and 10 mm/s are usual.
+    assert 1e3 * math.sqrt(RAY @ told.covariance @ RAY) > 1.0
+
+
 def test_a_strong_heart_and_a_vague_sight_make_it_vaguer():
     true = breath(8.3)
     depth = watched(8.0)
@@ -168,7 +177,23 @@ def test_places_of_one_heartbeat_count_as_one_and_old_ones_are_forgotten():
 
 def test_put_elsewhere_it_breathes_there_as_it_did():
     away = np.array([0.010, -0.008, 0.004])
-    depth = watched(8.0).moved(away)
-    true = breath(8.3) + away
+    depth, true = watched(8.0).moved(away, STILL), breath(8.3) + away
     told = depth.with_depth(8.3, Estimate(FLAT @ true, STILL), RAY, WAY, STILL)
     assert 1e3 * abs(RAY @ (told.displacement - true)) < 0.35
+
+
+@pytest.mark.parametrize("phase_s", [8.4, 9.4, 10.0, 10.7, 11.4])
+def test_put_elsewhere_by_a_shift_that_is_hardly_known_its_depth_is_where_it_was_seen_last(phase_s):
+    # By three millimetres of the breath and of what lies beside it: what was foretold of it was only a mean.
+    away, off = np.array([0.010, -0.008, 0.004]), 0.003 * WAY + 0.0015 * RAY
+    depth = watched(8.0).moved(away + off, 0.003**2 * np.eye(3)).passed(phase_s - 1 / 3, breath(phase_s - 1 / 3) + away)
+    depth = depth.seen(phase_s, Estimate(breath(phase_s) + away, STILL))
+    errors, sigmas = [], []
+    for later in np.arange(1, 13) / 3.0:
+        true = breath(phase_s + later) + away
+        told = depth.with_depth(phase_s + later, Estimate(FLAT @ true, STILL), RAY, WAY, STILL)
+        depth = depth.passed(phase_s + later, told.displacement)
+        errors.append(RAY @ (told.displacement - true))
+        sigmas.append(math.sqrt(RAY @ told.covariance @ RAY))
+    assert 1e3 * np.abs(errors).max() < 1.0
+    assert np.all(np.abs(errors) < 3.0 * np.array(sigmas))

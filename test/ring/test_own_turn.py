@@ -61,10 +61,8 @@ def test_it_counts_from_how_the_ring_belongs():
 
 
 def test_a_turn_speaks_of_a_hand_the_more_the_further_it_is_and_never_against_one():
-    own = OwnTurn.expected(np.radians(2.5))
-
-    def odds(turned_deg, of=own):
-        return of.log_odds_of_a_hand(np.radians([0.0, turned_deg, 0.0]))
+    def odds(turned_deg, of=EXPECTED):
+        return of.log_odds_of_a_hand(about_x(turned_deg), STRAIGHT)
 
     assert [odds(0.0), odds(3.2)] == [0.0, 0.0]
     assert odds(5.0) == pytest.approx(2.6 * (2.0 - 1.3))
@@ -72,3 +70,11 @@ def test_a_turn_speaks_of_a_hand_the_more_the_further_it_is_and_never_against_on
     # A ring that turns by itself twice as far has to be turned twice as far.
     lively = OwnTurn(np.radians(2.5), np.radians(5.0) ** 2)
     assert odds(10.0, lively) == pytest.approx(odds(5.0))
+
+
+def test_a_turn_that_stays_speaks_of_a_hand_once():
+    turned = EXPECTED.seen(about_x(9.0), STRAIGHT)
+    assert turned.log_odds_of_a_hand(about_x(9.0), STRAIGHT) == 0.0
+    assert EXPECTED.log_odds_of_a_hand(about_x(9.0), STRAIGHT) == 4.5
+    # Back where it belongs: nothing.
+    assert turned.log_odds_of_a_hand(about_x(0.5), STRAIGHT) == 0.0

@@ -142,6 +142,21 @@ def test_the_reference_is_where_it_was_seen_last():
     np.testing.assert_array_equal(one.reference_covariance, one.motion.at_a.covariance)
 
 
+def test_the_reference_of_one_plane_alone_is_known_as_well_as_its_place():
+    one = track()
+    for index in range(1, 9):
+        seen(one, index * 300_000_000, np.array([0.0, 0.0, 1e-3 * (index % 4)]))
+    one.begin(9 * 300_000_000)
+    told = one.take_alone(hypothesis(one, np.array([0.0, 0.0, 1e-3]), planes="a"), one.last_s)
+    one.refer_to_now()
+    np.testing.assert_array_equal(one.reference_covariance, told)
+    np.testing.assert_array_equal(one.reference, one.displacement)
+    # The next pair that both planes show is known by itself.
+    seen(one, 10 * 300_000_000, np.array([0.0, 0.0, 2e-3]))
+    one.refer_to_now()
+    np.testing.assert_array_equal(one.reference_covariance, one.motion.at_a.covariance)
+
+
 def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     one = track()
     for index in range(1, 8):
