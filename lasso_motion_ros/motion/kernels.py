@@ -486,7 +486,7 @@ def gone_through(
     freedom: float,
     unusual: float,
 ) -> tuple[Array, Array, Array, float]:
-    """What exposures in turn make of states, covariances and weights: `RespiratoryMotion._go_through`.
+    """What exposures in turn make of states, covariances and weights: `ExposureFilter._go_through`.
 
     Args:
         state: (N, filters).

@@ -12,20 +12,18 @@ while: rhythms change.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from itertools import accumulate, groupby, pairwise
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.core.compiled import has_kernels
-from lasso_motion_ros.motion.heart_bank import HeartBank, each_filter
+from lasso_motion_ros.motion.exposures import Exposure, ExposureFilter
+from lasso_motion_ros.motion.heart_bank import each_filter
 from lasso_motion_ros.motion.heartbeat import Beats
 from lasso_motion_ros.motion.motion_model import (
     AT_A,
     MEAN,
-    NOTHING,
     ORIGIN_B,
     POSITION,
     TUNING,
@@ -36,7 +34,6 @@ from lasso_motion_ros.motion.motion_model import (
     Spread,
     displacement_at,
     first_states,
-    moved_on,
     since_b_at,
 )
 from lasso_motion_ros.motion.outcome import Outcome, Outlook
@@ -46,26 +43,7 @@ Array = npt.NDArray[np.float64]
 _IDENTITY_3 = np.eye(3)
 
 
-@dataclass(frozen=True, eq=False)
-class _Step:
-    """Something that was taken in.
-
-    Attributes:
-        time_s: of the exposure.
-        seen: what was measured; None where only the time counts.
-        is_since_b: whether of how far the ring is from plane B's origin, instead of its displacement.
-        block: of the state, if one becomes the displacement then.
-        is_telling: whether it tells of the heart, and how likely it is.
-    """
-
-    time_s: float
-    seen: Observation | None
-    is_since_b: bool
-    block: slice | None
-    is_telling: bool = True
-
-
-class RespiratoryMotion(HeartBank):
+class RespiratoryMotion(ExposureFilter):
     """Filter for the displacement of the loop's centre; at the seed pair's exposure in plane A it is zero.
 
     Plane B's first exposure may be later: what the loop had moved until then is a part of the state
@@ -93,13 +71,12 @@ class RespiratoryMotion(HeartBank):
             tuning: what is expected of breathing and heart.
         """
         self._start_s, self._is_late = time_a_s, time_b_s != time_a_s
-        super().__init__(tuning.hearts(time_b_s - time_a_s), tuning, time_a_s, beats)
-        self._spread = Spread(shape, tuning)
+        super().__init__(tuning.hearts(time_b_s - time_a_s), Spread(shape, tuning), tuning, time_a_s, beats)
         self._since_all_s = time_a_s
         self._keeps_history = True
         # What holds by definition tells nothing of the heart.
-        origin = _Step(time_b_s, between and between.of_two(), False, ORIGIN_B, is_telling=False)
-        self._history: tuple[_Step, ...] = (origin,)
+        origin = Exposure(time_b_s, between and between.of_two(), False, ORIGIN_B, is_telling=False)
+        self._history: tuple[Exposure, ...] = (origin,)
         self._filter_again()
 
     def _filter_again(self) -> None:
@@ -130,10 +107,6 @@ class RespiratoryMotion(HeartBank):
         twin._hear(beats)
         return twin
 
-    def _beats_at(self, time_s: float) -> Beats | None:
-        """The beats, if they tell the phase at a time."""
-        return self._beats if self._beats is not None and self._beats.is_known(time_s) else None
-
     def later(self, time_s: float) -> RespiratoryMotion:
         """The same motion at a later time, nothing more being seen."""
         later = self.copy()
@@ -146,11 +119,6 @@ class RespiratoryMotion(HeartBank):
         if not isinstance(known, RespiratoryMotion) or known._time_s != time_s:
             known = self._later = self.later(time_s)
         return known
-
-    @property
-    def spread(self) -> Array:
-        """(3, 3) covariance of the motion about its mean, learned so far, m²."""
-        return self._spread.covariance
 
     @property
     def mean(self) -> Array:
@@ -229,9 +197,9 @@ class RespiratoryMotion(HeartBank):
         Returns:
             How likely the measurements were, given all before.
         """
-        steps = () if a is None else (_Step(time_s, a, False, AT_A),)
+        steps = () if a is None else (Exposure(time_s, a, False, AT_A),)
         if b is not None:
-            steps = (*steps, _Step(time_s, b, True, None))
+            steps = (*steps, Exposure(time_s, b, True, None))
         return self._take_in_and_keep(*steps)
 
     def outcome(
@@ -245,9 +213,9 @@ class RespiratoryMotion(HeartBank):
             time_b_s: plane B's, not before that.
             b: likewise.
         """
-        steps = [_Step(time_s, a, False, AT_A)]
+        steps = [Exposure(time_s, a, False, AT_A)]
         if b is not None:
-            steps.append(_Step(time_b_s, b, True, None))
+            steps.append(Exposure(time_b_s, b, True, None))
 
         def after() -> RespiratoryMotion:
             later = self.copy()
@@ -295,77 +263,13 @@ class RespiratoryMotion(HeartBank):
 
     def mark_a(self, time_s: float) -> None:
         """Make a time that of `at_a`: what would have been plane A's exposure, where it has none."""
-        self._take_in_and_keep(_Step(time_s, None, False, AT_A))
+        self._take_in_and_keep(Exposure(time_s, None, False, AT_A))
 
-    def _take_in_and_keep(self, *steps: _Step) -> float:
+    def _take_in_and_keep(self, *steps: Exposure) -> float:
         """Take in steps that may have to be gone through again; returns how likely they were."""
         if self._keeps_history:
             self._history = (*self._history, *steps)
         return self._take_in(steps)
-
-    def _take_in(self, steps: Sequence[_Step]) -> float:
-        """The state after steps in turn; returns how likely their measurements were, given all before."""
-        likelihood = 0.0
-        if has_kernels():
-            for is_known, some in groupby(steps, lambda step: self._beats_at(step.time_s) is not None):
-                alike = list(some)
-                if is_known != self._tells_of_beats:
-                    self._advance(alike[0].time_s)
-                likelihood += self._go_through(alike)
-            return likelihood
-        for step in steps:
-            self._advance(step.time_s)
-            weights, function = self._log_weights, self._since_b if step.is_since_b else self._displacement
-            if step.seen is not None:
-                told = self._update(step.seen, function)
-                if step.is_telling:
-                    likelihood += told
-                else:
-                    self._weigh(weights)
-            if step.block is not None:
-                self._clone(function, step.block)
-        return likelihood
-
-    def _go_through(self, steps: Sequence[_Step]) -> float:
-        """The same, compiled, where the state tells of beats before and after all of them, or does not."""
-        from lasso_motion_ros.motion import kernels
-
-        times_s = list(accumulate((step.time_s for step in steps), max, initial=self._time_s))
-        intervals_s = [later - before for before, later in pairwise(times_s)]
-        passages = [self._tuning.passage(interval_s) for interval_s in intervals_s]
-        seen = [step.seen or NOTHING for step in steps]
-        functions = [
-            (since_b_at if step.is_since_b else displacement_at)(self._phase(time_s))
-            for step, time_s in zip(steps, times_s[1:], strict=True)
-        ]
-        state, covariance, log_weights, likelihood = kernels.gone_through(
-            self._state,
-            self._covariance,
-            self._log_weights,
-            self._hearts.log_odds,
-            self._hearts.odds,
-            self.spread,
-            self._random_heart,
-            np.array(intervals_s),
-            _stacked([one.breathing for one in passages]),
-            _stacked([one.beating for one in passages]),
-            _stacked([one.breathing_noise for one in passages]),
-            _stacked([one.beating_noise for one in passages]),
-            np.array([self._tuning.heart_kept(interval_s) for interval_s in intervals_s]),
-            np.array([step.seen is not None for step in steps]),
-            np.array([step.is_telling for step in steps]),
-            _stacked(functions),
-            _stacked([one.across for one in seen]),
-            _stacked([one.value for one in seen]),
-            _stacked([one.covariance for one in seen]),
-            np.array([-1 if step.block is None else step.block.start for step in steps]),
-            self._tuning.freedom,
-            self._tuning.unusual_share,
-        )
-        self._become(state, covariance)
-        self._weigh(log_weights)
-        self._time_s = times_s[-1]
-        return likelihood
 
     @property
     def is_revised_next(self) -> bool:
@@ -427,23 +331,3 @@ class RespiratoryMotion(HeartBank):
         covariance[MEAN, MEAN] += (reach_m**2 * _IDENTITY_3)[..., None]
         moved._become(self._state, covariance)
         return moved
-
-    def _advance(self, time_s: float) -> None:
-        if time_s > self._time_s:
-            is_known = self._beats_at(time_s) is not None
-            if not is_known:
-                self._switch(False)
-            interval_s = time_s - self._time_s
-            self._become(
-                *moved_on(self._state, self._covariance, interval_s, self.spread, self._random_heart, self._tuning)
-            )
-            usual = self._hearts.log_odds
-            self._weigh(usual + self._tuning.heart_kept(interval_s) * (self._log_weights - usual))
-            self._time_s = time_s
-            if is_known:
-                self._switch(True)
-
-
-def _stacked(values: Sequence[Array]) -> Array:
-    """(S, ...) of values (...)."""
-    return values[0][None] if len(values) == 1 else np.array(values)
