@@ -21,8 +21,9 @@ Grey = npt.NDArray[np.uint16]
 _ONE, _QUARTER, _MOST = np.float32(1.0), np.float32(0.25), np.float32(0.75)
 MEAN_CELLS = 31  # over which `local_mean` goes, along rows and columns
 WINDOW_PX = 33  # in which `evidence` tells the noise
-# Blurs of pixels, and of cells: of the band, and of evidence.
-_FINE_BAND, _COARSE_BAND, _FINE, _COARSE = BY_REACH[2], BY_REACH[4], BY_REACH[5], BY_REACH[8]
+_REACH = 2  # of the band's blur of pixels, on either side
+# Blurs of cells, of the band, and of evidence's pixels and cells.
+_COARSE_BAND, _FINE, _COARSE = BY_REACH[4], BY_REACH[5], BY_REACH[8]
 _FAR = 1e9  # pixels: what lies further off is outside as well
 _TAPS = "Array(float32, 1, 'C', readonly=True)"
 _EVIDENCE = f"{_TAPS}, {_TAPS}, {_TAPS}, boolean, float32, float32, float32"
@@ -104,37 +105,77 @@ def local_mean(cells: Image) -> Image:
     return made
 
 
-@compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], boolean)")
-def subtracted(fine: Image, slow: Image, bright: bool) -> Image:
-    """Take what varies slowly from an image, and tell the power of what is left.
+@compiled("Tuple((float32[:, ::1], float64))(Array(uint16, 2, 'C', readonly=True))")
+def _grey_in_cells(grey: Grey) -> tuple[Image, float]:
+    """What `_in_cells` gives of grey values (h, w), which add up exactly; and the largest of them, 1 at least."""
+    height, width = grey.shape[0] // 2, grey.shape[1] // 2
+    cells, most = np.empty((height, width), np.float32), np.uint16(1)
+    for i in range(height):
+        above, below, own = grey[2 * i], grey[2 * i + 1], cells[i]
+        for j in range(2 * width):
+            most = max(most, above[j], below[j])
+        for j in range(width):
+            upper = np.int32(above[2 * j]) + np.int32(above[2 * j + 1])
+            lower = np.int32(below[2 * j]) + np.int32(below[2 * j + 1])
+            own[j] = _QUARTER * np.float32(upper + lower)
+    return cells, float(most)
+
+
+@compiled(f"UniTuple(float32[:, ::1], 2)(Array(uint16, 2, 'C', readonly=True), {_TAPS}, float32[:, ::1], boolean)")
+def _banded(grey: Grey, taps: Image, slow: Image, bright: bool) -> tuple[Image, Image]:
+    """What is left of an image once it is blurred a little and what varies slowly is taken off, and the power of that.
+
+    Row by row, so that what one step leaves is in the nearest memory for the next: as a blur of `BY_REACH` and then a
+    subtraction, to the last bit.
 
     Args:
-        fine: (2 h, 2 w) blurred a little; overwritten by the band between the two.
+        grey: (2 h, 2 w), larger than the blur's reach.
+        taps: of the blur, from the middle one on.
         slow: (h, w) cells, blurred much.
         bright: whether what is brighter is positive.
 
     Returns:
-        (h, w) mean square of the band in each cell.
+        (2 h, 2 w) the band; (h, w) its mean square in each cell.
     """
-    height, width = slow.shape
-    cells, coarse = np.empty(width + 2, np.float32), np.empty(2 * width, np.float32)
-    power = np.empty((height, width), np.float32)
+    (height, width), half = grey.shape, slow.shape[1]
+    band, power = np.empty((height, width), np.float32), np.empty(slow.shape, np.float32)
+    rows, line = np.empty((2 * _REACH + 1, width), np.float32), np.empty(width + 2 * _REACH, np.float32)
+    cells, coarse = np.empty(half + 2, np.float32), np.empty(width, np.float32)
     sign = np.float32(1.0 if bright else -1.0)
-    for i in range(2 * height):
+    for last in range(-_REACH, height + _REACH):
+        # The rows about the next one that is blurred, mirrored in those at the border.
+        mirrored, slot = height - 1 - abs(height - 1 - abs(last)), last % (2 * _REACH + 1)
+        for j in range(width):
+            rows[slot, j] = grey[mirrored, j]
+        i = last - _REACH
+        if i < 0:
+            continue
+        for j in range(width):
+            total = taps[0] * rows[i % (2 * _REACH + 1), j]
+            for k in range(1, _REACH + 1):
+                total += taps[k] * (rows[(i - k) % (2 * _REACH + 1), j] + rows[(i + k) % (2 * _REACH + 1), j])
+            line[j + _REACH] = total
+        for k in range(1, _REACH + 1):
+            line[_REACH - k], line[_REACH + width - 1 + k] = line[_REACH + k], line[_REACH + width - 1 - k]
         _between_cells(slow, i, cells, coarse)
-        row = fine[i]
-        for j in range(2 * width):
-            row[j] = sign * (row[j] - coarse[j])
+        own = band[i]
+        for j in range(width):
+            total = taps[0] * line[j + _REACH]
+            for k in range(1, _REACH + 1):
+                total += taps[k] * (line[j + _REACH - k] + line[j + _REACH + k])
+            own[j] = total
+        for j in range(width):
+            own[j] = sign * (own[j] - coarse[j])
         if i % 2:
-            above, below, mean = fine[i - 1], row, power[i // 2]
-            for c in range(width):
+            above, mean = band[i - 1], power[i // 2]
+            for c in range(half):
                 mean[c] = _QUARTER * (
                     above[2 * c] * above[2 * c]
                     + above[2 * c + 1] * above[2 * c + 1]
-                    + below[2 * c] * below[2 * c]
-                    + below[2 * c + 1] * below[2 * c + 1]
+                    + own[2 * c] * own[2 * c]
+                    + own[2 * c + 1] * own[2 * c + 1]
                 )
-    return power
+    return band, power
 
 
 @compiled("float32[:, ::1](float32[:, ::1], float32[:, ::1], float32, float32)")
@@ -236,18 +277,10 @@ def band_passed(grey: Grey, fine: Image, coarse: Image, bright: bool, clip: floa
     Returns:
         (2 h, 2 w) each.
     """
-    height, width = grey.shape
-    values, most = np.empty((height, width), np.float32), 1
-    for i in range(height):
-        row, own = grey[i], values[i]
-        for j in range(width):
-            own[j] = row[j]
-        for j in range(width):
-            most = max(most, row[j])
-    band = _FINE_BAND(values, fine)
-    power = local_mean(subtracted(band, _COARSE_BAND(_in_cells(values), coarse), bright))
+    cells, most = _grey_in_cells(grey)
+    band, power = _banded(grey, fine, _COARSE_BAND(cells, coarse), bright)
     # A constant area (collimator, saturation) has no noise to divide by and stays zero.
-    return band, divided(band, power, 1e-6 * most, clip)
+    return band, divided(band, local_mean(power), 1e-6 * most, clip)
 
 
 @compiled(f"float32[:, ::1](Array(uint16, 2, 'A', readonly=True), {_EVIDENCE})")

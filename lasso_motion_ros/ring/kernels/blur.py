@@ -47,4 +47,4 @@ def _blur(reach: int) -> Blur:
     return blurred
 
 
-BY_REACH: dict[int, Blur] = {reach: _blur(reach) for reach in (2, 4, 5, 8)}
+BY_REACH: dict[int, Blur] = {reach: _blur(reach) for reach in (4, 5, 8)}
