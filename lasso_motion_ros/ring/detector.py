@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,15 +12,15 @@ from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.covariance import largest_sigma
 from lasso_motion_ros.geometry.frames import PLANES, Frame, FramePair, Pair, Plane
-from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align, align_from_afar
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
 from lasso_motion_ros.ring.loop_model import LoopModel
-from lasso_motion_ros.ring.search import Peaks, SearchCandidate, find_electrodes, find_peaks, join_peaks
+from lasso_motion_ros.ring.plane_search import PlaneSearch
+from lasso_motion_ros.ring.search import Peaks, SearchCandidate, join_peaks
 from lasso_motion_ros.ring.strip import HALF_WIDTH
 from lasso_motion_ros.ring.template import RingTemplate
-from lasso_motion_ros.ring.working_image import Image, WholeImages, WorkingImage, working_image
+from lasso_motion_ros.ring.working_image import WholeImages, WorkingImage, working_image
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 
 Array = npt.NDArray[np.float64]
@@ -67,48 +68,25 @@ class _Surroundings:
     """What of a pair is looked at, and where the ring may be in it.
 
     Attributes:
-        images: per plane that can show it.
+        searches: per plane that can show it.
         expected: per plane exposed, (3,) where the ring's centre is expected, world metres.
-        reach_mm: how far from there it may be, where it is not looked for everywhere.
         covariance: (3, 3) m² of what is expected.
         slack_m: how far it may have moved, unforeseen, between the two exposures.
     """
 
-    images: dict[Plane, WorkingImage]
+    searches: dict[Plane, PlaneSearch]
     expected: dict[Plane, Array]
-    reach_mm: float
     covariance: Array
     slack_m: float
+
+    @cached_property
+    def images(self) -> dict[Plane, WorkingImage]:
+        """Per plane that can show it."""
+        return {plane: search.image for plane, search in self.searches.items()}
 
     def candidates(self, peaks: dict[Plane, Peaks], count: int) -> list[SearchCandidate]:
         """Places that the planes' peaks may be of, best first."""
         return join_peaks(peaks, self.expected, self.covariance, self.slack_m, count)
-
-
-@dataclass(frozen=True, eq=False)
-class _Ahead:
-    """What plane A's frame showed about the prediction, before the rest of its pair has come.
-
-    Attributes:
-        frame: the frame.
-        expected: (3,) where the ring's centre was expected, world metres.
-        reach_mm: how far from there it was looked for.
-        template: (L, C) values that were looked for.
-        image: of the surroundings.
-        peaks: where the template fits in it.
-    """
-
-    frame: Frame
-    expected: Array
-    reach_mm: float
-    template: Image
-    image: WorkingImage
-    peaks: Peaks
-
-    def is_of(self, frame: Frame, expected: Array, reach_mm: float, template: Image) -> bool:
-        """Whether the very same would be worked out of these."""
-        is_same = frame is self.frame and template is self.template and reach_mm == self.reach_mm
-        return is_same and np.array_equal(expected, self.expected)
 
 
 class RingDetector:
@@ -134,7 +112,7 @@ class RingDetector:
     ) -> None:
         self._model, self._template, self._start_ns, self._stages = model, template, start_ns, stages
         self._tuning, self._worth = tuning, worth
-        self._ahead: _Ahead | None = None
+        self._ahead: PlaneSearch | None = None
 
     def seconds(self, stamp_ns: int) -> float:
         """A stamp as seconds since the seed pair."""
@@ -151,7 +129,7 @@ class RingDetector:
         return times
 
     def prepare(self, frame: Frame, expected: Expectation, config: TrackerConfig) -> None:
-        """Work out what `detect` asks of plane A's frame alone, if the ring is followed.
+        """Work out what `detect` asks of plane A's frame alone.
 
         Args:
             frame: plane A's, of the next pair.
@@ -159,14 +137,19 @@ class RingDetector:
             config: the tracker's parameters.
         """
         self._ahead = None
-        if not (expected.is_followed and self._tuning.near_first):
-            return
+        near = expected.is_followed and self._tuning.near_first
         alone: FramePair = Pair(frame.stamp_ns, frame, None)
-        place = self._surroundings(alone, expected.motion, config, None, near=True)
-        for plane, image in place.images.items():
-            centre, template, reach_mm = place.expected[plane], self._template.values, place.reach_mm
-            peaks = self._peaks(image, centre, reach_mm)
-            self._ahead = _Ahead(frame, centre, reach_mm, template, image, peaks)
+        for search in self._surroundings(alone, expected.motion, config, None, near=near).searches.values():
+            self._ahead = search
+            with self._stages("search"):
+                _ = search.by_template
+                if near:
+                    break
+                # Of a ring that is out of view the template mostly shows nothing plain: then all else is asked for.
+                for size in self._tuning.sizes:
+                    search.by_size(size * config.ring.stretch)
+                if self._tuning.electrodes:
+                    search.by_electrodes(expected.turn, expected.stretch)
 
     def detect(
         self, pair: FramePair, expected: Expectation, config: TrackerConfig, whole: WholeImages | None = None
@@ -225,12 +208,19 @@ class RingDetector:
 
     def _is_inside(self, candidate: SearchCandidate, images: dict[Plane, WorkingImage]) -> bool:
         """Whether all samples of the ring would come from the images, which may be parts of the whole."""
-        for plane, centre in candidate.centres.items():
-            pixels = images[plane].projection.project(centre + self._model.arms)
-            size = np.array(images[plane].values.shape[::-1])
-            if pixels.min() < self._tuning.edge_px or (pixels > size - 1 - self._tuning.edge_px).any():
-                return False
-        return True
+        return all(self._is_shown(images[plane], centre) for plane, centre in candidate.centres.items())
+
+    def _is_shown(self, image: WorkingImage, centre: Array) -> bool:
+        """Whether all samples of the ring would come from an image, were its centre at a world point (3,) m."""
+        height, width = image.values.shape
+        if has_kernels():
+            from lasso_motion_ros.ring.kernels.search import is_inside
+
+            matrix, edge_px = image.projection.matrix, self._tuning.edge_px
+            return bool(is_inside(matrix, self._model.arms, centre, edge_px, width, height))
+        pixels = image.projection.project(centre + self._model.arms)
+        last = np.array([width, height]) - 1.0 - self._tuning.edge_px
+        return bool((pixels >= self._tuning.edge_px).all() and (pixels <= last).all())
 
     def _covers(self, frame: Frame, shift: Array, centre: Array) -> float:
         """Share of the ring's electrodes that lie inside an image, were its centre at a world point (3,) m."""
@@ -268,66 +258,48 @@ class RingDetector:
         uncertainty_mm = 2e3 * largest_sigma(foreseen.covariance)
         search_mm = config.search.near_mm + min(uncertainty_mm, 20.0)
         reach_mm = model.radius_mm + self._tuning.band_margin_mm + search_mm
-        images = {}
+        searches = {}
         for plane in times:
-            frame = pair.frames[plane]
+            frame, centre = pair.frames[plane], expected[plane]
             shift = model.shift(plane, frame.projection)
-            if near and self._covers(frame, shift, expected[plane]) < self._worth.smallest_coverage:
+            if near and self._covers(frame, shift, centre) < self._worth.smallest_coverage:
                 continue  # zoomed or collimated: the ring is beside the image, and the other plane has to do
             ahead = self._ahead
+            if ahead is not None and ahead.is_of(frame, self._template, centre, search_mm, is_near=near):
+                searches[plane] = ahead
+                continue
             with self._stages("working image"):
-                if near and ahead and ahead.is_of(frame, expected[plane], search_mm, self._template.values):
-                    images[plane] = ahead.image
-                elif near or whole is None:
-                    images[plane] = working_image(
-                        frame,
-                        expected[plane],
-                        bright=model.bright,
-                        shift=shift,
-                        reach_mm=reach_mm if near else None,
-                    )
+                if near or whole is None:
+                    around_mm = reach_mm if near else None
+                    image = working_image(frame, centre, bright=model.bright, shift=shift, reach_mm=around_mm)
                 else:
-                    images[plane] = whole.at(plane, expected[plane], shift, bright=model.bright)
+                    image = whole.at(plane, centre, shift, bright=model.bright)
+            searches[plane] = PlaneSearch(frame, image, model.arms, self._template, centre, search_mm, is_near=near)
         slack_m = self._tuning.unforeseen_speed_m_s * (times["b"] - times["a"]) if len(times) == len(PLANES) else 0.0
         covariance = foreseen.covariance + self._tuning.expectation_m**2 * np.eye(3)
-        return _Surroundings(images, expected, search_mm, covariance, slack_m)
+        return _Surroundings(searches, expected, covariance, slack_m)
 
     def _by_template(self, place: _Surroundings, config: TrackerConfig, *, near: bool) -> list[SearchCandidate]:
         """Where the template fits."""
         with self._stages("search"):
-            reach_mm = place.reach_mm if near else None
-            peaks = {
-                plane: self._peaks(image, place.expected[plane], reach_mm) for plane, image in place.images.items()
-            }
+            peaks = {plane: search.by_template for plane, search in place.searches.items()}
             return place.candidates(peaks, max(1, config.search.candidates // (2 if near else 1)))
 
     def _by_size(self, place: _Surroundings, stretch: float, config: TrackerConfig) -> list[SearchCandidate]:
         """Where the template fits on a ring of another size, given as its logarithm."""
-        arms = self._model.arms * np.exp(stretch)
         with self._stages("search"):
-            peaks = {
-                plane: find_peaks(image, self._template.values, place.expected[plane], arms, place.reach_mm)
-                for plane, image in place.images.items()
-            }
+            peaks = {plane: search.by_size(stretch) for plane, search in place.searches.items()}
             return place.candidates(peaks, max(1, config.search.candidates // 2))
-
-    def _peaks(self, image: WorkingImage, centre: Array, reach_mm: float | None) -> Peaks:
-        if self._ahead is not None and image is self._ahead.image:
-            return self._ahead.peaks
-        return find_peaks(image, self._template.values, centre, self._model.arms, reach_mm=reach_mm)
 
     def _by_electrodes(
         self, place: _Surroundings, expected: Expectation, config: TrackerConfig
     ) -> list[SearchCandidate]:
         """Where both planes show electrodes like the ring's; what one plane alone shows is a coincidence too often."""
-        if len(place.images) < len(PLANES):
+        if len(place.searches) < len(PLANES):
             return []
-        ring = self._model.arms @ rotation_from_vector(expected.turn).T * np.exp(expected.stretch)
         with self._stages("search"):
-            peaks = {
-                plane: find_electrodes(image, self._template.weights, place.expected[plane], ring, place.reach_mm)
-                for plane, image in place.images.items()
-            }
+            turn, stretch = expected.turn, expected.stretch
+            peaks = {plane: search.by_electrodes(turn, stretch) for plane, search in place.searches.items()}
             return place.candidates(peaks, config.search.candidates)
 
     def _aligned(

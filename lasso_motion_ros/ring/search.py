@@ -17,6 +17,7 @@ from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.curves import SMALLEST_SPACING
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.geometry.projection import Projection
+from lasso_motion_ros.ring.correlation import correlation
 from lasso_motion_ros.ring.strip import render, shared_out, strip_along
 from lasso_motion_ros.ring.working_image import CELL_PX, PIXEL_MM, Image, WorkingImage, in_cells
 
@@ -76,7 +77,11 @@ class SearchCandidate:
 
 
 def find_peaks(
-    image: WorkingImage, template: Image, centre: Array, arms: Array, reach_mm: float | None = None
+    image: WorkingImage,
+    template: Image,
+    centre: Array,
+    arms: Array,
+    reach_mm: float | None = None,
 ) -> Peaks:
     """Correlate a plane's working image with the ring's template and take the highest local maxima.
 
@@ -111,52 +116,59 @@ def find_electrodes(image: WorkingImage, weights: Image, centre: Array, ring: Ar
         return Peaks(np.zeros(0), np.zeros((0, 2)), image)
     index, share, first, (width, height) = shared_out((pixels - corner).T, weights, CELL_PX)
     kernel = np.bincount(index.reshape(-1), share.reshape(-1), width * height).reshape(height, width)
-    scores, away = _best_shifts(in_cells(evidence), kernel.astype(np.float32), first, reach)
+    scores, away = _best_shifts(in_cells(evidence), kernel.astype(np.float32), tuple(first.tolist()), reach)
     return Peaks(scores, image.projection.project(centre) + CELL_PX * away, image)
 
 
-def _laid_out(
-    template: Image, projection: Projection, centre: Array, arms: Array
-) -> tuple[Image, npt.NDArray[np.int64]]:
+def _laid_out(template: Image, projection: Projection, centre: Array, arms: Array) -> tuple[Image, tuple[int, int]]:
     """The template's values (L, C) on search cells where the loop is expected, as `render` gives them."""
     if has_kernels():
         from lasso_motion_ros.ring.kernels.search import laid_out
 
         column_px_m = 1e-3 * PIXEL_MM * projection.focal_length_px
         kernel, left, top = laid_out(template, projection.matrix, centre, arms, column_px_m, SMALLEST_SPACING, CELL_PX)
-        return kernel, np.array([left, top])
-    return render(template, strip_along(centre + arms, projection), CELL_PX)
+        return kernel, (left, top)
+    kernel, first = render(template, strip_along(centre + arms, projection), CELL_PX)
+    left, top = first.tolist()
+    return kernel, (left, top)
 
 
 def _reach_cells(image: WorkingImage, centre: Array, reach_mm: float) -> int:
     return math.ceil(reach_mm / (CELL_PX * image.projection.millimetres_per_pixel(centre)))
 
 
-def _best_shifts(cells: Image, kernel: Image, first: npt.NDArray[np.int64], reach: int | None) -> tuple[Array, Array]:
+def _best_shifts(cells: Image, kernel: Image, first: tuple[int, int], reach: int | None) -> tuple[Array, Array]:
     """Where a kernel fits best.
 
     Args:
         cells: (h, w) of the image.
         kernel: (a, b) on such cells.
-        first: (2,) the cell x, y on which its first one lies where it is expected.
+        first: the cell x, y on which its first one lies where it is expected.
         reach: by how many cells it may be off that along each axis; None: any.
 
     Returns:
         (K,) scores in units of their root mean square, highest first; (K, 2) by how many cells it is off there.
     """
     # The cells x, y on which the kernel's first may lie: up to half of the loop may be outside the image.
-    size = np.array(kernel.shape[::-1])
-    low, high = -(size // 2), np.array(cells.shape[::-1]) + size // 2 - size
+    (rows, columns), (height, width) = kernel.shape, cells.shape
+    left, top, right, bottom = -(columns // 2), -(rows // 2), width + columns // 2 - columns, height + rows // 2 - rows
     if reach is not None:
-        low, high = np.maximum(low, first - reach), np.minimum(high, first + reach)
-    if (high < low).any():
+        left, top = max(left, first[0] - reach), max(top, first[1] - reach)
+        right, bottom = min(right, first[0] + reach), min(bottom, first[1] + reach)
+    if right < left or bottom < top:
         return np.zeros(0), np.zeros((0, 2))
-    scores, places = _highest(_correlation(cells, kernel, low, high))
-    return scores, places + low - first
+    scores = correlation(cells, kernel, (left, top), (right, bottom))
+    found, places = _highest(scores, right - left + 1, bottom - top + 1)
+    return found, places + np.array([left - first[0], top - first[1]])
 
 
-def _highest(scores: Image) -> tuple[Array, Array]:
-    """The highest local maxima of a map (h, w), which may be changed by it.
+def _highest(scores: Image, width: int, height: int) -> tuple[Array, Array]:
+    """The highest local maxima of a map that is the upper left corner of a larger one.
+
+    Args:
+        scores: (m, n) the larger one.
+        width: of the map.
+        height: likewise.
 
     Returns:
         (K,) in units of the map's root mean square, highest first; (K, 2) their places x and y, to a fraction.
@@ -164,12 +176,13 @@ def _highest(scores: Image) -> tuple[Array, Array]:
     if has_kernels():
         from lasso_motion_ros.ring.kernels.search import highest
 
-        highest_peaks: tuple[Array, Array] = highest(scores, TUNING.peaks, TUNING.peak_radius_cells)
+        highest_peaks: tuple[Array, Array] = highest(scores, width, height, TUNING.peaks, TUNING.peak_radius_cells)
         return highest_peaks
-    scores *= np.float32(1.0 / max(cv2.norm(scores) / float(np.sqrt(scores.size)), 1e-6))
-    is_peak = scores >= cv2.dilate(scores, _PEAK_WINDOW)
+    part = np.ascontiguousarray(scores[:height, :width])
+    part *= np.float32(1.0 / max(cv2.norm(part) / float(np.sqrt(part.size)), 1e-6))
+    is_peak = part >= cv2.dilate(part, _PEAK_WINDOW)
     is_peak[0] = is_peak[-1] = is_peak[:, 0] = is_peak[:, -1] = False
-    flat, width = scores.reshape(-1), scores.shape[1]
+    flat = part.reshape(-1)
     places = np.flatnonzero(is_peak)
     places = places[np.argsort(flat[places], kind="stable")[::-1][: TUNING.peaks]]
     at, beside = flat[places], np.array([[1], [width]])
@@ -202,9 +215,8 @@ def join_peaks(
         apart = expected["b"] - expected["a"]
         # Once B's are moved back by the expected motion.
         source_a, source_b = a.image.projection.source, b.image.projection.source - apart
-        precision = np.asarray(np.linalg.inv(covariance), dtype=np.float64)
         tolerance_m = TUNING.ray_tolerance_m + slack_m
-        best = _joined(a, b, source_a, source_b, expected["a"], precision, tolerance_m, count)
+        best = _joined(a, b, source_a, source_b, expected["a"], covariance, tolerance_m, count)
         for score, on_a, on_b in zip(*best, strict=True):
             found.append(SearchCandidate(float(score), {"a": on_a, "b": on_b + apart}))
     return sorted(found, key=lambda c: -c.score)[:count]
@@ -216,7 +228,7 @@ def _joined(
     source_a: Array,
     source_b: Array,
     expected: Array,
-    precision: Array,
+    covariance: Array,
     tolerance_m: float,
     count: int,
 ) -> tuple[Array, Array, Array]:
@@ -228,7 +240,7 @@ def _joined(
         source_a: (3,) world metres.
         source_b: (3,) likewise, moved back by the expected motion.
         expected: (3,) where the centre is expected.
-        precision: (3, 3) of that, 1/m².
+        covariance: (3, 3) of that, m².
         tolerance_m: rays that pass each other by less meet.
         count: how many pairs at most.
 
@@ -248,7 +260,7 @@ def _joined(
             source_a,
             source_b,
             expected,
-            precision,
+            covariance,
             count,
             TUNING.score_ceiling,
             tolerance_m,
@@ -270,6 +282,7 @@ def _joined(
     on_b = source_b[:, None, None] + along_b * rays_b.T[:, None, :]
     apart_there, middle = on_a - on_b, 0.5 * (on_a + on_b) - expected[:, None, None]
     gap = np.sqrt((apart_there * apart_there).sum(axis=0))
+    precision = np.linalg.inv(covariance)
     distance = ((precision @ middle.reshape(3, -1)).reshape(middle.shape) * middle).sum(axis=0)
     score = np.minimum(a.scores, TUNING.score_ceiling)[:, None] + np.minimum(b.scores, TUNING.score_ceiling)[None]
     score = score - np.minimum(0.1 * distance, 2.0)
@@ -281,47 +294,6 @@ def _joined(
     best = np.argsort(score, axis=None, kind="stable")[::-1][:count]
     best = best[np.isfinite(score.reshape(-1)[best])]
     return score.reshape(-1)[best], on_a.reshape(3, -1)[:, best].T, on_b.reshape(3, -1)[:, best].T
-
-
-def _correlation(cells: Image, kernel: Image, low: npt.NDArray[np.int64], high: npt.NDArray[np.int64]) -> Image:
-    """Correlation of cells with a kernel wherever its first element lies in a range, (high - low + 1) rows and columns.
-
-    What `cv2.matchTemplate` gives, in a third of its time: one transform of the whole instead of blocks. Telling
-    `cv2.dft` which rows are zero would make it three times slower: it then leaves its vectorised transform.
-
-    Args:
-        cells: (h, w) of the image; outside it is zero, which speaks neither for a loop nor against.
-        kernel: (a, b) on such cells.
-        low: (2,) the first cell x, y on which the kernel's first may lie, which may be outside.
-        high: (2,) likewise the last.
-    """
-    (left, top), (right, bottom) = low.tolist(), (high + kernel.shape[::-1]).tolist()
-    height, width = cells.shape
-    inside = cells[max(top, 0) : min(bottom, height), max(left, 0) : min(right, width)]
-    above, below, before, behind = max(-top, 0), max(bottom - height, 0), max(-left, 0), max(right - width, 0)
-    # A transform goes on at its beginning: zeros there are zeros behind its end, too.
-    down = cv2.getOptimalDFTSize(bottom - top - min(above, below))
-    along = cv2.getOptimalDFTSize(right - left - min(before, behind))
-    of_cells, of_kernel = (
-        cv2.dft(cv2.copyMakeBorder(part, y, down - y - h, x, along - x - w, cv2.BORDER_CONSTANT))
-        for part, y, x, (h, w) in ((inside, above, before, inside.shape), (kernel, 0, 0, kernel.shape))
-    )
-    scores = cv2.dft(_product(of_cells, of_kernel), flags=cv2.DFT_INVERSE | cv2.DFT_SCALE | cv2.DFT_REAL_OUTPUT)
-    columns, rows = (high - low + 1).tolist()
-    return np.ascontiguousarray(scores[:rows, :columns])
-
-
-def _product(one: Image, other: Image) -> Image:
-    """Product of a real image's transform (h, w), as `cv2.dft` packs it, with the complex conjugate of another one's.
-
-    The first may be changed by it.
-    """
-    if has_kernels():
-        from lasso_motion_ros.ring.kernels.search import multiply
-
-        multiply(one, other)
-        return one
-    return np.asarray(cv2.mulSpectrums(one, other, 0, conjB=True))
 
 
 def vertex(before: Image, at: Image, after: Image) -> Array:

@@ -10,7 +10,7 @@ from support.lasso_inputs import CURVE, LOOP, PERIOD_NS, VIEWS, lasso_image, las
 from lasso_motion_ros.config.ring import SearchConfig
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.frames import Frame, FramePair
-from lasso_motion_ros.ring import detector
+from lasso_motion_ros.ring import detector, plane_search
 from lasso_motion_ros.ring.alignment import align
 from lasso_motion_ros.ring.detector import DetectorTuning, Expectation
 from lasso_motion_ros.ring.loop_views import LoopViews
@@ -131,10 +131,39 @@ def test_what_was_worked_out_ahead_is_taken_if_all_is_as_expected_then(track, lo
     assert off_mm(found[0], DOWN) < 0.05
 
 
-def test_of_a_ring_that_is_not_followed_nothing_is_worked_out_ahead(track, looked_at):
-    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=False)
-    track.detector.prepare(lasso_pair(1, DOWN).a, expected, CONFIG)
-    assert looked_at == []
+def test_what_was_worked_out_ahead_about_the_prediction_is_not_taken_for_the_whole(track, looked_at):
+    pair = lasso_pair(1, FAR)
+    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=True)
+    track.detector.prepare(pair.a, expected, CONFIG)
+    found = detect(track, pair)
+    assert looked_at == [pair.a, pair.b, pair.a, pair.b]
+    assert off_mm(found[0], FAR) < 0.05
+
+
+@pytest.mark.parametrize("moved", [DOWN, None], ids=["there", "out of view"])
+@pytest.mark.parametrize("turned", [0.0, 0.1])
+def test_of_a_ring_that_is_not_followed_all_that_may_be_asked_for_is_worked_out_ahead(
+    monkeypatch, track, looked_at, moved, turned
+):
+    pair, searched = lasso_pair(1, moved), []
+    for name in ("find_peaks", "find_electrodes"):
+        look = getattr(plane_search, name)
+        monkeypatch.setattr(
+            plane_search,
+            name,
+            lambda image, *args, _look=look, **kind: searched.append(image) or _look(image, *args, **kind),
+        )
+    ahead = Expectation(track.motion, track.turn + turned, track.stretch, track.usual_support, is_followed=False)
+    track.detector.prepare(pair.a, ahead, CONFIG)
+    assert looked_at == [pair.a]
+    assert len(searched) == 4  # by the template in three sizes, and by electrodes
+    begun, searched[:] = searched[0], []
+    found = detect(track, pair, is_followed=False)
+    assert looked_at == [pair.a, pair.b]
+    # Electrodes are looked for anew where the ring lies otherwise by now.
+    assert searched.count(begun) == (1 if moved is None and turned else 0)
+    alone = detect(track, pair, is_followed=False)
+    assert [one.support for one in found] == [one.support for one in alone]
 
 
 def test_plainly_there_nothing_else_is_looked_for(monkeypatch, track, aligned):
@@ -177,7 +206,7 @@ def test_not_followed_only_the_whole_is_looked_at(monkeypatch, track):
 
 def test_where_the_template_shows_nothing_plain_the_electrodes_are_looked_for(monkeypatch, track):
     nothing = Peaks(np.zeros(0), np.zeros((0, 2)), None)
-    monkeypatch.setattr(detector, "find_peaks", lambda *_, **__: nothing)
+    monkeypatch.setattr(plane_search, "find_peaks", lambda *_, **__: nothing)
     monkeypatch.setattr(detector, "join_peaks", lambda peaks, *known: join_peaks(peaks, *known) if shown(peaks) else [])
     found = detect(track, lasso_pair(1, DOWN))
     assert off_mm(found[0], DOWN) < 0.05
@@ -202,7 +231,7 @@ def test_a_ring_of_another_size_is_aligned_where_it_fits_better_than_as_it_was(m
         starts.append(stretch)
         return align(images, template, arms, centres, prior, turn, stretch)
 
-    monkeypatch.setattr(detector, "find_peaks", by_size)
+    monkeypatch.setattr(plane_search, "find_peaks", by_size)
     monkeypatch.setattr(detector, "join_peaks", join)
     monkeypatch.setattr(detector, "align", spied)
     detect(track, lasso_pair(1, None), tuning=DetectorTuning(from_afar=False, electrodes=False))

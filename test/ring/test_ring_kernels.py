@@ -17,7 +17,7 @@ from lasso_motion_ros.core import compiled
 from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.ring import loop_curve, search, seed_circle, slide
+from lasso_motion_ros.ring import correlation, loop_curve, search, seed_circle, slide
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.electrodes import likeliest_comb
@@ -175,7 +175,7 @@ def test_a_template_is_laid_back_alike(seed: int) -> None:
 def test_transforms_are_multiplied_alike(shape: tuple[int, int]) -> None:
     generator = np.random.default_rng(4)
     one, other = (cv2.dft(generator.normal(size=shape).astype(np.float32)) for _ in range(2))
-    compiled, plainly = both(lambda: search._product(one.copy(), other))
+    compiled, plainly = both(lambda: correlation._product(one.copy(), other))
     np.testing.assert_allclose(compiled, plainly, rtol=1e-6)
 
 
@@ -186,7 +186,8 @@ def test_the_same_peaks_are_found(seed: int) -> None:
     scores = generator.normal(size=shape).astype(np.float32)
     if seed % 3 == 0:  # many that are alike
         scores = np.round(scores)
-    (found, places), (plain_found, plain_places) = both(lambda: search._highest(scores.copy()))
+    width, height = (int(generator.integers(1, side + 1)) for side in shape[::-1])
+    (found, places), (plain_found, plain_places) = both(lambda: search._highest(scores, width, height))
     np.testing.assert_allclose(found, plain_found, rtol=1e-5)
     np.testing.assert_allclose(places, plain_places, atol=1e-5)
 
@@ -202,9 +203,10 @@ def test_the_same_peaks_are_joined(seed: int) -> None:
         image = bare(np.zeros((view.height, view.width), np.float32), view)
         peaks.append(Peaks(generator.uniform(2.0, 30.0, count), view.project(points[:count] + off), image))
         sources.append(view.source)
-    precision = np.linalg.inv(np.diag(generator.uniform(1e-5, 1e-3, 3)))
+    axes = generator.normal(size=(3, 3)) * generator.uniform(3e-3, 3e-2, 3)
+    covariance = axes @ axes.T
     wanted = int(generator.integers(1, 12))
-    compiled, plainly = both(lambda: search._joined(*peaks, *sources, LOOP.centre, precision, 0.002, wanted))
+    compiled, plainly = both(lambda: search._joined(*peaks, *sources, LOOP.centre, covariance, 0.002, wanted))
     for one, other in zip(compiled, plainly, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12)
 
@@ -446,6 +448,14 @@ def test_what_an_image_covers_is_the_same() -> None:
         shares.append(share)
     assert min(shares) < 0.1
     assert 0.1 < max(shares) <= 1.0
+    shown = []
+    for frame in 20 * tuple(pair(0).frames.values()):
+        image = working_image(frame, track.model.centre, bright=False, shift=np.zeros(2))
+        centre = track.model.centre + 0.03 * generator.normal(size=3)
+        one, plainly = both(lambda: track.detector._is_shown(image, centre))  # noqa: B023
+        assert one == plainly
+        shown.append(one)
+    assert 5 < sum(shown) < 35
 
 
 @pytest.mark.parametrize("place", [(250.0, 200.0), (2.0, 3.0), (-40.0, 90.0), (1e5, 1e5)])

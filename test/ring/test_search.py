@@ -1,13 +1,11 @@
 import dataclasses
 
-import cv2
 import numpy as np
 import pytest
 from support.lasso_inputs import CURVE, LOOP, VIEWS, bare, lasso_image, noisy
 from support.method_inputs import flipped
 
 from lasso_motion_ros.geometry.frames import Frame
-from lasso_motion_ros.ring import search
 from lasso_motion_ros.ring.search import TUNING, Peaks, SearchCandidate, find_electrodes, find_peaks, join_peaks
 from lasso_motion_ros.ring.strip import strip_along
 from lasso_motion_ros.ring.template import RingTemplate, TemplateTuning
@@ -261,25 +259,6 @@ def test_candidates_are_alike_where_both_planes_are():
     one = SearchCandidate(9.0, {"b": np.zeros(3)})  # plane A does not reach the ring there
     assert not here.is_like(one)
     assert not one.is_like(here)
-
-
-@pytest.mark.parametrize("beyond", [(0, 0, 0, 0), (9, 3, 5, 7), (0, 6, 12, 0), (-20, -2, -1, -5)])
-@pytest.mark.parametrize(
-    ("height", "width", "rows", "columns"), [(97, 131, 20, 33), (150, 150, 41, 41), (63, 50, 40, 30)]
-)
-def test_the_correlation_is_that_of_template_matching(height, width, rows, columns, beyond):
-    """Also where the template hangs out of the image, or where only a part of the image is asked for."""
-    random = np.random.default_rng(height)
-    cells = random.normal(size=(height, width)).astype(np.float32)
-    kernel = random.normal(size=(rows, columns)).astype(np.float32)
-    top, left, bottom, right = beyond
-    around = cv2.copyMakeBorder(cells, *(max(v, 0) for v in (top, bottom, left, right)), cv2.BORDER_CONSTANT)
-    part = around[max(-top, 0) : around.shape[0] - max(-bottom, 0), max(-left, 0) : around.shape[1] - max(-right, 0)]
-    expected = cv2.matchTemplate(part, kernel, cv2.TM_CCORR)
-    low, high = np.array([-left, -top]), np.array([width - columns + right, height - rows + bottom])
-    found = search._correlation(cells, kernel, low, high)
-    assert found.shape == expected.shape
-    np.testing.assert_allclose(found, expected, atol=1e-3)
 
 
 def test_a_reach_holds_the_peaks_near_what_is_expected():

@@ -11,6 +11,7 @@ from lasso_motion_ros.core.compiled import compiled
 
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
+Marks = npt.NDArray[np.uint8]
 
 
 @compiled(
@@ -168,6 +169,31 @@ def covered(
     return share
 
 
+@compiled(
+    "boolean(Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
+    " Array(float64, 1, 'A', readonly=True), float64, int64, int64)"
+)
+def is_inside(projection: Array, arms: Array, centre: Array, edge: float, width: int, height: int) -> bool:
+    """Whether a ring lies inside an image, and so far from its edge: `RingDetector._is_shown`.
+
+    Args:
+        projection: (3, 4) to the image's pixels.
+        arms: (L, 3) the ring about its centre, metres.
+        centre: (3,) world metres.
+        edge: pixels.
+        width: of the image, pixels.
+        height: likewise.
+    """
+    for n in range(arms.shape[0]):
+        x, y, z = centre[0] + arms[n, 0], centre[1] + arms[n, 1], centre[2] + arms[n, 2]
+        depth = projection[2, 0] * x + projection[2, 1] * y + projection[2, 2] * z + projection[2, 3]
+        u = (projection[0, 0] * x + projection[0, 1] * y + projection[0, 2] * z + projection[0, 3]) / depth
+        v = (projection[1, 0] * x + projection[1, 1] * y + projection[1, 2] * z + projection[1, 3]) / depth
+        if not (edge <= u <= width - 1 - edge and edge <= v <= height - 1 - edge):
+            return False
+    return True
+
+
 @compiled("float64(float32, float32, float32)")
 def vertex(before: float, at: float, after: float) -> float:
     """`search.vertex` of one value and its neighbours."""
@@ -176,51 +202,82 @@ def vertex(before: float, at: float, after: float) -> float:
     return float(min(max(fraction, np.float32(-0.5)), np.float32(0.5)))
 
 
-@compiled("Tuple((float64[::1], float64[:, ::1]))(Array(float32, 2, 'C', readonly=True), int64, int64)")
-def highest(scores: Image, count: int, radius: int) -> tuple[Array, Array]:
-    """The highest local maxima of a map: `search._highest`.
+@compiled("float64(float32[::1])")
+def _power(row: Image) -> float:
+    """Sum of a row's squares."""
+    total = 0.0
+    for j in range(row.size):
+        total += row[j] * row[j]
+    return total
+
+
+@compiled("void(float32[::1], float32[::1], float32[::1], float32, uint8[::1])")
+def _mark_crests(above: Image, row: Image, below: Image, least: np.float32, marks: Marks) -> None:
+    """Mark what is neither less than its four neighbours in a map nor than some value.
 
     Args:
-        scores: (h, w).
+        above: (w,) a row of the map.
+        row: (w,) the next.
+        below: (w,) and the next.
+        least: the value.
+        marks: (w,) written but for its ends.
+    """
+    for j in range(1, row.size - 1):
+        value = row[j]
+        marks[j] = (
+            (value >= least) & (value >= row[j + 1]) & (value >= below[j]) & (value >= row[j - 1]) & (value >= above[j])
+        )
+
+
+@compiled("Tuple((float64[::1], float64[:, ::1]))(float32[:, ::1], int64, int64, int64, int64)")
+def highest(scores: Image, width: int, height: int, count: int, radius: int) -> tuple[Array, Array]:
+    """The highest local maxima of a map that is the upper left corner of a larger one: `search._highest`.
+
+    Args:
+        scores: (m, n) the larger one.
+        width: of the map.
+        height: likewise.
         count: how many at most.
         radius: each is the highest within it, along both axes.
 
     Returns:
         (K,) in units of the map's root mean square, highest first; (K, 2) their places x and y, to a fraction.
     """
-    height, width = scores.shape
     power = 0.0
     for i in range(height):
-        for j in range(width):
-            power += scores[i, j] * scores[i, j]
-    scale = np.float32(1.0 / max(math.sqrt(power / scores.size), 1e-6))
+        power += _power(scores[i, :width])
+    scale = np.float32(1.0 / max(math.sqrt(power / (width * height)), 1e-6))
     values, rows, columns = np.empty(count, np.float32), np.empty(count, np.int64), np.empty(count, np.int64)
     kept = 0
+    # Most of a map is no crest: eight of its cells are passed over at once.
+    eights = np.zeros((width + 7) // 8, np.uint64)
+    marks = eights.view(np.uint8)
     for i in range(1, height - 1):
-        for j in range(1, width - 1):
-            value = scores[i, j]
-            if kept == count and value < values[count - 1]:
+        row = scores[i, :width]
+        above, below = scores[i - 1, :width], scores[i + 1, :width]
+        _mark_crests(above, row, below, values[count - 1] if kept == count else np.float32(-np.inf), marks)
+        for eight in range(eights.size):
+            if eights[eight] == 0:
                 continue
-            if (
-                value < scores[i, j + 1]
-                or value < scores[i + 1, j]
-                or value < scores[i, j - 1]
-                or value < scores[i - 1, j]
-            ):
-                continue
-            is_peak = True
-            for k in range(max(i - radius, 0), min(i + radius + 1, height)):
-                for m in range(max(j - radius, 0), min(j + radius + 1, width)):
-                    is_peak = is_peak and scores[k, m] <= value
-            if not is_peak:
-                continue
-            # Sorted in, before those that are alike.
-            place = min(kept, count - 1)
-            kept = min(kept + 1, count)
-            while place > 0 and values[place - 1] <= value:
-                values[place], rows[place], columns[place] = values[place - 1], rows[place - 1], columns[place - 1]
-                place -= 1
-            values[place], rows[place], columns[place] = value, i, j
+            for j in range(8 * eight, 8 * eight + 8):
+                if not marks[j] or (kept == count and row[j] < values[count - 1]):
+                    continue
+                value, is_peak = row[j], True
+                for k in range(max(i - radius, 0), min(i + radius + 1, height)):
+                    other = scores[k, :width]
+                    for m in range(max(j - radius, 0), min(j + radius + 1, width)):
+                        is_peak = is_peak and other[m] <= value
+                    if not is_peak:
+                        break
+                if not is_peak:
+                    continue
+                # Sorted in, before those that are alike.
+                place = min(kept, count - 1)
+                kept = min(kept + 1, count)
+                while place > 0 and values[place - 1] <= value:
+                    values[place], rows[place], columns[place] = values[place - 1], rows[place - 1], columns[place - 1]
+                    place -= 1
+                values[place], rows[place], columns[place] = value, i, j
     found, places = np.empty(kept), np.empty((kept, 2))
     for n in range(kept):
         i, j = rows[n], columns[n]
@@ -246,6 +303,21 @@ def _rays(projection: Array, pixels: Array) -> Array:
     return rays
 
 
+@compiled("float64[:, ::1](Array(float64, 2, 'A', readonly=True))")
+def _inverse(matrix: Array) -> Array:
+    """Of a symmetric (3, 3) one, by its cofactors."""
+    made = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            a, b, c, d = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            made[i, j] = matrix[a, c] * matrix[b, d] - matrix[a, d] * matrix[b, c]
+    determinant = matrix[0, 0] * made[0, 0] + matrix[0, 1] * made[1, 0] + matrix[0, 2] * made[2, 0]
+    for i in range(3):
+        for j in range(3):
+            made[i, j] /= determinant
+    return made
+
+
 @compiled(
     "Tuple((float64[::1], float64[:, ::1], float64[:, ::1]))(float64[::1], float64[::1],"
     " Array(float64, 2, 'A', readonly=True), Array(float64, 2, 'A', readonly=True),"
@@ -264,7 +336,7 @@ def joined(
     source_a: Array,
     source_b: Array,
     expected: Array,
-    precision: Array,
+    covariance: Array,
     count: int,
     score_ceiling: float,
     tolerance_m: float,
@@ -284,7 +356,7 @@ def joined(
         source_a: (3,) world metres.
         source_b: (3,) likewise, moved back by the expected motion.
         expected: (3,) where the centre is expected.
-        precision: (3, 3) of that, 1/m².
+        covariance: (3, 3) of that, m².
         count: how many pairs at most.
         score_ceiling: of a plane.
         tolerance_m: rays that pass each other by less meet.
@@ -296,6 +368,7 @@ def joined(
         (N,) scores, highest first; (N, 3) the nearest points on A's rays; (N, 3) on B's.
     """
     rays_a, rays_b = _rays(projection_a, pixels_a), _rays(projection_b, pixels_b)
+    precision = _inverse(covariance)
     best, found_a, found_b = np.empty(count), np.empty((count, 3)), np.empty((count, 3))
     kept = 0
     on_a, on_b, off = np.empty(3), np.empty(3), np.empty(3)
@@ -340,7 +413,7 @@ def joined(
 
 @compiled("void(float32[:, ::1], float32[:, ::1])")
 def multiply(one: Image, other: Image) -> None:
-    """A real image's transform (h, w), times the complex conjugate of another one's, in place: `search._product`.
+    """A real image's transform (h, w), times the complex conjugate of another one's, in place: `correlation._product`.
 
     As `cv2.dft` packs them: real and imaginary parts stand side by side in rows, but for the first column, and the last
     one where there is an even number. These are real for the first frequency, and the last one of an even number;
