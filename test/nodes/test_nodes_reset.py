@@ -86,8 +86,8 @@ def worker(**other: Any) -> SimpleNamespace:
 def node() -> Iterator[TrackerNode]:
     rclpy.init(args=[], domain_id=free_domain())
     made = TrackerNode()
-    made._pipeline = FakePipeline()
-    made._worker = worker()
+    made._answering.pipeline = FakePipeline()
+    made._answering._worker = worker()
     made._state_watch.begin(0.5)
     yield made
     made.close()
@@ -109,7 +109,7 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
 
     with monkeypatch.context() as patched:
         patched.setattr(node._tracker_publishers, "publish", publish)
-        worker = threading.Thread(target=node._track, args=(TASK,))
+        worker = threading.Thread(target=node._answering._track, args=(TASK,))
         worker.start()
         assert publishing.wait(5.0)
         node._reset()
@@ -120,19 +120,19 @@ def test_no_older_answer_is_published_after_a_reset(node: TrackerNode, monkeypat
 def test_a_tracker_that_fails_on_clicks_has_them_refused(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
     answers: list[str] = []
     monkeypatch.setattr(node._tracker_services, "seeded", lambda ready, refusal: answers.append(refusal))
-    node._pipeline.failure = RuntimeError("unforeseen")
+    node._answering.pipeline.failure = RuntimeError("unforeseen")
     with pytest.raises(RuntimeError):
-        node._track(TASK)
+        node._answering._track(TASK)
     assert answers == ["the tracker failed on these clicks; its log says why"]
 
 
 def test_a_tracker_that_fails_on_every_pair_is_lost(node: TrackerNode, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[Output] = []
     monkeypatch.setattr(node._tracker_publishers, "publish", said.extend)
-    node._pipeline.failure = IndexError("unforeseen")
+    node._answering.pipeline.failure = IndexError("unforeseen")
     node._state_watch.timeout.asked(TASK.number, time.monotonic() - 2.0)
     with pytest.raises(IndexError):
-        node._track(TASK)
+        node._answering._track(TASK)
     node._state_watch.look(TrackerState.TRACKING)
     assert "the tracker has not answered for 2." in node._state_watch.look(TrackerState.TRACKING)
     assert said == [LOSS]
@@ -145,11 +145,11 @@ def test_a_thread_that_was_left_behind_says_nothing_more(node: TrackerNode, monk
     monkeypatch.setattr(node._tracker_publishers, "show_standard", said.append)
 
     def answers(task: PairTask, in_hurry: Callable[[], bool]) -> Iterator[list[Output]]:
-        node._worker = worker()  # deactivated, activated
+        node._answering._worker = worker()  # deactivated, activated
         yield [ANSWER]
 
-    node._pipeline.answers = answers
-    node._track(TASK)
+    node._answering.pipeline.answers = answers
+    node._answering._track(TASK)
     assert said == []
 
 
@@ -165,8 +165,8 @@ def test_pairs_are_not_answered_again_for_a_node_that_stops(
             count += 1
             yield []
 
-    node._worker, node._pipeline.answers = worker(is_stopping=is_stopping), answers
-    node._track(TASK)
+    node._answering._worker, node._answering.pipeline.answers = worker(is_stopping=is_stopping), answers
+    node._answering._track(TASK)
     assert count == worked_out
 
 
@@ -189,7 +189,7 @@ def test_a_state_is_not_renewed_by_a_look_that_was_held_up(node: TrackerNode, mo
 
 
 def test_no_pair_is_held_beyond_deactivation(node: TrackerNode) -> None:
-    pipeline = node._pipeline
+    pipeline = node._answering.pipeline
     node._deactivate()
     assert pipeline.released
 
@@ -214,11 +214,11 @@ def test_plane_a_is_worked_on_once_while_a_plane_b_that_is_not_right_behind_is_t
     node: TrackerNode, late_ms: int, is_worked_on: bool
 ) -> None:
     roused: list[int] = []
-    node._worker = worker(rouse=lambda: roused.append(1))
-    pipeline, frame = node._pipeline, object()
+    node._answering._worker = worker(rouse=lambda: roused.append(1))
+    pipeline, frame = node._answering.pipeline, object()
     node._enqueue([])
     pipeline.offset_ns, pipeline.waiting_a = late_ms * 1_000_000, frame
     for _ in range(2):
         node._enqueue([])
-        node._use_rest()
+        node._answering._use_rest()
     assert (len(roused), pipeline.prepared) == ((1, [frame]) if is_worked_on else (0, []))

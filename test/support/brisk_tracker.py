@@ -12,7 +12,7 @@ import dataclasses
 import math
 import sys
 
-from lasso_motion_ros.nodes import tracker_node
+from lasso_motion_ros.nodes import answering, tracker_node
 from lasso_motion_ros.nodes.executables import main
 
 
@@ -20,7 +20,7 @@ def run() -> int:
     """Run the node so; returns its exit status."""
     tracker_node.warm_up = lambda *_: []
     patient = {"behind_s": math.inf, "late_s": math.inf, "waiting_pairs": 1000}
-    tracker_node._TUNING = dataclasses.replace(tracker_node._TUNING, **patient)
+    answering.TUNING = dataclasses.replace(answering.TUNING, **patient)
     return main(sys.argv[1:])
 
 
