@@ -129,7 +129,7 @@ def _fill_opacity(shape: Silhouette, opacity: float) -> npt.NDArray[np.uint8]:
     shade = (0.4 + 0.6 * tilted / np.maximum(total, 1e-12)) * np.sqrt(np.maximum(shape.wall_count, 1.0) / 2.0)
     shade = np.minimum(255.0 * opacity * shade, TUNING.densest * 255.0).astype(np.float32)
     full = cv2.resize(shade, (width * WALL_CELL_PX, height * WALL_CELL_PX), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(cv2.convertScaleAbs(cv2.multiply(full[:rows, :columns], shape.coverage)), dtype=np.uint8)
+    return np.asarray(cv2.multiply(full[:rows, :columns], shape.coverage, dtype=cv2.CV_8U), dtype=np.uint8)
 
 
 def blend(picture: RgbImage, mask: AlphaMask, colour: Colour) -> None:
