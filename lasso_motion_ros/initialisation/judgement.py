@@ -61,6 +61,7 @@ class _Tuning:
     hope_of_circle: float = 11.0  # before there is a model,
     hope_of_curve: float = 8.5  # before its poles are looked for,
     hope_of_model: float = 2.5  # and before it is followed
+    least_lines: float = 9.5  # by which a ring's lines stand out, before there is a model, standard deviations
     most_spread: float = 0.98
     most_agreement: float = 0.8
     most_distinct: tuple[float, float, float] = (18.0, 20.0, 1.2)
@@ -202,9 +203,26 @@ _LEAST_HOPE = {
 }
 
 
-def is_hopeful(best: Judgement, known: Known) -> bool:
-    """Whether a ring may be believed in the end, judged by `at_best` of what is known."""
-    return not best.missing and best.evidence >= _LEAST_HOPE[known]
+def hope(best: Judgement, known: Known) -> float:
+    """How much more evidence there may be than a ring that is believed in the end has at least; less than 0: no hope.
+
+    Args:
+        best: of what is known, as of `at_best`.
+        known: what that is.
+    """
+    return -np.inf if best.missing else best.evidence - _LEAST_HOPE[known]
+
+
+def hope_of_lines(best: Judgement, stand_out: float) -> float:
+    """The same before there is a model, by how far a ring's lines stand out (`lines_elsewhere`).
+
+    Args:
+        best: of what is known besides, as of `at_most`.
+        stand_out: standard deviations.
+    """
+    if hope(best, Known.CIRCLE) < 0.0:
+        return -np.inf
+    return TUNING.per_curve * (stand_out - TUNING.least_lines) + best.before
 
 
 def at_best(
@@ -225,7 +243,7 @@ def at_best(
     )
 
 
-def at_most(*, worth: float, rareness: float, line_beyond: float) -> Judgement:
+def at_most(*, worth: float, rareness: float, line_beyond: float, before: float = 0.0) -> Judgement:
     """The same before there is a model: as round as can be, and of any size."""
     return at_best(
         roundness=1.0,
@@ -233,6 +251,7 @@ def at_most(*, worth: float, rareness: float, line_beyond: float) -> Judgement:
         worth=worth,
         rareness=rareness,
         line_beyond=line_beyond,
+        before=before,
     )
 
 

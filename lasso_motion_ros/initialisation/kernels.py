@@ -24,7 +24,7 @@ def contrasts(
 
     Args:
         flat: (DIRECTIONS, L) the responses, an image in one piece each.
-        starts: (S, P) where each point of each shape begins, radius by radius; P is a multiple of four.
+        starts: (S, P) where each point of each shape begins, radius by radius; P is a multiple of twelve.
         directions: (S, P) in which image.
         radii: how many shapes differ by their radius alone; the first and the last are beside others only.
         stride: from row to row of an image.
@@ -38,15 +38,18 @@ def contrasts(
         for radius in range(radii):
             total, shape = sums[radius], tilt * radii + radius
             total[:] = 0
-            for k in range(0, starts.shape[1], 4):
-                one, two = starts[shape, k], starts[shape, k + 1]
-                three, four = starts[shape, k + 2], starts[shape, k + 3]
-                a = flat[directions[shape, k], one : one + length]
-                b = flat[directions[shape, k + 1], two : two + length]
-                c = flat[directions[shape, k + 2], three : three + length]
-                d = flat[directions[shape, k + 3], four : four + length]
+            for k in range(0, starts.shape[1], 12):
+                # Twelve at a time: what has been summed is read and written a third as often as the images.
+                first, which = starts[shape, k : k + 12], directions[shape, k : k + 12]
+                a, b = flat[which[0], first[0] :], flat[which[1], first[1] :]
+                c, d = flat[which[2], first[2] :], flat[which[3], first[3] :]
+                e, f = flat[which[4], first[4] :], flat[which[5], first[5] :]
+                g, h = flat[which[6], first[6] :], flat[which[7], first[7] :]
+                m, n = flat[which[8], first[8] :], flat[which[9], first[9] :]
+                o, p = flat[which[10], first[10] :], flat[which[11], first[11] :]
                 for i in range(length):
-                    total[i] = np.uint8(total[i] + a[i] + b[i] + c[i] + d[i])
+                    six = a[i] + b[i] + c[i] + d[i] + e[i] + f[i]
+                    total[i] = np.uint8(total[i] + six + g[i] + h[i] + m[i] + n[i] + o[i] + p[i])
         for radius in range(1, radii - 1):
             inner = tilt * (radii - 2) + radius - 1
             for row in range(height):
@@ -55,10 +58,12 @@ def contrasts(
                 smaller, larger = sums[radius - 1, begin : begin + width], sums[radius + 1, begin : begin + width]
                 of_row, most = shown[inner, row], np.uint8(0)
                 for i in range(width):
-                    aside = (np.int64(smaller[i]) + np.int64(larger[i])) >> 2  # int() of a byte is unsigned here
-                    value = np.uint8(np.maximum(np.int64(on[i]) - aside, 0))
-                    of_row[i] = value
-                    most = max(most, value)
+                    aside = np.uint8(
+                        (np.int64(smaller[i]) + np.int64(larger[i])) >> 2
+                    )  # int() of a byte is unsigned here
+                    of_row[i] = np.uint8(on[i] - aside) if on[i] > aside else np.uint8(0)
+                for i in range(width):
+                    most = of_row[i] if of_row[i] > most else most
                 best[inner, row] = most
 
 
@@ -416,3 +421,29 @@ def lines(
             for i in range(width):
                 value = (response[i] * (reaches[i] / rms) - least) * scale
                 response[i] = min(max(value, np.float32(0.0)), np.float32(1.0))
+
+
+@compiled("void(float32[:, :, ::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], float64[:, ::1])")
+def laid_elsewhere(
+    responses: Image, directions: Numbers, x: Numbers, y: Numbers, elsewhere: Numbers, means: Array
+) -> None:
+    """The mean response to lines along curves, wherever they are laid: `lines_elsewhere._stand_out`.
+
+    Args:
+        responses: (DIRECTIONS, H, W) of a plane, widened.
+        directions: (N, P) in which of them.
+        x: (N, P) columns of the curves' points, cells.
+        y: (N, P) rows.
+        elsewhere: (2, K) cells along columns and rows by which they are laid aside.
+        means: (N, K) filled.
+    """
+    _, height, width = responses.shape
+    curves, points = x.shape
+    for n in range(curves):
+        for k in range(elsewhere.shape[1]):
+            aside, below, total = elsewhere[0, k], elsewhere[1, k], 0.0
+            for p in range(points):
+                column, row = x[n, p] + aside, y[n, p] + below
+                if 0 <= column < width and 0 <= row < height:
+                    total += responses[directions[n, p], row, column]
+            means[n, k] = total / points

@@ -110,6 +110,11 @@ class KnownRings:
         away, nearest = min(near, key=lambda one: one[0], default=(np.inf, None))
         return nearest if away < TUNING.same_m else None
 
+    def adds(self, points: Array, first_ns: int) -> float:
+        """What they add to the log odds of a ring (L, 3) m in a look that begins at a stamp."""
+        before = self.of(points)
+        return 0.0 if before is None else before.adds(first_ns)
+
     def remembered(self, followed: Sequence[FollowedRing]) -> list[FollowedRing]:
         """What a next look goes on with, likeliest first: what this one has followed, and what it did not find."""
         found = [one.looks[:-1] for one in followed]

@@ -1,12 +1,20 @@
-"""Rings that may be proposed: beside each that was found the likeliest curve, and what a close-up shows along it."""
+"""Rings that may be proposed, likeliest first: a best-first search over what is known of each.
+
+Of a ring that was found its lines and electrodes are known at once. A close-up, the likeliest curve in it, and that
+curve's poles take a hundred times as long, each. So what each ring can be at best with what is known so far tells
+which one is looked at more closely next; what leaves no hope is left, and so is what lies where a ring is believed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import heapq
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import count
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.core.errors import LassoMotionError
 from lasso_motion_ros.geometry.curves import distance_to_curve
@@ -23,9 +31,12 @@ from lasso_motion_ros.initialisation.judgement import (
     at_best,
     at_most,
     has_ring_size,
-    is_hopeful,
+    hope,
+    hope_of_lines,
 )
 from lasso_motion_ros.initialisation.known_rings import FollowedRing, KnownRings
+from lasso_motion_ros.initialisation.laid_pair import LaidPair
+from lasso_motion_ros.initialisation.lines_elsewhere import lines_stand_out
 from lasso_motion_ros.initialisation.ring_closeup import RingCloseups
 from lasso_motion_ros.initialisation.ring_search import FoundRings, Shown
 from lasso_motion_ros.initialisation.shaped_rings import ShapedRings
@@ -34,13 +45,14 @@ from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.seed_images import SeedImages
 from lasso_motion_ros.ring.working_image import Image, WholeImages
 
+Array = npt.NDArray[np.float64]
+
 
 @dataclass(frozen=True)
 class _Tuning:
-    """Which candidates are the same, and how many are followed."""
+    """What a ring's worth is, and which candidates are the same."""
 
     agreement_share: float = 0.5  # of the planes' agreement in a ring's worth
-    lined: int = 3  # circles along lines that are followed beside the rings that electrodes tell of
     same_curve_m: float = 0.5e-3  # mean distance of two curves along the same lines
 
 
@@ -93,10 +105,14 @@ class Candidate:
         return self.elsewhere.with_poles(self.model.points, self.comb.places_mm)
 
     @property
-    def is_hopeful(self) -> bool:
-        """Whether it may be believed once it is followed; its poles, which take time, are looked for at last."""
-        without_poles = self._at_best(np.inf, replace(MOST_DISTINCT, curve=self.elsewhere.curve))
-        return is_hopeful(without_poles, Known.CURVE) and is_hopeful(self.at_best, Known.POLES)
+    def centre(self) -> Array:
+        """(3,) middle of the curve, world metres."""
+        return np.asarray(self.model.points.mean(axis=0))
+
+    @property
+    def with_any_poles(self) -> Judgement:
+        """What it can be once it is followed, before its poles, which take time, are looked for."""
+        return self._at_best(np.inf, replace(MOST_DISTINCT, curve=self.elsewhere.curve))
 
     @cached_property
     def at_best(self) -> Judgement:
@@ -116,56 +132,126 @@ class Candidate:
         )
 
 
-def worth_following(
-    told: FoundRings,
-    lined: FoundRings,
-    closeups: RingCloseups,
-    shown: Sequence[Shown],
-    known: KnownRings,
-    *,
-    check: Callable[[], None],
-) -> list[Candidate]:
-    """The rings beside which both planes show something of one: by their electrodes, and the best by their lines.
+@dataclass(frozen=True, eq=False)
+class _FoundRing:
+    """A ring as the search has found it.
+
+    Attributes:
+        ring: one.
+        moved: per later pair, (4,) as of `FoundRings`.
+        lines: what both planes show along it.
+        rareness: see `Judgement`.
+        line_beyond: likewise.
+        stands_out: how far its lines do, standard deviations, sum of the planes.
+        added: log odds that earlier looks add.
+    """
+
+    ring: ShapedRings
+    moved: list[Array]
+    lines: float
+    rareness: float
+    line_beyond: float
+    stands_out: float
+    added: float
+
+    @property
+    def centre(self) -> Array:
+        """(3,) world metres."""
+        return np.asarray(self.ring.centres[0])
+
+    @property
+    def hope(self) -> float:
+        """By what is known of it."""
+        worth = self.lines + TUNING.agreement_share
+        best = at_most(worth=worth, rareness=self.rareness, line_beyond=self.line_beyond, before=self.added)
+        return hope_of_lines(best, self.stands_out)
+
+
+class RingQueue:
+    """Rings that were found, likeliest first.
 
     Args:
-        told: rings that electrodes tell of.
-        lined: circles along lines.
-        closeups: of rings.
+        found: rings.
+        closeups: of them.
         shown: as of `search_rings`.
         known: rings of earlier looks.
-        check: called again and again; what it raises ends it.
+
+    Attributes:
+        hope: of the likeliest, before any is looked at closely; less than 0 where there is none.
     """
-    chosen: list[Candidate] = []
-    grid = shown[0].pair.grid
-    for found, most in ((told, len(told)), (lined, TUNING.lined)):
-        circles = found.rings.circles(np.zeros(len(found)))
-        scores = np.max([scored(circles, one.maps, grid).scores for one in shown], axis=0)
-        beyond = np.max([line_beyond(circles, one.maps, grid) for one in shown], axis=0)
-        candidates = []
-        for k in range(len(found)):
+
+    def __init__(
+        self, found: Sequence[FoundRings], closeups: RingCloseups, shown: Sequence[Shown], known: KnownRings
+    ) -> None:
+        self._closeups, self._first, self._known = closeups, shown[0].pair, known
+        self._queue: list[tuple[float, int, Known, _FoundRing | Candidate]] = []
+        self._number = count()
+        self.hope = -np.inf
+        for part in found:
+            for one in _as_found(part, shown, known):
+                self._push(one, one.hope, Known.CIRCLE)
+                self.hope = max(self.hope, one.hope)
+
+    def likeliest_first(
+        self, is_taken: Callable[[Array], bool], *, check: Callable[[], None] = lambda: None
+    ) -> Iterator[Candidate]:
+        """The rings that are worth following, each once all others have less hope by what is known of them.
+
+        Args:
+            is_taken: whether there is a ring at a centre (3,) m already; asked again and again.
+            check: called again and again; what it raises ends it.
+        """
+        followed: list[Candidate] = []
+        while self._queue:
             check()
-            lines, rareness, line = float(scores[k]), float(found.rareness[k]), float(beyond[k])
-            most_worth = lines + TUNING.agreement_share
-            most_likely = at_most(worth=most_worth, rareness=rareness, line_beyond=line)
-            if not is_hopeful(most_likely, Known.CIRCLE):
+            *_, stage, one = heapq.heappop(self._queue)
+            if is_taken(one.centre):
                 continue
-            ring = found.rings[k : k + 1]
-            pair = closeups.of(ring, [by[k] for by in found.moved])
-            whole = WholeImages(pair.frames)
-            images = SeedImages(pair, bright=shown[0].pair.bright, whole=whole)
-            seen = _seen_along(ring, images, grid)
-            if seen is None:
+            if isinstance(one, _FoundRing):
+                candidate = _looked_at(one, self._closeups, self._first, self._known)
+                if candidate is not None:
+                    self._push(candidate, hope(candidate.with_any_poles, Known.CURVE), Known.CURVE)
+            elif any(one.is_as(other) for other in followed):
                 continue
-            model, agreement, evidence, elsewhere = seen
-            worth = lines + TUNING.agreement_share * agreement
-            before = known.of(model.points)
-            added = 0.0 if before is None else before.adds(pair.stamp_ns)
-            candidate = Candidate(model, images, whole, pair, worth, rareness, line, evidence, elsewhere, before, added)
-            if not any(candidate.is_as(other) for other in chosen) and candidate.is_hopeful:
-                candidates.append(candidate)
-        candidates.sort(key=lambda one: -one.at_best.evidence)
-        chosen += candidates[:most]
-    return chosen
+            elif stage is Known.CURVE:
+                self._push(one, hope(one.at_best, Known.POLES), Known.POLES)
+            else:
+                followed.append(one)
+                yield one
+
+    def _push(self, one: _FoundRing | Candidate, its_hope: float, stage: Known) -> None:
+        """Look at it more closely when its turn comes, if there is hope."""
+        if its_hope >= 0.0:
+            heapq.heappush(self._queue, (-its_hope, next(self._number), stage, one))
+
+
+def _as_found(found: FoundRings, shown: Sequence[Shown], known: KnownRings) -> Iterator[_FoundRing]:
+    """Rings with what is known of them at once."""
+    first = shown[0].pair
+    circles = found.rings.circles(np.zeros(len(found)))
+    lines = np.max([scored(circles, one.maps, first.grid).scores for one in shown], axis=0)
+    beyond = np.max([line_beyond(circles, one.maps, first.grid) for one in shown], axis=0)
+    distinct = np.max([lines_stand_out(found.rings, one.maps, first.grid) for one in shown], axis=0)
+    curves = found.rings.points()
+    for k, rareness in enumerate(found.rareness.tolist()):
+        moved = [by[k] for by in found.moved]
+        seen = float(lines[k]), rareness, float(beyond[k]), float(distinct[k])
+        yield _FoundRing(found.rings[k : k + 1], moved, *seen, known.adds(curves[k], first.pair.stamp_ns))
+
+
+def _looked_at(one: _FoundRing, closeups: RingCloseups, first: LaidPair, known: KnownRings) -> Candidate | None:
+    """A ring in its close-up; None where both planes do not show something of one there."""
+    pair = closeups.of(one.ring, one.moved)
+    whole = WholeImages(pair.frames)
+    images = SeedImages(pair, bright=first.bright, whole=whole)
+    seen = _seen_along(one.ring, images, first.grid)
+    if seen is None:
+        return None
+    model, agreement, evidence, elsewhere = seen
+    worth = one.lines + TUNING.agreement_share * agreement
+    so_far = worth, one.rareness, one.line_beyond, evidence, elsewhere
+    before, added = known.of(model.points), known.adds(model.points, pair.stamp_ns)
+    return Candidate(model, images, whole, pair, *so_far, before, added)
 
 
 def _seen_along(

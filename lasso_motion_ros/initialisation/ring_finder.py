@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
+import numpy.typing as npt
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.core.errors import GeometryError, LassoMotionError
@@ -19,7 +20,7 @@ from lasso_motion_ros.initialisation.judgement import SMALLEST_SUPPORT, judge
 from lasso_motion_ros.initialisation.known_rings import FollowedRing, KnownRings
 from lasso_motion_ros.initialisation.laid_pair import LaidPair
 from lasso_motion_ros.initialisation.proposal import Proposal
-from lasso_motion_ros.initialisation.ring_candidates import Candidate, worth_following
+from lasso_motion_ros.initialisation.ring_candidates import Candidate, RingQueue
 from lasso_motion_ros.initialisation.ring_closeup import RingCloseups
 from lasso_motion_ros.initialisation.ring_search import Shown, search_rings
 from lasso_motion_ros.ring.seed_curves import build_loop_model
@@ -28,11 +29,14 @@ from lasso_motion_ros.ring.tracker import RingTracker
 
 @dataclass(frozen=True)
 class _Tuning:
-    """How many pairs, and how far clicks may lead astray."""
+    """How many pairs, when the last is asked, and how far clicks may lead astray."""
 
     pairs: int = 3  # that have to show a ring
+    hope_of_last: float = 0.4  # that the first pair and the mean leave where the last pair is asked, too
     astray_m: float = 0.7e-3  # mean distance of the curve that clicks lead to from the one they were set along
 
+
+Array = npt.NDArray[np.float64]
 
 TUNING = _Tuning()
 PAIRS = TUNING.pairs
@@ -46,11 +50,13 @@ class Look:
         proposed: rings that are believed, best first.
         followed: rings that a next look goes on with, likeliest first.
         tried: all that were followed through the pairs, best first.
+        hope: of the likeliest ring, before any was looked at closely.
     """
 
     proposed: list[Proposal]
     followed: list[FollowedRing]
     tried: list[Proposal] = field(default_factory=list)
+    hope: float = -np.inf
 
 
 class OvertakenError(Exception):
@@ -67,7 +73,7 @@ def find_rings(
 ) -> Look:
     """The rings that one of some successive pairs shows and the others do, too; best first.
 
-    They are looked for in the first; where nothing there is believed, in the last.
+    They are looked for in the first; where nothing there is believed and something is hopeful, in the last.
 
     Args:
         pairs: successive pairs, both planes each.
@@ -88,13 +94,14 @@ def find_rings(
         laid = _laid_out(pairs, config.polarity, other_polarity, partial(_check, go_on))
     except GeometryError:
         return Look([], [])
-    polarity = "bright" if laid[0].bright else "dark"
-    decided = replace(config, polarity=polarity)
+    decided = replace(config, polarity="bright" if laid[0].bright else "dark")
+    _check(go_on)
     look = _look(pairs, laid, decided, known, go_on)
-    if look.proposed:
+    if look.proposed or look.hope < TUNING.hope_of_last:
         return look
-    # What the first pair shows badly, the last may show well. What came near being a ring in the first counts as its
-    # rival there: if that was the ring itself, a breath away, it is proposed and not started with.
+    # What the first pair shows badly, the last may show well; then the mean of all shows some of it. What came near
+    # being a ring in the first counts as its rival there: if that was the ring itself, a breath away, it is proposed
+    # and not started with.
     back = _look(_backwards(pairs), laid[::-1], decided, (), go_on, look.tried)
     return Look(back.proposed, look.followed)
 
@@ -118,29 +125,43 @@ def _look(
     shown = [Shown.by(mean), Shown.by(laid[0])]
     found = search_rings(laid, shown, check=partial(_check, go_on))
     seen_before = KnownRings(known, pairs[0])
-    chosen = worth_following(*found, RingCloseups(laid, motions), shown, seen_before, check=partial(_check, go_on))
     outcomes: list[tuple[Proposal, FollowedRing]] = []
-    for one in chosen:
-        _check(go_on)
-        if (outcome := _followed(one, pairs, config, go_on)) is not None:
-            outcomes.append(outcome)
+    believed: list[tuple[Proposal, Proposal | None]] = []  # each, and as its clicks have it
+
+    def is_taken(centre: Array) -> bool:
+        """Whether a ring is believed there: what else lies in its place is that ring, or a part of it."""
+        return any(clicked is not None and ring.is_at(centre) for ring, clicked in believed)
+
+    queue = RingQueue(found, RingCloseups(laid, motions), shown, seen_before)
+    for one in queue.likeliest_first(is_taken, check=partial(_check, go_on)):
+        if (outcome := _followed(one, pairs, config, go_on)) is None:
+            continue
+        outcomes.append(outcome)
+        ring, following = outcome
+        if ring.judgement.is_ring:
+            _check(go_on)
+            believed.append((ring, _clicked(ring, following.catheter.text, config)))
     outcomes.sort(key=lambda one: -one[0].judgement.evidence)
+    proposed = _compatible(believed)
+    tried = [ring for ring, _ in outcomes]
+    rivals = [*tried, *beside]
+    with_rivals = [replace(ring, rivals=_count_rivals(ring, rivals)) for ring in proposed]
+    return Look(with_rivals, seen_before.remembered([following for _, following in outcomes]), tried, queue.hope)
+
+
+def _compatible(believed: Sequence[tuple[Proposal, Proposal | None]]) -> list[Proposal]:
+    """The rings that can be beside each other, best first, of those that are believed and as clicks have them."""
     proposed: list[Proposal] = []
     astray: list[Proposal] = []
-    for ring, following in outcomes:
+    for ring, clicked in sorted(believed, key=lambda one: -one[0].judgement.evidence):
         # Beside a ring whose clicks lead astray its own parts are none, but another curve of it may be.
         is_another = all(ring.can_be_beside(other) or ring.is_of(other) for other in astray)
-        if ring.judgement.is_ring and is_another and all(ring.can_be_beside(other) for other in proposed):
-            _check(go_on)
-            clicked = _clicked(ring, config)
+        if is_another and all(ring.can_be_beside(other) for other in proposed):
             if clicked is None:
                 astray.append(ring)
             else:
-                proposed.append(replace(clicked, text=following.catheter.text))
-    tried = [ring for ring, _ in outcomes]
-    rivals = [*tried, *beside]
-    believed = [replace(ring, rivals=_count_rivals(ring, rivals)) for ring in proposed]
-    return Look(believed, seen_before.remembered([following for _, following in outcomes]), tried)
+                proposed.append(clicked)
+    return proposed
 
 
 def _backwards(pairs: Sequence[FramePair]) -> list[FramePair]:
@@ -214,14 +235,14 @@ def _followed(
     return Proposal(first, clicks_along(track.model, projections), track.model.points, judgement, 0, ""), ring
 
 
-def _clicked(ring: Proposal, config: TrackerConfig) -> Proposal | None:
-    """The ring with the curve that the tracker makes of its clicks; None where they lead astray."""
+def _clicked(ring: Proposal, text: str, config: TrackerConfig) -> Proposal | None:
+    """The ring with the curve that the tracker makes of its clicks, in words; None where they lead astray."""
     try:
         points = build_loop_model(ring.pair, ring.seed, config).points
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
     away = max(float(distance_to_curve(*ways).mean()) for ways in ((points, ring.points), (ring.points, points)))
-    return replace(ring, points=points) if away < TUNING.astray_m else None
+    return replace(ring, points=points, text=text) if away < TUNING.astray_m else None
 
 
 def _laid_out(pairs: Sequence[FramePair], polarity: str, other: bool, check: Callable[[], None]) -> list[LaidPair]:

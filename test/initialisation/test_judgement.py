@@ -17,7 +17,8 @@ from lasso_motion_ros.initialisation.judgement import (
     Known,
     at_best,
     at_most,
-    is_hopeful,
+    hope,
+    hope_of_lines,
     judge,
 )
 from lasso_motion_ros.ring.electrodes import RingEvidence, likeliest_comb
@@ -148,30 +149,33 @@ def test_whether_a_ring_may_be_one_is_known_before_it_is_followed(change: dict[s
         "distinct": GOOD.distinct,
     }
     best = at_best(**known | change)
-    assert is_hopeful(best, Known.POLES) is may_be
+    assert (hope(best, Known.POLES) >= 0.0) is may_be
     assert best.evidence >= dataclasses.replace(GOOD, **change, worth=0.9).evidence
 
 
 def test_what_leaves_no_hope_is_known_step_by_step() -> None:
     line = {"worth": 1.1, "rareness": 10.0, "line_beyond": 0.0}
-    assert is_hopeful(at_most(**line), Known.CIRCLE)
-    assert not is_hopeful(at_most(**line | {"line_beyond": 0.9}), Known.CIRCLE)
-    assert not is_hopeful(at_most(**line | {"worth": 0.4}), Known.CIRCLE)
-    curve: dict[str, Any] = {**line, "roundness": 0.95, "diameter_mm": 20.0}
+    assert hope(at_most(**line), Known.CIRCLE) >= 0.0
+    assert hope(at_most(**line | {"line_beyond": 0.9}), Known.CIRCLE) < 0.0
+    assert hope(at_most(**line | {"worth": 0.4}), Known.CIRCLE) < 0.0
+    assert hope_of_lines(at_most(**line), 12.0) > hope_of_lines(at_most(**line), 10.5) > 0.0
+    assert hope_of_lines(at_most(**line), 7.0) < 0.0
+    assert hope_of_lines(at_most(**line, before=2.5), 7.0) > 0.0
+    assert hope_of_lines(at_most(**line | {"worth": 0.4}), 99.0) == -np.inf
+    curve: dict[str, Any] = {"worth": 1.1, "rareness": 10.0, "line_beyond": 0.0, "roundness": 0.95, "diameter_mm": 20.0}
     there, hardly_there = (dataclasses.replace(MOST_DISTINCT, curve=one) for one in (11.0, 4.0))
-    assert is_hopeful(at_best(**curve, distinct=there), Known.CURVE)
-    assert not is_hopeful(at_best(**curve, distinct=hardly_there), Known.CURVE)
-    assert not is_hopeful(at_best(**curve | {"roundness": 0.72, "diameter_mm": 14.0}, distinct=there), Known.CURVE)
+    assert hope(at_best(**curve, distinct=there), Known.CURVE) >= 0.0
+    assert hope(at_best(**curve, distinct=hardly_there), Known.CURVE) < 0.0
+    assert hope(at_best(**curve | {"roundness": 0.72, "diameter_mm": 14.0}, distinct=there), Known.CURVE) < 0.0
     # All that is believed was hopeful.
     for one in (GOOD, ORDINARY, dataclasses.replace(ORDINARY, rareness=2.0, roundness=0.9)):
         assert one.is_ring
         found = {"worth": one.worth, "rareness": one.rareness, "line_beyond": one.line_beyond}
-        assert is_hopeful(at_most(**found), Known.CIRCLE)
+        assert hope(at_most(**found), Known.CIRCLE) >= 0.0
         found |= {"roundness": one.roundness, "diameter_mm": one.diameter_mm}
-        assert is_hopeful(
-            at_best(**found, distinct=dataclasses.replace(MOST_DISTINCT, curve=one.distinct.curve)), Known.CURVE
-        )
-        assert is_hopeful(at_best(**found, comb=one.comb, distinct=one.distinct), Known.POLES)
+        seen = dataclasses.replace(MOST_DISTINCT, curve=one.distinct.curve)
+        assert hope(at_best(**found, distinct=seen), Known.CURVE) >= 0.0
+        assert hope(at_best(**found, comb=one.comb, distinct=one.distinct), Known.POLES) >= 0.0
 
 
 def test_what_earlier_looks_saw_of_a_ring_gives_hope() -> None:
@@ -183,8 +187,8 @@ def test_what_earlier_looks_saw_of_a_ring_gives_hope() -> None:
         "line_beyond": 0.0,
     }
     doubtful |= {"comb": 12.0, "distinct": HARDLY}
-    assert not is_hopeful(at_best(**doubtful), Known.POLES)
-    assert is_hopeful(at_best(**doubtful, before=2.5), Known.POLES)
+    assert hope(at_best(**doubtful), Known.POLES) < 0.0
+    assert hope(at_best(**doubtful, before=2.5), Known.POLES) >= 0.0
 
 
 def test_a_ring_squeezed_by_its_vein_is_one_where_all_else_is_plain() -> None:

@@ -63,7 +63,7 @@ def test_a_ring_is_judged_by_what_all_pairs_show(monkeypatch: pytest.MonkeyPatch
 def test_where_the_first_pair_shows_none_the_last_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[list[FramePair], list[FramePair]]] = []
     rivals: list[Any] = []
-    seen_first = Look([], ["followed"], ["tried"])  # type: ignore[list-item]
+    seen_first = Look([], ["followed"], ["tried"], 1.0)  # type: ignore[list-item]
     seen_last = Look(["ring"], ["followed back"])  # type: ignore[list-item]
 
     def look(pairs: list[FramePair], laid: list[LaidPair], *others: Any) -> Look:
@@ -89,9 +89,10 @@ def test_where_the_first_pair_shows_none_the_last_is_asked(monkeypatch: pytest.M
             assert later.stamp_ns == frame.stamp_ns + by_ns
             assert later.pixels is frame.pixels
             assert later.projection is frame.projection
-    seen_first = Look(["ring"], ["followed"])  # type: ignore[list-item]
-    asked.clear()
-    assert find_rings(pairs, CONFIG) is seen_first
+    for seen_first in (Look(["ring"], ["followed"]), Look([], ["followed"], [], 0.1)):  # type: ignore[list-item]
+        asked.clear()
+        assert find_rings(pairs, CONFIG) is seen_first
+        assert len(asked) == 1
 
 
 @pytest.mark.slow
