@@ -114,6 +114,10 @@ class RingDetector:
         self._tuning, self._worth = tuning, worth
         self._ahead: PlaneSearch | None = None
 
+    def looking_for(self, model: LoopModel, template: RingTemplate) -> RingDetector:
+        """The same with another model and template."""
+        return RingDetector(model, template, self._start_ns, self._tuning, self._worth, self._stages)
+
     def seconds(self, stamp_ns: int) -> float:
         """A stamp as seconds since the seed pair."""
         return (stamp_ns - self._start_ns) * 1e-9

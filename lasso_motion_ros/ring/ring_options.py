@@ -35,7 +35,7 @@ class RingOptions:
         contradiction: when the planes show two things.
         state: what the states ask for.
         validation: what else is asked of a detection.
-        learning_share: of the seed pair's support: what shows less of the ring may be something else.
+        refined: whether the ring's curve follows from many pairs.
         rotation: whether a turning that follows the breath is the atrium's.
         points: of the model's curve.
     """
@@ -50,6 +50,6 @@ class RingOptions:
     contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
-    learning_share: float = 0.6
+    refined: bool = True
     rotation: bool = True
     points: int = POINTS

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import PLANES, Plane
-from lasso_motion_ros.geometry.projection import Projection
 from lasso_motion_ros.motion.motion_model import Estimate
 from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.detection import Detection, DetectionTuning
@@ -42,6 +41,17 @@ class SeedView:
     model: LoopModel
     images: dict[Plane, WorkingImage]
     worth: DetectionTuning
+
+    @staticmethod
+    def of(model: LoopModel, whole: WholeImages, worth: DetectionTuning) -> SeedView:
+        """The seed pair, whose images are about the ring at least."""
+        images = {}
+        for plane, frame in whole.frames.items():
+            shift = model.shift(plane, frame.projection)
+            image = whole.at(plane, model.centre, shift, bright=model.bright).about(model.points, KEPT_MM)
+            # Its own pixels: a part of the whole would keep the whole.
+            images[plane] = replace(image, values=image.values.copy(), noise=image.noise.copy(), grey=image.grey.copy())
+        return SeedView(model, images, worth)
 
     def displacement(self, template: RingTemplate) -> Estimate:
         """Where a template lies in the seed pair, from the model's place, and how well that is known."""
@@ -86,16 +96,4 @@ def seed_template(
             project = projections[plane].project
             shifts[plane] = shifts[plane] + np.asarray(project(fit.centre) - project(model.centre))
     model = replace(model, offsets=offsets_of(shifts, projections, model.centre))
-    return SeedView(model, _about_ring(model, projections, whole), worth), template, seen
-
-
-def _about_ring(
-    model: LoopModel, projections: dict[Plane, Projection], whole: WholeImages
-) -> dict[Plane, WorkingImage]:
-    images = {}
-    for plane in PLANES:
-        shift = model.shift(plane, projections[plane])
-        image = whole.at(plane, model.centre, shift, bright=model.bright).about(model.points, KEPT_MM)
-        # Its own pixels: a part of the whole would keep the whole.
-        images[plane] = replace(image, values=image.values.copy(), noise=image.noise.copy(), grey=image.grey.copy())
-    return images
+    return SeedView.of(model, whole, worth), template, seen

@@ -9,7 +9,7 @@ is fixed: a template that goes on learning drifts with what it is aligned to.
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -45,6 +45,7 @@ class RingTemplate:
         strips: per plane, (L, 2·HALF_WIDTH + 1) samples of the working image along the ring.
         shown: per plane, (L,) the evidence along it.
         tuning: how it is made and learned.
+        count: pairs whose means these are.
 
     Attributes:
         profile: (L,) float32, not negative: by how much each point of the arc stands out in both planes.
@@ -56,15 +57,30 @@ class RingTemplate:
         usual: per plane, correlation with it where the ring is seen.
     """
 
-    def __init__(self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], tuning: TemplateTuning) -> None:
-        self._tuning = tuning
+    def __init__(
+        self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], tuning: TemplateTuning, count: int = 1
+    ) -> None:
+        self._tuning, self._count = tuning, count
         self._means = {plane: strips[plane].astype(np.float32) for plane in PLANES}
         self._shown = {plane: shown[plane].astype(np.float32) for plane in PLANES}
-        self._count = 1
         self._renew()
         self.usual = {
-            plane: max(_correlation(self.values, strips[plane]), self._tuning.smallest_usual) for plane in PLANES
+            plane: max(correlation(self.values, strips[plane]), self._tuning.smallest_usual) for plane in PLANES
         }
+
+    @staticmethod
+    def of_many(
+        looks: Sequence[tuple[Mapping[Plane, Image], Mapping[Plane, Image]]], tuning: TemplateTuning
+    ) -> RingTemplate:
+        """What several pairs make: strips and evidence of each; first the seed pair's, to which a model was fitted."""
+        strips, shown = (
+            {plane: np.mean([one[part][plane] for one in looks], axis=0) for plane in PLANES} for part in range(2)
+        )
+        template = RingTemplate(strips, shown, tuning, len(looks))
+        for plane in PLANES:
+            likeness = [correlation(template.values, one[plane]) for one, _ in looks[1:][-tuning.memory :]]
+            template.usual[plane] = max(float(np.mean(likeness)), tuning.smallest_usual)
+        return template
 
     def learn(
         self, strips: Mapping[Plane, Image], shown: Mapping[Plane, Image], correlations: Mapping[Plane, float]
@@ -77,7 +93,7 @@ class RingTemplate:
         for plane, correlation in correlations.items():
             step = (correlation - self.usual[plane]) / self._tuning.memory
             self.usual[plane] = max(self.usual[plane] + step, self._tuning.smallest_usual)
-        if self._count >= self._tuning.pairs or len(strips) < len(PLANES):
+        if self.is_fixed or len(strips) < len(PLANES):
             return False
         self._count += 1
         share = np.float32(1.0 / self._count)
@@ -86,6 +102,16 @@ class RingTemplate:
             self._shown[plane] = self._shown[plane] + (shown[plane] - self._shown[plane]) * share
         self._renew()
         return True
+
+    @property
+    def tuning(self) -> TemplateTuning:
+        """How it is made and learned."""
+        return self._tuning
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it has learned from as many pairs as it will."""
+        return self._count >= self._tuning.pairs
 
     @property
     def count(self) -> int:
@@ -138,5 +164,6 @@ def _mean(one: Image, other: Image) -> Image:
     return np.asarray(np.float32(0.5) * (one + other))
 
 
-def _correlation(one: Image, other: Image) -> float:
+def correlation(one: Image, other: Image) -> float:
+    """Of two strips alike in size: 1 where one is a multiple of the other."""
     return float(np.vdot(one, other) / max(np.sqrt(float(np.vdot(one, one)) * float(np.vdot(other, other))), 1e-9))

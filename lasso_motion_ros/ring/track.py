@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from lasso_motion_ros.geometry.frames import Plane
+from lasso_motion_ros.geometry.frames import FramePair, Plane
 from lasso_motion_ros.motion.breathing_depth import BreathingDepth
 from lasso_motion_ros.motion.breathing_rotation import BreathingRotation
 from lasso_motion_ros.motion.heartbeat import Beats
@@ -21,9 +21,11 @@ from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.detector import RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
+from lasso_motion_ros.ring.looks import Look, Looks
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
+from lasso_motion_ros.ring.refined_model import refined_model
 from lasso_motion_ros.ring.seat import Seat, SeatTuning
 from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.seed_template import SeedView
@@ -36,7 +38,7 @@ Array = npt.NDArray[np.float64]
 USUAL_SHARE = 0.1  # at least, of the newest pair, in what is usual: at first it is their mean
 SMALLEST_CONTRAST = 1e-6
 # Pairs after which the electrodes, and the seed pair, are looked at anew: each time some twice as many.
-LOOKED_AT_AFTER = (2, 4, 8, 16, 24)
+LOOKED_AT_AFTER = (2, 4, 10, 24)
 
 
 @dataclass(eq=False)
@@ -85,6 +87,7 @@ class Track:
         reference: (3,) displacement at the reference pair, metres.
         reference_ns: stamp of the reference pair.
         reference_covariance: (3, 3) m² of the reference's displacement.
+        looks: at it, from which its model is made anew; None where it is known as well as it will be.
         is_followed: whether the prediction is worth a look about it.
         pending: where it may have been in the last pair, which did not show it surely enough; None where it did.
         unlearned: where it was seen last, whose looks are to be learned before the next pair; None where they are.
@@ -134,9 +137,10 @@ class Track:
     reference: Array = field(default_factory=lambda: np.zeros(3))
     reference_ns: int = 0
     reference_covariance: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    looks: Looks | None = None
     is_followed: bool = True
     pending: Pending | None = None
-    unlearned: Hypothesis | None = None
+    unlearned: tuple[FramePair, Hypothesis] | None = None
     unlearned_turn: Array | None = None
     unlearned_motion: tuple[Hypothesis, float] | None = None
 
@@ -239,21 +243,37 @@ class Track:
         self.companions.learn(self.model)
 
     def _learn_template(self) -> None:
-        best, self.unlearned = self.unlearned, None
-        if best is None:
+        seen, self.unlearned = self.unlearned, None
+        if seen is None:
             return
+        pair, best = seen
         fits = best.detection.planes
         is_renewed = self.template.learn(
             {plane: fit.strip for plane, fit in fits.items()},
             {plane: fit.shown for plane, fit in fits.items()},
             {plane: fit.correlation for plane, fit in fits.items()},
         )
+        if is_renewed and self.looks is not None:
+            self.looks = self.looks.after(Look.later(pair, self.model, best.detection.alignment))
         if not is_renewed or self.template.count not in LOOKED_AT_AFTER:
             return
+        self._refine_model()
         self.electrodes = replace(self.electrodes, shown=self.template.shown)
         if self.reference_ns == self.start_ns:
             at_seed = self.seed.displacement(self.template)
             self.reference, self.reference_covariance = at_seed.displacement, at_seed.covariance
+
+    def _refine_model(self) -> None:
+        if self.looks is None:
+            return
+        refined = refined_model(self.model, self.looks, self.template.tuning, self.seed.worth)
+        if refined is not None:
+            self.seed, self.template = refined
+            self.model = self.seed.model
+            self.detector = self.detector.looking_for(self.model, self.template)
+            self.electrodes = replace(self.electrodes, points=self.model.points, diameter_mm=self.model.diameter_mm)
+        if self.template.is_fixed:
+            self.looks = None
 
     def learn_rotation(self, best: Hypothesis, time_s: float) -> None:
         """Learn whether it turns with the breath."""

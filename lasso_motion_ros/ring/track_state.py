@@ -40,6 +40,9 @@ class StateTuning:
     tracking: float = 0.97  # with less a pose is DEGRADED
     pose: float = 0.9  # with less there is none
     displaced: float = 0.6  # of being elsewhere
+    # Of the detection being the ring, for its looks to be learned, pose or not: among many pairs one that is mistaken
+    # does no harm, and a faint ring is believed only once it is known better.
+    learned: float = 0.7
     # Of the pose being off by more than this, in whichever direction:
     misleading_mm: float = 2.0
     misleads_tracking: float = 0.01  # with more a pose is DEGRADED,

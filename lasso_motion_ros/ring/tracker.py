@@ -22,6 +22,7 @@ from lasso_motion_ros.ring.companions import Companions
 from lasso_motion_ros.ring.detector import Expectation, RingDetector
 from lasso_motion_ros.ring.display_chain import DisplayChain
 from lasso_motion_ros.ring.electrodes import RingEvidence
+from lasso_motion_ros.ring.looks import Look, Looks
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.own_turn import OwnTurn
 from lasso_motion_ros.ring.plane_contradiction import PlaneContradiction
@@ -41,6 +42,7 @@ from lasso_motion_ros.ring.validation import (
     misleading,
     quality,
     refusal,
+    shows_looks,
     unforeseen,
 )
 from lasso_motion_ros.ring.working_image import WholeImages
@@ -131,6 +133,7 @@ class RingTracker:
             seed=view,
             template=template,
             detector=detector,
+            looks=Looks(Look.first(pair, model)) if options.refined else None,
             display=DisplayChain(options.display),
             motion=motion,
             curve=BreathingCurve(np.zeros(3), 0.0, options.curve),
@@ -194,6 +197,8 @@ class RingTracker:
         track.pending = association.pending(options.state.pose, options.association)
         if best is not None and best.is_whole and best.believed >= options.state.pose:
             track.unlearned_turn = track.home_turn + track.turn_of(best)
+        if best is not None and shows_looks(track, best, config.judgement, options.validation, options.state):
+            track.unlearned = pair, best
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)
@@ -295,10 +300,6 @@ class RingTracker:
         track.motion, track.displacement = best.motion, best.displacement
         track.learn_motion(best, time_s)
         track.companions.accept()
-        is_plain = best.detection.support >= self._options.learning_share * track.seed_support
-        agree = 1.0 - track.contradiction.probability
-        if is_plain and min(best.believed, agree) >= self._options.state.tracking:
-            track.unlearned = best
         if state is TrackerState.TRACKING and self._options.rotation:
             track.learn_rotation(best, time_s)
         return np.asarray(track.motion.at_a.covariance + association.spread)

@@ -50,6 +50,28 @@ def refusal(
         return f"the planes disagree by {abs(best.gap_mm):.1f} mm: {MOVED_C_ARM}"
     if best is None or best.believed < states.pose:
         return _unseen(association, pair)
+    return _unlike(track, best, limits, tuning, states)
+
+
+def shows_looks(
+    track: Track, best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning, states: StateTuning
+) -> bool:
+    """Whether what a detection shows is learned to be how the ring looks, whether a pose rests on it or not."""
+    is_ring = best.believed * (1.0 - best.alike) * (1.0 - track.contradiction.probability)
+    return (
+        best.is_whole
+        and is_ring >= states.learned
+        and track.belief.elsewhere <= states.displaced
+        and not _stand_apart(best, limits, tuning)
+        and not _unlike(track, best, limits, tuning, states)
+        and not fading(track, best, tuning)
+    )
+
+
+def _unlike(
+    track: Track, best: Hypothesis, limits: JudgementConfig, tuning: ValidationTuning, states: StateTuning
+) -> str:
+    """Why a detection is not the ring as it is known; empty if it may be."""
     shown = best.detection.support / track.usual_support
     if best.is_whole and shown < tuning.left_share:
         return f"plane {_weaker(best)} hardly shows the lasso: {100 * shown:.0f} % of what is usual is left"

@@ -137,7 +137,7 @@ def test_what_was_worked_out_ahead_about_the_prediction_is_not_taken_for_the_who
     track.detector.prepare(pair.a, expected, CONFIG)
     found = detect(track, pair)
     assert looked_at == [pair.a, pair.b, pair.a, pair.b]
-    assert off_mm(found[0], FAR) < 0.05
+    assert off_mm(found[0], FAR) < 0.1
 
 
 @pytest.mark.parametrize("moved", [DOWN, None], ids=["there", "out of view"])
@@ -259,7 +259,7 @@ def test_what_lay_outside_the_first_look_is_tried_again(monkeypatch):
         tracker.track(lasso_pair(index, np.zeros(3)))
     monkeypatch.setattr(detector, "join_peaks", lambda *_: candidates((FAR, FAR)))
     found = detect(tracker._track, lasso_pair(5, FAR), config, tuning=DetectorTuning(from_afar=False))
-    assert off_mm(found[0], FAR) < 0.05
+    assert off_mm(found[0], FAR) < 0.1
     assert found[0].support > 2.0
 
 

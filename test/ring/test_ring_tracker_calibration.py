@@ -55,16 +55,17 @@ def test_a_gantry_that_turns_without_its_matrices_is_noticed_within_two_pairs(tr
     assert result.state in (DEGRADED, LOST)
     assert result.reason != ""
     if (0, 0) in (turn_a, turn_b):
-        # What is left of it may be recognised: then the planes stand apart, the turned one shows less, or as much in
-        # several places.
+        # What is left of it may be recognised: then the planes stand apart, the turned one shows less, nothing, or as
+        # much in several places.
         said = (
             "moved C-arm without a new calibration?",
             "the planes disagree by",
             "shows less of the lasso than it did",
             "hardly shows the lasso",
             "other places look nearly as much like the lasso",
+            "does not show the lasso where plane",
         )
-        assert any(words in result.reason for words in said)
+        assert any(words in result.reason for words in said), result.reason
 
 
 def lifted_pair(index, lift_mm):
@@ -152,7 +153,7 @@ def variant(kind):
 
 @pytest.mark.parametrize(
     ("kind", "tolerance_mm"),
-    [("scaled", 1e-6), ("mirrored", 0.05), ("swapped", 0.05), ("bright", 0.01), ("deep", 0.01)],
+    [("scaled", 1e-6), ("mirrored", 0.05), ("swapped", 0.05), ("bright", 0.02), ("deep", 0.01)],
 )
 def test_the_description_of_the_input_means_nothing(kind, tolerance_mm):
     pairs, seed = variant(kind)
@@ -160,7 +161,9 @@ def test_the_description_of_the_input_means_nothing(kind, tolerance_mm):
     results = [other.initialise(pairs[0], seed), *(other.track(p) for p in pairs[1:])]
     for here, there in zip(warm_up()[1][:5], results, strict=True):
         assert there.state is here.state
-        np.testing.assert_allclose(there.motion, here.motion, atol=1e-3 * tolerance_mm)
+        np.testing.assert_allclose(there.motion[:3, 3], here.motion[:3, 3], atol=1e-3 * tolerance_mm)
+        # Ten millimetres from the centre.
+        np.testing.assert_allclose(there.motion[:3, :3], here.motion[:3, :3], atol=1e-5 + 1e-2 * tolerance_mm)
 
 
 def test_plane_b_may_be_exposed_half_a_period_later():

@@ -12,7 +12,7 @@ from lasso_motion_ros.ring.tracker import RingTracker
 
 SEED_NOISE, LATER_NOISE = 50.0, 5.0
 PAIRS = 20
-LEARNED = 9  # pairs after which the template has looked at the seed pair anew three times
+LEARNED = 9  # pairs after which the seed pair was looked at anew three times, with a new model the last two
 
 
 def moved(index):
@@ -44,7 +44,7 @@ def test_what_the_seed_pairs_noise_has_put_off_is_found_as_the_template_gets_cle
         after.append(np.linalg.norm(late))
         before.append(np.linalg.norm(late + 1e3 * known.reference))
         sigmas.append(1e3 * np.sqrt(np.trace(known.reference_covariance)))
-    assert np.mean(after) < 0.8 * np.mean(before)
+    assert np.mean(after) < 0.9 * np.mean(before)
     # What is left is what the covariance of that place says, in root mean square to a factor of two.
     assert np.mean(np.square(after)) < 4.0 * np.mean(np.square(sigmas))
 

@@ -127,6 +127,7 @@ IDEAS: Mapping[str, Idea] = {
         # How it is aligned.
         Idea("ring", "the ring's own tilt, spin and size", {"ring.turn_deg": 0.1, "ring.stretch": 0.001}),
         Idea("priors", "the priors of tilt, spin and size", {"ring.turn_deg": 20.0, "ring.stretch": 0.2}),
+        Idea("refined", "the curve from many pairs", options=_with(refined=False)),
         Idea(
             "pulled",
             "doubt where the template fits badly",

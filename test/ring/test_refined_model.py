@@ -1,0 +1,155 @@
+"""The ring's curve and profile from many pairs, laid on each other as the ring has gone."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_pair, lasso_seed
+
+from lasso_motion_ros.config.tracker import TrackerConfig
+from lasso_motion_ros.geometry.curves import distance_to_curve
+from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.ring.association import associate
+from lasso_motion_ros.ring.looks import Look, Looks
+from lasso_motion_ros.ring.refined_model import refined_model
+from lasso_motion_ros.ring.ring_options import RingOptions
+from lasso_motion_ros.ring.track import LOOKED_AT_AFTER
+from lasso_motion_ros.ring.tracker import RingTracker
+
+NOISE = 40.0
+OPTIONS = RingOptions()
+
+
+def moved(index):
+    """(3,) metres, 8 mm of breathing in ten pairs."""
+    return np.round(4e-3 * (1.0 - np.cos(np.pi * index / 5.0)) * np.array([0.08, -0.25, -0.965]), 6)
+
+
+def seeded(start, **options):
+    tracker = RingTracker(TrackerConfig(), options=dataclasses.replace(OPTIONS, **options))
+    tracker.initialise(lasso_pair(start, moved(0), sigma=NOISE), lasso_seed())
+    return tracker
+
+
+def looks_of(start, count):
+    """A noisy seed pair's model, and looks at it and at so many later pairs."""
+    tracker = seeded(start)
+    track = tracker.known
+    looks = track.looks
+    for index in range(1, count + 1):
+        pair = lasso_pair(start + index, moved(index), sigma=NOISE)
+        tracker.track(pair)
+        seen, best = track.unlearned
+        assert seen is not None
+        looks = looks.after(Look.later(pair, track.model, best.detection.alignment))
+        track.unlearned = None  # the model stays what it is
+    return track.model, looks
+
+
+def beside_mm(model):
+    """Mean distance of a model's curve from the wire, as the planes see it, mm."""
+    distances = []
+    for plane in PLANES:
+        seen = VIEWS[plane].project(model.points) + model.shift(plane, VIEWS[plane])
+        unit = VIEWS[plane].millimetres_per_pixel(LOOP.centre)
+        distances.append(unit * distance_to_curve(seen, VIEWS[plane].project(CURVE)).mean())
+    return float(np.mean(distances))
+
+
+def contrast(frame):
+    """How far the wire stands out of what is beside it, in standard deviations of that."""
+    pixels = frame.projection.project(CURVE)
+    rows, columns = np.indices(frame.pixels.shape)
+    places = np.column_stack([columns.ravel(), rows.ravel()])
+    near = distance_to_curve(places, pixels).reshape(frame.pixels.shape)
+    on, off = frame.pixels[near < 0.7].astype(float), frame.pixels[(near > 4.0) & (near < 8.0)].astype(float)
+    return (off.mean() - on.mean()) / off.std()
+
+
+def test_laid_on_each_other_pairs_show_the_ring_as_none_alone_does():
+    model, looks = looks_of(0, 8)
+    mean = looks.mean(model)
+    for plane in PLANES:
+        alone, together = looks.first.pair.frames[plane], mean.frames[plane]
+        assert together.projection is alone.projection
+        assert together.stamp_ns == alone.stamp_ns
+        assert contrast(together) > 1.5 * contrast(alone)
+
+
+def test_few_looks_are_not_laid_on_each_other():
+    model, looks = looks_of(0, 3)
+    assert looks.mean(model) is not None
+    assert dataclasses.replace(looks, later=looks.later[:2]).mean(model) is None
+    assert (
+        refined_model(model, dataclasses.replace(looks, later=looks.later[:2]), OPTIONS.template, OPTIONS.detection)
+        is None
+    )
+
+
+def test_from_another_side_a_look_shows_another_picture():
+    model, looks = looks_of(0, 3)
+    aside = {
+        plane: dataclasses.replace(looks.first.pair.frames[plane], projection=VIEWS[other])
+        for plane, other in zip(PLANES, PLANES[::-1], strict=True)
+    }
+    turned = dataclasses.replace(
+        looks.later[0], pair=dataclasses.replace(looks.later[0].pair, a=aside["a"], b=aside["b"])
+    )
+    assert Looks(looks.first, (turned, *looks.later[1:])).mean(model) is None
+
+
+def test_another_exposure_changes_nothing():
+    model, looks = looks_of(0, 4)
+    look = looks.later[-1]
+    frames = {plane: dataclasses.replace(frame, pixels=frame.pixels // 2) for plane, frame in look.pair.frames.items()}
+    darker = dataclasses.replace(look, pair=dataclasses.replace(look.pair, a=frames["a"], b=frames["b"]))
+    mean, other = looks.mean(model), dataclasses.replace(looks, later=(*looks.later[:-1], darker)).mean(model)
+    for plane in PLANES:
+        one, two = (np.asarray(pair.frames[plane].pixels, float) for pair in (mean, other))
+        assert np.abs(one - two).mean() < 0.01 * one.mean()
+
+
+@pytest.mark.slow
+def test_many_pairs_tell_the_curve_better_than_clicks_and_one_pair():
+    before, after = [], []
+    for start in (0, 100, 200, 300):
+        model, looks = looks_of(start, 9)
+        view, template = refined_model(model, looks, OPTIONS.template, OPTIONS.detection)
+        assert template.count == 10
+        before.append(beside_mm(model))
+        after.append(beside_mm(view.model))
+    assert np.mean(after) < 0.85 * np.mean(before)
+
+
+def test_a_tracker_makes_its_model_anew_and_goes_on_from_the_same_reference():
+    refining, keeping = seeded(0), seeded(0, refined=False)
+    first = refining.known.model
+    for index in range(1, LOOKED_AT_AFTER[1] + 2):
+        pair = lasso_pair(index, moved(index), sigma=NOISE)
+        here, there = refining.track(pair), keeping.track(pair)
+        assert here.motion is not None
+        at = np.append(LOOP.centre, 1.0)
+        np.testing.assert_allclose(here.motion @ at, there.motion @ at, atol=1.5e-4)
+    assert keeping.known.model is not refining.known.model
+    assert refining.known.model is not first
+    assert refining.known.electrodes.points is refining.known.model.points
+    assert here.reference_stamp_ns == there.reference_stamp_ns
+
+
+def test_what_is_only_probable_is_learned_too_and_what_is_not_is_not(monkeypatch):
+    for believed, count in ((0.75, 2), (0.65, 1)):
+        tracker = seeded(0)
+
+        def doubted(*arguments, believed=believed):
+            found = associate(*arguments)
+            return dataclasses.replace(
+                found, hypotheses=tuple(dataclasses.replace(one, believed=believed) for one in found.hypotheses)
+            )
+
+        monkeypatch.setattr("lasso_motion_ros.ring.tracker.associate", doubted)
+        assert tracker.track(lasso_pair(1, moved(1), sigma=NOISE)).motion is None
+        tracker.learn()
+        assert tracker.known.template.count == count
+        monkeypatch.undo()
