@@ -40,6 +40,7 @@ from lasso_motion_ros.ring.validation import (
     fading,
     left_behind,
     misleading,
+    out_of_place,
     quality,
     refusal,
     shows_looks,
@@ -210,8 +211,7 @@ class RingTracker:
             return self._displaced(track, pair, best, departure)
         if track.belief.in_place < options.state.pose:
             track.curve.see_aside(time_s, best.displacement, is_whole=best.is_whole)
-            far = f"{departure:.1f} times as far from breathing as breaths are apart"
-            return self._lost(track, pair, left_behind(track, departure, options.state) or far)
+            return self._lost(track, pair, out_of_place(track, departure, options.state))
         if reason := unforeseen(best, config.judgement, options.validation, options.state):
             return self._lost(track, pair, reason)
         # Update.

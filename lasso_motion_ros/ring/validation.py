@@ -105,6 +105,14 @@ def left_behind(track: Track, departure: float, states: StateTuning) -> str:
     return "it has left what moves with the heart beside it, or that was moved"
 
 
+def out_of_place(track: Track, departure: float, states: StateTuning) -> str:
+    """Why a ring that is believed to be seen is not surely in its place; arguments as of `left_behind`."""
+    if track.belief.absent > track.belief.elsewhere:
+        return "it has come into view again: the next pair tells whether it is back in its place"
+    far = f"{departure:.1f} times as far from breathing as breaths are apart"
+    return left_behind(track, departure, states) or far
+
+
 def contradiction(track: Track, states: StateTuning) -> str:
     """Why no pose rests on a ring that is seen: one plane shows something else, far enough off to mislead; or empty."""
     planes = track.contradiction

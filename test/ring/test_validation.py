@@ -24,8 +24,10 @@ from lasso_motion_ros.ring.validation import (
     fading,
     left_behind,
     misleading,
+    out_of_place,
     quality,
     refusal,
+    shows_looks,
     unforeseen,
 )
 from lasso_motion_ros.tracking.tracker import TrackerState
@@ -241,6 +243,37 @@ def test_what_moves_with_the_heart_beside_it_has_the_last_word_on_a_slide():
     # But a doubt, once they are gone, is one that nobody could take back.
     assert misled(track(joined_slide=companions(1.5, since_s=1.0)), 0.1)[0] > 0.15
     assert misled(track(joined_slide=companions(1.5, since_s=5.0)), 0.1)[0] < 1e-6
+
+
+def test_it_says_why_a_ring_that_is_seen_is_not_surely_in_its_place():
+    aside = TrackBelief(0.5, 0.45, 0.05, 0.0)
+    assert out_of_place(track(belief=aside), 3.1, STATES) == "3.1 times as far from breathing as breaths are apart"
+    assert "left what moves with the heart" in out_of_place(track(belief=aside, denied=True), 1.0, STATES)
+    back = TrackBelief(0.6, 0.1, 0.3, 0.0)
+    assert "come into view again" in out_of_place(track(belief=back), 0.3, STATES)
+
+
+AWAY = TrackBelief(0.1, 0.9, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "of_track", "learns"),
+    [
+        (best(), {}, True),
+        (best(probability=STATES.learned), {}, True),
+        (best(probability=STATES.learned - 0.01), {}, False),
+        (best(probability=0.9, alike=0.3), {}, False),  # or its like
+        (best(1.8, None), {}, False),
+        (best(0.7, 0.7), {}, False),  # less than half of what is usual
+        (best(turn_deg=9.0), {}, False),
+        (best(gap_mm=1.7), {}, False),
+        (best(contrast=0.1), {}, False),  # left over in a filter over time
+        (best(), {"belief": AWAY}, False),
+        (best(), {"contradicts": 0.4}, False),
+    ],
+)
+def test_what_is_probably_the_ring_is_learned_from_whether_a_pose_rests_on_it_or_not(found, of_track, learns):
+    assert shows_looks(track(**of_track), found, LIMITS, TUNING, STATES) is learns
 
 
 def test_it_says_what_the_ring_has_left():
