@@ -36,6 +36,11 @@ class TemplateTuning:
     usual_softened: float = 0.9  # where noise is blurred away
     memory: int = 8  # pairs over which what is usual follows the dose
     between: float = 0.4  # evidence: less is shown by the wire between electrodes, and by noise
+    # Of wires: the evidence between their electrodes, its standard deviation from ring to ring, and one pair's; with
+    # care (docs/constants.md).
+    usual_wire: float = 0.25
+    wire_spread: float = 0.15
+    wire_noise: float = 0.14
 
 
 class RingTemplate:
@@ -51,7 +56,7 @@ class RingTemplate:
         profile: (L,) float32, not negative: by how much each point of the arc stands out in both planes.
         weights: (L,) of sum 1: where the electrodes are, by the evidence of both planes; what it is weighted by.
         between: (L,) bool: where there is no electrode, or the lesser half of the arc.
-        wire: per plane, the mean evidence there.
+        wire: per plane, the evidence there, as the pairs so far and what wires usually show have it.
         values: (L, 2·HALF_WIDTH + 1) float32, the profile times the cross-section.
         slopes: of `values`, along the arc and across it.
         usual: per plane, correlation with it where the ring is seen.
@@ -143,10 +148,16 @@ class RingTemplate:
             electrodes = self.profile
         self.weights: Image = electrodes / np.float32(electrodes.sum())
         self.between = self.weights <= np.median(self.weights)
-        self.wire = {plane: float(self._shown[plane][self.between].mean()) for plane in PLANES}
+        self.wire = {plane: self._likeliest_wire(float(self._shown[plane][self.between].mean())) for plane in PLANES}
         cross: Image = self.profile @ self._means["a"] + self.profile @ self._means["b"]
         cross = 0.5 * (cross + cross[::-1])
         self._show(self.profile[:, None] * (cross / max(float(cross[HALF_WIDTH]), 1e-6)).astype(np.float32))
+
+    def _likeliest_wire(self, seen: float) -> float:
+        """What a wire shows, of which so many pairs have shown something in the mean: one pair's noise tells little."""
+        tuning = self._tuning
+        wires, noise = tuning.wire_spread**-2.0, self._count * tuning.wire_noise**-2.0
+        return float((wires * tuning.usual_wire + noise * seen) / (wires + noise))
 
     def _along(self, strip: Image) -> Image:
         """(L,) what a strip shows on the curve itself, as far as it may count for the ring."""

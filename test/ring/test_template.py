@@ -212,6 +212,22 @@ def test_what_the_wire_shows_between_the_electrodes_has_no_weight():
     )
 
 
+def test_one_pair_tells_less_of_the_wire_than_many():
+    tuning = dataclasses.replace(SHARP, usual_wire=0.3, wire_spread=0.1, wire_noise=0.2, pairs=100)
+    electrodes = {20: 1.2, 60: 1.2, 100: 1.2}
+    strips = {plane: strip_of(electrodes) for plane in "ab"}
+    shown = {plane: np.full(ROWS, -0.1, np.float32) for plane in "ab"}
+    for plane in "ab":
+        shown[plane][[20, 60, 100]] = 1.2
+    template = RingTemplate(strips, shown, tuning)
+    # Weights 100 and 25: 0.3 · 0.8 - 0.1 · 0.2.
+    assert template.wire == pytest.approx({"a": 0.22, "b": 0.22})
+    for _ in range(99):
+        template.learn(strips, shown, {})
+    # Weights 100 and 2,500.
+    assert template.wire == pytest.approx({"a": (0.3 - 0.1 * 25) / 26, "b": (0.3 - 0.1 * 25) / 26}, abs=1e-6)
+
+
 @pytest.mark.parametrize("plane", ["a", "b"])
 @pytest.mark.parametrize("evidence", [2.0, 50.0])
 def test_something_big_in_one_plane_alone_takes_no_weight(plane, evidence):
