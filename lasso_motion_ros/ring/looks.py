@@ -111,11 +111,13 @@ def _cut(pair: FramePair, model: LoopModel, centres: Mapping[Plane, Array], shap
         factor = reduction_factor(frame.projection, centres[plane])
         pixels = frame.projection.project(points) + model.shift(plane, frame.projection)
         unit = frame.projection.millimetres_per_pixel(centres[plane])
-        # A working image is no smaller than twice its window.
+        # A working image is no smaller than twice its window: at an image's edge more is taken of the other side.
         reach = np.maximum(0.5 * np.ptp(pixels, axis=0) + TUNING.margin_mm / unit, factor * (NOISE_WINDOW_PX + 2))
-        middle, size = 0.5 * (pixels.min(axis=0) + pixels.max(axis=0)), np.array(frame.pixels.shape[::-1])
-        left, top = (np.clip(np.floor(middle - reach), 0, size - 1).astype(int) // factor * factor).tolist()
-        width, height = (np.clip(np.ceil(middle + reach), 1, size).astype(int) - (left, top)).tolist()
+        size = np.array(frame.pixels.shape[::-1])
+        span = np.minimum(np.ceil(2.0 * reach).astype(int), size)
+        corner = np.floor(0.5 * (pixels.min(axis=0) + pixels.max(axis=0)) - reach).astype(int)
+        left, top = (np.clip(corner, 0, size - span) // factor * factor).tolist()
+        width, height = span.tolist()
         projection = frame.projection.read_out(left, top, width, height, factor, factor)
         part = frame.pixels[top : top + projection.height * factor, left : left + projection.width * factor]
         # A copy: a part of the frame would keep all of it.

@@ -78,6 +78,27 @@ def test_laid_on_each_other_pairs_show_the_ring_as_none_alone_does():
         assert contrast(together) > 1.5 * contrast(alone)
 
 
+@pytest.mark.parametrize(("left", "top"), [(True, True), (False, False)])
+def test_at_an_images_edge_a_look_is_as_large_as_elsewhere(left, top):
+    track = seeded(0).known
+    pair = lasso_pair(0, moved(0), sigma=NOISE)
+    frames = {}
+    for plane, frame in pair.frames.items():
+        seen = frame.projection.project(CURVE)
+        height, width = frame.pixels.shape
+        # Cut so that the ring lies three pixels from the edges.
+        low, high = np.floor(seen.min(axis=0)).astype(int) - 3, np.ceil(seen.max(axis=0)).astype(int) + 3
+        x, right = (low[0], width) if left else (0, high[0])
+        y, bottom = (low[1], height) if top else (0, high[1])
+        projection = frame.projection.cropped(x, y, right - x, bottom - y)
+        frames[plane] = dataclasses.replace(frame, pixels=frame.pixels[y:bottom, x:right], projection=projection)
+    look = Look.first(dataclasses.replace(pair, a=frames["a"], b=frames["b"]), track.model)
+    for plane, frame in look.pair.frames.items():
+        whole = Look.first(pair, track.model).pair.frames[plane]
+        assert frame.pixels.shape == whole.pixels.shape
+        assert frame.pixels.shape == (frame.projection.height, frame.projection.width)
+
+
 def test_few_looks_are_not_laid_on_each_other():
     model, looks = looks_of(0, 3)
     assert looks.mean(model) is not None
