@@ -46,7 +46,7 @@ def model_of(ring: ShapedRings, images: SeedImages, grid: EpipolarGrid) -> LoopM
     # Not where the curve begins and ends: which of both is nearer, rounding would tell.
     places = around[np.linspace(0, len(around) - 1, 2 * CLICKS + 1).astype(np.intp)[1::2]]
     a, b = (images.projections[plane].project(places) + shifts[plane] for plane in PLANES)
-    return model_beside(around, images, shifts, Seed(a, b), RING_SIGMA_MM)
+    return model_beside(around, images, shifts, Seed(a, b), RING_SIGMA_MM)[0]
 
 
 def clicks_along(model: LoopModel, projections: Mapping[Plane, Projection]) -> Seed:

@@ -123,6 +123,11 @@ class Companions:
         """Take the ring to have been in its place in the last look: it is to be learned from (`learn`)."""
         self._unlearned = self._last
 
+    def take_centre(self, by: Array) -> None:
+        """Take note that another point is the ring's centre from now on, (3,) m from the one before."""
+        for plane in self._planes.values():
+            plane.take_centre(by)
+
     def learn(self, model: LoopModel) -> None:
         """Learn from the last look that was accepted, if that is not done yet: that pair's answer does not wait for it.
 

@@ -120,9 +120,9 @@ def _cut(pair: FramePair, model: LoopModel, centres: Mapping[Plane, Array], shap
         width, height = span.tolist()
         projection = frame.projection.read_out(left, top, width, height, factor, factor)
         part = frame.pixels[top : top + projection.height * factor, left : left + projection.width * factor]
-        # A copy: a part of the frame would keep all of it.
+        # A copy even where nothing is reduced: a part of the frame would keep all of it.
         grey = cv2.resize(part, (projection.width, projection.height), interpolation=cv2.INTER_AREA)
-        frames[plane] = Frame(frame.stamp_ns, grey if grey is not part else part.copy(), projection)
+        frames[plane] = Frame(frame.stamp_ns, grey, projection)
     return Look(replace(pair, a=frames.get("a"), b=frames.get("b")), model.centre, centres, shape)
 
 

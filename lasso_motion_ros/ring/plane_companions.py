@@ -129,6 +129,11 @@ class PlaneCompanions:
         self._noise = np.full(count, tuning.noise_mm**2)
         self._fit()
 
+    def take_centre(self, by: Array) -> None:
+        """Take note that another point is the ring's centre from now on, (3,) m from the one before."""
+        self._home = self._home + by
+        self._home_px = self._projection.project(self._home)
+
     def is_same_view(self, projection: Projection) -> bool:
         """Whether a projection shows what is about the ring's home where that of the first image does."""
         return is_same_view(self._projection, projection, self._home, self._tuning)

@@ -235,8 +235,8 @@ def _along(found: LikeliestCurve, images: SeedImages, count: int) -> LoopModel:
 
 def model_beside(
     start: Array, images: SeedImages, shifts: Mapping[Plane, Array], places: Seed, sigma_mm: float, points: int = POINTS
-) -> LoopModel:
-    """The model of a loop that follows the wire near a curve in both planes, whoever drew it.
+) -> tuple[LoopModel, float]:
+    """The model of a loop that follows the wire near a curve in both planes, whoever drew it; its log odds.
 
     Args:
         start: (N, 3) along the loop, world metres.
@@ -246,4 +246,5 @@ def model_beside(
         sigma_mm: how far those lie beside the wire, standard deviation.
         points: of the model's curve.
     """
-    return _along(likeliest_curve(start, images, shifts, places, sigma_mm), images, points)
+    found = likeliest_curve(start, images, shifts, places, sigma_mm)
+    return _along(found, images, points), found.log_odds

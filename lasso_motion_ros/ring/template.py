@@ -82,7 +82,7 @@ class RingTemplate:
             {plane: np.mean([one[part][plane] for one in looks], axis=0) for plane in PLANES} for part in range(2)
         )
         template = RingTemplate(strips, shown, tuning, len(looks))
-        for plane in PLANES:
+        for plane in PLANES if len(looks) > 1 else ():
             likeness = [correlation(template.values, one[plane]) for one, _ in looks[1:][-tuning.memory :]]
             template.usual[plane] = max(float(np.mean(likeness)), tuning.smallest_usual)
         return template

@@ -59,7 +59,6 @@ class Track:
         contradiction: of the planes since: whether one of them shows something else.
         electrodes: what both planes show along its curve.
         own_turn: how far it turns by itself.
-        seed_support: what the planes showed of it in the seed pair.
         usual_support: what they show of it now.
         sightings: pairs in which it was believed to be seen.
         last_support: what the planes showed at the best place in the last pair; -1 where none was found.
@@ -109,7 +108,6 @@ class Track:
     contradiction: PlaneContradiction
     electrodes: RingEvidence
     own_turn: OwnTurn
-    seed_support: float
     usual_support: float
     contrast: dict[Plane, float]
     depth: BreathingDepth = field(default_factory=lambda: BreathingDepth.first(0.0, np.zeros(3)))
@@ -239,8 +237,8 @@ class Track:
         moved, self.unlearned_motion = self.unlearned_motion, None
         if moved is not None:
             self._take_for_breathing(*moved)
+        self.companions.learn(self.model)  # by the model with which it was found
         self._learn_template()
-        self.companions.learn(self.model)
 
     def _learn_template(self) -> None:
         seen, self.unlearned = self.unlearned, None
@@ -268,8 +266,10 @@ class Track:
             return
         refined = refined_model(self.model, self.looks, self.template.tuning, self.seed.worth)
         if refined is not None:
+            before = self.model.centre
             self.seed, self.template = refined
             self.model = self.seed.model
+            self.companions.take_centre(self.model.centre - before)
             self.detector = self.detector.looking_for(self.model, self.template)
             self.electrodes = replace(self.electrodes, points=self.model.points, diameter_mm=self.model.diameter_mm)
         if self.template.is_fixed:

@@ -144,7 +144,6 @@ class RingTracker:
             contradiction=PlaneContradiction.first(options.contradiction),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
-            seed_support=seen.support,
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
             reference_ns=pair.stamp_ns,

@@ -87,6 +87,11 @@ def is_bright(pair: FramePair, seed: Seed, config: TrackerConfig) -> bool:
     return evidence > 0.0
 
 
+def is_lasso_size(radius_mm: float) -> bool:
+    """Whether lassos are as large as that."""
+    return TUNING.smallest_radius_mm <= radius_mm <= TUNING.largest_radius_mm
+
+
 def require_lasso_size(radius_mm: float) -> None:
     """Refuse a loop that no lasso has the size of.
 
@@ -94,7 +99,7 @@ def require_lasso_size(radius_mm: float) -> None:
         SeedError: clicks beside it, or not along it, or a calibration that is not in metres.
     """
     low, high = TUNING.smallest_radius_mm, TUNING.largest_radius_mm
-    if not low <= radius_mm <= high:
+    if not is_lasso_size(radius_mm):
         raise SeedError(
             f"the clicks make a loop of {radius_mm:.1f} mm radius, expected {low:g} to {high:g} mm: "
             "were they set along the lasso in both planes?"

@@ -6,17 +6,20 @@ import dataclasses
 
 import numpy as np
 import pytest
-from support.lasso_inputs import CURVE, LOOP, VIEWS, lasso_pair, lasso_seed
+from scipy.spatial.transform import Rotation
+from support.lasso_inputs import CURVE, LOOP, VIEWS, curve_pair, lasso_pair, lasso_seed
 
 from lasso_motion_ros.config.tracker import TrackerConfig
 from lasso_motion_ros.geometry.curves import distance_to_curve
 from lasso_motion_ros.geometry.frames import PLANES
+from lasso_motion_ros.ring.alignment import RingPrior, align
 from lasso_motion_ros.ring.association import associate
 from lasso_motion_ros.ring.looks import Look, Looks
 from lasso_motion_ros.ring.refined_model import refined_model
 from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.track import LOOKED_AT_AFTER
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.working_image import WholeImages
 
 NOISE = 40.0
 OPTIONS = RingOptions()
@@ -153,10 +156,58 @@ def test_a_tracker_makes_its_model_anew_and_goes_on_from_the_same_reference():
         assert here.motion is not None
         at = np.append(LOOP.centre, 1.0)
         np.testing.assert_allclose(here.motion @ at, there.motion @ at, atol=1.5e-4)
-    assert keeping.known.model is not refining.known.model
-    assert refining.known.model is not first
-    assert refining.known.electrodes.points is refining.known.model.points
+    track = refining.known
+    assert keeping.known.model is not track.model
+    assert track.model is not first
+    assert track.electrodes.points is track.model.points
     assert here.reference_stamp_ns == there.reference_stamp_ns
+    # All that looks for the ring, or tells where it was, has the new model.
+    assert (track.detector._model, track.detector._template) == (track.model, track.template)
+    assert track.seed.model is track.model
+    np.testing.assert_array_equal(track.companions._planes["a"]._home, track.model.centre)
+
+
+def test_as_the_model_is_made_anew_the_seed_pair_is_looked_at_with_it():
+    tracker = seeded(0)
+    for index in range(1, LOOKED_AT_AFTER[1]):
+        tracker.track(lasso_pair(index, moved(index), sigma=NOISE))
+    tracker.learn()
+    track = tracker.known
+    assert track.template.count == LOOKED_AT_AFTER[1]
+    again = track.seed.displacement(track.template)
+    np.testing.assert_allclose(track.reference, again.displacement, atol=1e-9)
+    assert np.linalg.norm(track.reference) > 0.0
+
+
+def test_a_ring_that_turns_is_laid_on_itself():
+    tracker = seeded(0)
+    track, looks, plain = tracker.known, tracker.known.looks, tracker.known.looks
+    for index, turn in enumerate([(0.0, 6.0, 0.0), (5.0, 0.0, 0.0), (0.0, -6.0, 0.0), (-5.0, 0.0, 0.0)], 1):
+        curve = LOOP.centre + (CURVE - LOOP.centre) @ Rotation.from_euler("xyz", turn, degrees=True).as_matrix().T
+        pair = curve_pair(index, curve)
+        images = WholeImages(pair.frames)
+        seen = {
+            plane: images.at(plane, LOOP.centre, track.model.shift(plane, frame.projection), bright=False)
+            for plane, frame in pair.frames.items()
+        }
+        found = align(
+            seen, track.template, track.model.arms, dict.fromkeys(PLANES, track.model.centre), RingPrior(0.15, 0.02)
+        )
+        look = Look.later(pair, track.model, found)
+        looks, plain = looks.after(look), plain.after(dataclasses.replace(look, shape=np.eye(3)))
+    laid, unturned = looks.mean(track.model), plain.mean(track.model)
+    for plane in PLANES:
+        assert contrast(laid.frames[plane]) > 1.05 * contrast(unturned.frames[plane])
+
+
+def test_where_the_looks_show_no_lasso_the_model_is_kept():
+    model, looks = looks_of(0, 4)
+    bare = {
+        plane: dataclasses.replace(frame, pixels=np.full_like(frame.pixels, 120))
+        for plane, frame in looks.first.pair.frames.items()
+    }
+    nothing = dataclasses.replace(looks.first, pair=dataclasses.replace(looks.first.pair, a=bare["a"], b=bare["b"]))
+    assert refined_model(model, Looks(nothing, (nothing,) * 4), OPTIONS.template, OPTIONS.detection) is None
 
 
 def test_what_is_only_probable_is_learned_too_and_what_is_not_is_not(monkeypatch):

@@ -45,7 +45,6 @@ def track(late_s=0.0):
         contradiction=PlaneContradiction.first(ContradictionTuning()),
         electrodes=None,
         own_turn=OwnTurn.expected(np.radians(2.5)),
-        seed_support=2.2,
         usual_support=2.2,
         contrast={"a": 0.2, "b": 0.2},
     )
