@@ -18,6 +18,7 @@ from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
+from lasso_motion_ros.ring.withdrawal import WithdrawalTuning
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,7 @@ class RingOptions:
         curve: how breathing repeats, and when the ring slides off it.
         companions: what else that moves with the heart tells of the ring's place.
         contradiction: when the planes show two things.
+        withdrawal: when a part of the ring is gone.
         state: what the states ask for.
         validation: what else is asked of a detection.
         refined: whether the ring's curve follows from many pairs.
@@ -48,6 +50,7 @@ class RingOptions:
     curve: CurveTuning = field(default_factory=CurveTuning)
     companions: CompanionTuning = field(default_factory=CompanionTuning)
     contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
+    withdrawal: WithdrawalTuning = field(default_factory=WithdrawalTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)
     refined: bool = True

@@ -32,6 +32,7 @@ from lasso_motion_ros.ring.seed_template import SeedView
 from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.track_state import TrackBelief
+from lasso_motion_ros.ring.withdrawal import Withdrawal
 
 Array = npt.NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class Track:
         agreement: of the planes at the seed: what the calibration is worth.
         companions: what moves with the heart beside it.
         contradiction: of the planes since: whether one of them shows something else.
+        withdrawal: whether a part of it is gone, in both planes the same.
         electrodes: what both planes show along its curve.
         own_turn: how far it turns by itself.
         usual_support: what they show of it now.
@@ -106,6 +108,7 @@ class Track:
     agreement: SeedAgreement
     companions: Companions
     contradiction: PlaneContradiction
+    withdrawal: Withdrawal
     electrodes: RingEvidence
     own_turn: OwnTurn
     usual_support: float

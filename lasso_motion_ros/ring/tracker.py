@@ -37,6 +37,7 @@ from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
 from lasso_motion_ros.ring.validation import (
     contradiction,
+    drawn_in,
     fading,
     left_behind,
     misleading,
@@ -46,6 +47,7 @@ from lasso_motion_ros.ring.validation import (
     shows_looks,
     unforeseen,
 )
+from lasso_motion_ros.ring.withdrawal import Withdrawal
 from lasso_motion_ros.ring.working_image import WholeImages
 from lasso_motion_ros.tracking.stages import Stages, no_stages
 from lasso_motion_ros.tracking.tracker import TrackerState, TrackResult
@@ -142,6 +144,7 @@ class RingTracker:
             agreement=agreement,
             companions=Companions(options.companions),
             contradiction=PlaneContradiction.first(options.contradiction),
+            withdrawal=Withdrawal.first(options.withdrawal),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
             usual_support=seen.support,
@@ -204,6 +207,8 @@ class RingTracker:
             return self._lost(track, pair, reason)
         if reason := fading(track, best, options.validation):
             track.remember_contrast(best)
+            return self._lost(track, pair, reason)
+        if reason := drawn_in(track, options.state):
             return self._lost(track, pair, reason)
         track.see(best)
         if track.belief.elsewhere > options.state.displaced:
@@ -274,6 +279,9 @@ class RingTracker:
             sideways = track.motion.sideways_sigmas(time_s, Estimate(best.displacement, covariance))
             departure = max(departure, sideways / states.surprise(time_s, is_complete=track.curve.is_complete))
             if best.is_whole:
+                if is_believed:
+                    shown = {plane: fit.shown for plane, fit in best.detection.planes.items()}
+                    track.withdrawal = track.withdrawal.after(shown, track.template.shown)
                 turned = track.own_turn.log_odds_of_a_hand(track.home_turn + track.turn_of(best), track.home_turn)
                 if not is_away and is_believed:
                     track.contradiction = track.contradiction.after(time_s, best.gap_mm, best.slack_mm, best.along_mm)

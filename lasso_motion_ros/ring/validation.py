@@ -58,6 +58,7 @@ def shows_looks(
 ) -> bool:
     """Whether what a detection shows is learned to be how the ring looks, whether a pose rests on it or not."""
     is_ring = best.believed * (1.0 - best.alike) * (1.0 - track.contradiction.probability)
+    is_ring *= 1.0 - track.withdrawal.probability
     return (
         best.is_whole
         and is_ring >= states.learned
@@ -118,6 +119,11 @@ def contradiction(track: Track, states: StateTuning) -> str:
     planes = track.contradiction
     is_likely = planes.probability > 1.0 - states.pose
     return planes.text if is_likely and planes.size_mm > states.misleading_mm else ""
+
+
+def drawn_in(track: Track, states: StateTuning) -> str:
+    """Why what is left of a ring carries no pose: a part of it is gone; empty if it is whole."""
+    return track.withdrawal.text if track.withdrawal.probability > 1.0 - states.pose else ""
 
 
 def misleading(
@@ -196,6 +202,8 @@ def quality(
         return TrackerState.DEGRADED, f"the planes disagree by {abs(best.gap_mm):.1f} mm"
     if track.contradiction.probability > 1.0 - states.tracking:
         return TrackerState.DEGRADED, track.contradiction.text
+    if track.withdrawal.probability > 1.0 - states.tracking:
+        return TrackerState.DEGRADED, track.withdrawal.text
     if track.agreement.doubt:
         return TrackerState.DEGRADED, track.agreement.doubt
     if track.belief.in_place < states.tracking:

@@ -408,3 +408,32 @@ def test_an_image_of_a_few_rows_is_lost_and_no_error(tracker, height):
     few = Frame(whole.a.stamp_ns, whole.a.pixels[:height], whole.a.projection.cropped(0, 0, 512, height))
     assert tracker.track(dataclasses.replace(whole, a=few)).state in (LOST, DEGRADED)
     assert tracker.track(pair(WARM + 1)).state is TRACKING
+
+
+def drawn_in(index, poles, planes="ab"):
+    """A pair in which so many of ten poles, and the wire that they sit on, are not to be seen in those planes."""
+    images = {}
+    for p in "ab":
+        gone = poles if p in planes else 0
+        curve = CURVE[gone * len(CURVE) // 10 :] + moved(index)
+        images[p] = lasso_image(curve, VIEWS[p], electrodes=10 - gone)
+    return pair_of(index, images)
+
+
+def test_a_ring_of_which_a_part_is_in_its_sheath_carries_no_pose(tracker):
+    results = [tracker.track(drawn_in(index, poles)) for index, poles in enumerate((3, 4, 4), start=WARM)]
+    for result in results[1:]:
+        assert_no_pose(result, LOST)
+        assert result.reason.startswith("both planes show nothing on ")
+        assert result.reason.endswith(" % of the lasso: drawn into its sheath?")
+    # Put out again it is believed with the second pair.
+    back = [tracker.track(pair(index)) for index in range(WARM + 3, WARM + 5)]
+    assert back[-1].state is TRACKING
+    assert centre_error_mm(back[-1], moved(WARM + 4)) < 0.3
+
+
+@pytest.mark.parametrize("plane", ["a", "b"])
+def test_a_part_that_one_plane_alone_does_not_show_is_behind_something(tracker, plane):
+    for index in range(WARM, WARM + 6):
+        result = tracker.track(drawn_in(index, 3, plane))
+        assert centre_error_mm(result, moved(index)) < 0.5

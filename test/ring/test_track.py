@@ -20,6 +20,7 @@ from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import TrackBelief
+from lasso_motion_ros.ring.withdrawal import Withdrawal, WithdrawalTuning
 
 CENTRE = np.array([0.005, -0.010, 0.020])
 RAY_A, LATERAL = np.array([1.0, 0.0, 0.0]), np.array([0.8, 0.6, 0.0])
@@ -43,6 +44,7 @@ def track(late_s=0.0):
         agreement=SeedAgreement(0.0, ""),
         companions=Companions(CompanionTuning()),
         contradiction=PlaneContradiction.first(ContradictionTuning()),
+        withdrawal=Withdrawal.first(WithdrawalTuning()),
         electrodes=None,
         own_turn=OwnTurn.expected(np.radians(2.5)),
         usual_support=2.2,

@@ -21,6 +21,7 @@ from lasso_motion_ros.ring.track_state import StateTuning, TrackBelief
 from lasso_motion_ros.ring.validation import (
     ValidationTuning,
     contradiction,
+    drawn_in,
     fading,
     left_behind,
     misleading,
@@ -55,6 +56,7 @@ def track(
     usual=2.2,
     contradicts=0.0,
     size_mm=4.0,
+    withdrawn=0.0,
     slide=Slide(),  # noqa: B008
     joined_slide=CompanionSlide.first(CompanionSlideTuning()),  # noqa: B008
     denied=False,
@@ -67,6 +69,7 @@ def track(
         belief=belief,
         agreement=SeedAgreement(0.0, doubt),
         contradiction=SimpleNamespace(probability=contradicts, text="they contradict each other", size_mm=size_mm),
+        withdrawal=SimpleNamespace(probability=withdrawn, text="a part of it is gone"),
         usual_support=usual,
         slide=slide,
         joined_slide=joined_slide,
@@ -147,6 +150,15 @@ def test_planes_that_likely_disagree_by_so_much_that_it_misleads_leave_no_pose()
     assert contradiction(track(contradicts=0.2), STATES) == "they contradict each other"
     assert contradiction(track(contradicts=0.05), STATES) == ""
     assert contradiction(track(contradicts=0.2, size_mm=1.9), STATES) == ""
+
+
+def test_a_ring_of_which_a_part_may_be_gone_is_a_doubt_and_carries_no_pose_where_that_is_likely():
+    assert judged(best(), of_track=track(withdrawn=0.02)) == (TrackerState.TRACKING, "")
+    assert judged(best(), of_track=track(withdrawn=0.05)) == (TrackerState.DEGRADED, "a part of it is gone")
+    assert drawn_in(track(withdrawn=0.05), STATES) == ""
+    assert drawn_in(track(withdrawn=0.2), STATES) == "a part of it is gone"
+    assert shows_looks(track(withdrawn=0.2), best(), LIMITS, TUNING, STATES)
+    assert not shows_looks(track(withdrawn=0.4), best(), LIMITS, TUNING, STATES)
 
 
 def misled(of_track, sigma_mm):

@@ -32,6 +32,7 @@ from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.tracker import RingTracker
 from lasso_motion_ros.ring.validation import ValidationTuning
+from lasso_motion_ros.ring.withdrawal import WithdrawalTuning
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
 from lasso_motion_ros.tracking.wrapped_tracker import WrappedTracker
 
@@ -169,6 +170,11 @@ IDEAS: Mapping[str, Idea] = {
             "sheath",
             "asking for half of what is usual",
             options=_with(validation=ValidationTuning(left_share=0.0)),
+        ),
+        Idea(
+            "withdrawal",
+            "noticing that an arc of it is gone",
+            options=_with(withdrawal=WithdrawalTuning(prior=0.0)),
         ),
         Idea("gap", "the planes' disagreement", {"judgement.degraded_gap_mm": OFF, "judgement.lost_gap_mm": OFF}),
         Idea(
