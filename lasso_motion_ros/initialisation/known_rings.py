@@ -67,12 +67,16 @@ class FollowedRing:
         """Log odds that the last look leaves."""
         return self.looks[-1][1]
 
-    def follow(self, pair: FramePair) -> bool:
-        """Follow it into the next pair; whether it was seen there."""
+    def follow(self, pair: FramePair) -> float:
+        """Follow it into the next pair; what the planes show of it there, -1 where nothing.
+
+        Whether a pose rests on that is another question: a heart that moves the ring by 5 mm between the planes'
+        exposures forbids one, and hides no ring.
+        """
         self.tracker.track(pair)
         if self.track.displacement is not None:
             self.places[pair.stamp_ns] = self.track.displacement
-        return self.track.is_followed
+        return self.track.last_support
 
     def at(self, pair: FramePair) -> Array | None:
         """(L, 3) its curve in a pair that it was followed into, or in a later one; None where it is not seen."""

@@ -210,9 +210,7 @@ def _followed(
         ring = FollowedRing(tracker, track, first.stamp_ns)
         for pair in pairs[1:]:
             _check(go_on)
-            if not ring.follow(pair):
-                return None
-            supports.append(track.last_support)
+            supports.append(ring.follow(pair))
         tracker.learn()  # from the last pair, too: no other one comes
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None

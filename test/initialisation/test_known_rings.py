@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from support.breathing_lasso import CONFIG, moved, pair
-from support.lasso_inputs import PERIOD_NS, lasso_seed
+from support.lasso_inputs import PERIOD_NS, lasso_pair, lasso_seed
 
 from lasso_motion_ros.initialisation.known_rings import FollowedRing, KnownRings
 from lasso_motion_ros.ring.seed_curves import build_loop_model
@@ -20,7 +20,7 @@ def followed(pairs: int, *looks: tuple[int, float]) -> FollowedRing:
     first = pair(0)
     ring = FollowedRing(tracker, tracker.begin(first, build_loop_model(first, lasso_seed(), CONFIG)), first.stamp_ns)
     for index in range(1, pairs):
-        assert ring.follow(pair(index))
+        assert ring.follow(pair(index)) > 1.5
     stamped = tuple((first.stamp_ns + last * PERIOD_NS, log_odds) for last, log_odds in looks)
     ring.looks = stamped or ((first.stamp_ns, 0.0),)
     return ring
@@ -61,3 +61,12 @@ def test_what_a_look_did_not_find_is_remembered_and_of_many_the_likeliest() -> N
     assert known.remembered([other, again]) == [again, other]
     assert len(known.remembered([other] * 9)) == 4
     assert np.all([one is first for one in KnownRings([first], pair(0)).remembered([])])
+
+
+def test_what_is_seen_of_a_ring_does_not_hang_on_whether_a_pose_rests_on_it() -> None:
+    ring = followed(2)
+    risen = lasso_pair(2, moved(2) + np.array([0.0, 0.0, 5e-3])).b  # by the time plane B is exposed
+    seen = ring.follow(replace(pair(2), b=risen))
+    assert not ring.track.is_followed
+    assert seen > 1.5
+    assert ring.follow(lasso_pair(3, None)) < 1.5
