@@ -62,6 +62,9 @@ class _Tuning:
     # What keeps a circle where no line says otherwise, in weights of points along it: centre, tilt, radius, lift.
     inertia: tuple[float, ...] = (0.2, 0.2, 0.2, 2e-5, 2e-5, 0.2)
     lift_inertia: tuple[float, float] = (2.0, 10.0)  # where plane B is exposed later, and where not
+    # Planes that are exposed at once may be off their calibration: so many of the best circles are let go,
+    let_go: int = 16
+    taken_away_m: float = 0.5e-3  # and those that lines take so far away are others.
     largest_step: tuple[float, ...] = (2e-3, 2e-3, 2e-3, 0.25, 0.25, 1.5e-3, 2e-3)  # m and rad
     radii_m: tuple[float, float] = (5.5e-3, 17.5e-3)
     largest_lift_m: float = 5e-3
@@ -94,6 +97,32 @@ def find_circles(
     beside = scored(_varied(circles[: TUNING.varied], grid), maps, grid)
     circles = Circles.joined([circles, _refined(beside, maps, grid, last, lift_inertia, check)])
     return circles.distinct(last.kept, last.same_m, last.same_cosine)
+
+
+def off_calibration(
+    circles: Circles,
+    maps: Mapping[Plane, DirectionMaps],
+    grid: EpipolarGrid,
+    between_s: float,
+    check: Callable[[], None] = lambda: None,
+) -> Circles:
+    """What the best circles come to where the planes are off their calibration, distinct, best first.
+
+    Those alone that lines take away from where the calibration holds them. Where plane B is exposed later it hardly
+    holds them, and there are none.
+
+    Args:
+        circles: from `find_circles`.
+        maps: as there.
+        grid: as there.
+        between_s: as there.
+        check: as there.
+    """
+    last = TUNING.rounds[-1]
+    held = circles[: TUNING.let_go if abs(between_s) <= LATER_S else 0]
+    free = _refined(held, maps, grid, last, TUNING.lift_inertia[0], check)
+    is_away = np.abs(free.lifts - held.lifts) > TUNING.taken_away_m
+    return free[is_away].distinct(last.kept, last.same_m, last.same_cosine)
 
 
 def _refined(

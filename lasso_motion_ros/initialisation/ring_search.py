@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from lasso_motion_ros.geometry.frames import Plane
 from lasso_motion_ros.initialisation.carried_rings import begun, carried
-from lasso_motion_ros.initialisation.circle_fit import find_circles
+from lasso_motion_ros.initialisation.circle_fit import find_circles, off_calibration
 from lasso_motion_ros.initialisation.circles import Circles
 from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps
 from lasso_motion_ros.initialisation.epipolar_grid import LATER_S
@@ -26,7 +26,8 @@ class _Tuning:
     """How many rings are carried through the pairs, and how many are left."""
 
     carried: int = 16  # by the first pair's electrodes
-    lined: int = 8  # of the circles that lie on lines, beside those, by whatever shows them
+    lined: int = 8  # of the circles that lie on lines, beside those, by whatever shows them,
+    off_calibration: int = 3  # and of those that do where the planes are off theirs
     questioned: int = 10
     kept: int = 4  # by either evidence
     same_m: float = 3e-3
@@ -97,7 +98,9 @@ def search_rings(
         check()
         spotted.append(circles_of_spots(one.pair.points, one.pair.spots, first.grid))
         check()
-        lined.append(find_circles(one.maps, first.grid, first.between_s, check)[: TUNING.lined])
+        held = find_circles(one.maps, first.grid, first.between_s, check)
+        off = off_calibration(held, one.maps, first.grid, first.between_s, check)
+        lined += [held[: TUNING.lined], off[: TUNING.off_calibration]]
     circles, lines = Circles.joined(spotted), Circles.joined(lined)
     lines = lines.distinct(len(lines), TUNING.same_line_m, TUNING.same_line_cosine)
     rings = ShapedRings.of(Circles.joined([circles, lines]))

@@ -1,4 +1,4 @@
-"""Of all circles in space the ring's is found, edge-on in a plane and beside long wires too, with plane B late too."""
+"""Of all circles in space the ring's is found, edge-on in a plane, beside long wires, with plane B late or off, too."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from support.lasso_inputs import lasso_curve, lasso_image, noisy
 from support.method_inputs import draw_curve
 from support.tracking_inputs import LOOP, VIEWS
 
-from lasso_motion_ros.geometry.frames import Frame
+from lasso_motion_ros.geometry.frames import Frame, Plane
 from lasso_motion_ros.geometry.transforms import rotation_from_vector
-from lasso_motion_ros.initialisation.circle_fit import find_circles, line_beyond
+from lasso_motion_ros.initialisation.circle_fit import find_circles, line_beyond, off_calibration
 from lasso_motion_ros.initialisation.circles import Circles
-from lasso_motion_ros.initialisation.direction_maps import curvature, direction_maps
+from lasso_motion_ros.initialisation.direction_maps import DirectionMaps, curvature, direction_maps
 from lasso_motion_ros.initialisation.epipolar_grid import EpipolarGrid
 from lasso_motion_ros.initialisation.laid_image import LaidImage, row_range
 
 ELSEWHERE = np.array([0.0, 0.0, 0.5])
 UP = np.array([0.0, 0.0, 4e-3])
+OFF = np.array([0.0, 0.0, 3e-3])
 BEST = 3  # of which models are made first
 RADIUS = float(np.linalg.norm(LOOP.semi_major))
 
@@ -30,11 +31,11 @@ def _tilted(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return LOOP.centre + (lasso_curve() - LOOP.centre) @ turn.T, normal
 
 
-def _found(
-    curve: np.ndarray, lift: np.ndarray, between_s: float, *, wires: bool = False, faint: bool = False, noise: int = 0
-) -> Circles:
-    """The circles in two drawn images; plane B sees the curve lifted."""
-    frames = {}
+def _shown(
+    curve: np.ndarray, lift: np.ndarray, *, wires: bool = False, faint: bool = False, noise: int = 0
+) -> tuple[dict[Plane, DirectionMaps], EpipolarGrid]:
+    """The lines of two drawn images, of which plane B sees the curve lifted, and the grid on which they lie."""
+    frames: dict[Plane, Frame] = {}
     for plane, view in VIEWS.items():
         image = lasso_image(curve + lift if plane == "b" else curve, view)
         if wires:
@@ -51,7 +52,7 @@ def _found(
         plane: direction_maps(curvature(LaidImage.of(frame, plane, grid, rows, logarithm=True)), bright=False)
         for plane, frame in frames.items()
     }
-    return find_circles(maps, grid, between_s)
+    return maps, grid
 
 
 def test_a_long_line_goes_on_beyond_both_ends_of_a_circle_that_is_edge_on_and_a_shaft_beyond_one() -> None:
@@ -88,7 +89,7 @@ def test_one_of_the_best_of_all_circles_lies_on_the_ring(case: str) -> None:
     nearly = edge_on / np.linalg.norm(edge_on) + 0.2 * view / np.linalg.norm(view)
     curve, normal = _tilted({"edge-on": edge_on, "nearly edge-on": nearly}.get(case, LOOP.normal + 1e-6))
     lift = UP if case == "late" else np.zeros(3)
-    circles = _found(curve, lift, 0.17 if case == "late" else 0.0, wires=case == "wires")
+    circles = find_circles(*_shown(curve, lift, wires=case == "wires"), 0.17 if case == "late" else 0.0)
     away = np.linalg.norm(circles.centres[:BEST] - curve.mean(axis=0), axis=1)
     aligned = np.abs(circles.normals[:BEST] @ normal) > np.cos(np.radians(8.0))
     on = np.flatnonzero((away < 1.2e-3) & aligned)
@@ -101,9 +102,31 @@ def test_one_of_the_best_of_all_circles_lies_on_the_ring(case: str) -> None:
 
 def test_the_best_circle_lies_on_a_faint_ring_not_on_a_part_of_it() -> None:
     curve, normal = _tilted(np.array([2.04, -2.56, 0.42]))
-    circles = _found(curve, np.zeros(3), 0.0, faint=True, noise=3)
+    circles = find_circles(*_shown(curve, np.zeros(3), faint=True, noise=3), 0.0)
     assert np.linalg.norm(circles.centres[0] - curve.mean(axis=0)) < 1.2e-3
     assert abs(circles.normals[0] @ normal) > np.cos(np.radians(8.0))
+
+
+def test_where_planes_are_off_their_calibration_a_circle_that_is_let_go_comes_nearer_to_the_ring() -> None:
+    curve, _ = _tilted(LOOP.normal + 1e-6)
+    shown, grid = _shown(curve, OFF)
+
+    def away(circles: Circles) -> np.ndarray:
+        return np.asarray(np.linalg.norm(circles.centres - curve.mean(axis=0), axis=1))
+
+    held = find_circles(shown, grid, 0.0)
+    best = off_calibration(held, shown, grid, 0.0)[:1]
+    assert away(best) < 0.8e-3 < away(held).min()
+    assert best.lifts > held.lifts[away(held).argmin()] + 0.5e-3
+    assert best.lifts == pytest.approx(float(OFF @ grid.upward), abs=1.2e-3)
+    assert not len(off_calibration(held, shown, grid, 0.17))  # where plane B is exposed later none is held
+
+
+def test_where_planes_are_as_calibrated_none_is_taken_away_from_the_ring() -> None:
+    curve, _ = _tilted(LOOP.normal + 1e-6)
+    shown, grid = _shown(curve, np.zeros(3))
+    off = off_calibration(find_circles(shown, grid, 0.0), shown, grid, 0.0)
+    assert np.all(np.linalg.norm(off.centres - curve.mean(axis=0), axis=1) > 1.2e-3)
 
 
 def test_circles_that_are_told_apart_are_the_best_of_their_neighbours() -> None:
