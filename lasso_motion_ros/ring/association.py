@@ -24,8 +24,10 @@ from lasso_motion_ros.motion.respiration import RespiratoryMotion
 from lasso_motion_ros.ring.detection import Detection
 from lasso_motion_ros.ring.loop_model import LoopModel
 from lasso_motion_ros.ring.loop_views import PlaneFit
+from lasso_motion_ros.ring.twins import Twins, TwinTuning
 
 Array = npt.NDArray[np.float64]
+NO_TWINS = Twins(TwinTuning())
 
 _IDENTITY_3 = np.eye(3)
 
@@ -73,6 +75,7 @@ class AssociationTuning:
     jump_reach_m: float = 0.024  # then it may be anywhere within this
     beside_m: float = 2e-3  # the same place, for what is asked of a pose
     weight_kept: float = 1e-3  # hypotheses of less are dropped
+    plain: float = 3.0  # log odds that either plane shows a ring there, this one or its like: it is one, then
     lives_on: float = 0.5  # chance that what was there, and not believed, is there in the next pair, too
     least_pending: float = 0.02  # probability: what has less is not followed on
 
@@ -89,6 +92,7 @@ class Hypothesis:
         slack_mm: what the motion between the planes' exposures may add to that, standard deviation, mm.
         along_mm: how far the ring has gone in the direction of the gap since the seed pair, as both planes have it, mm.
         alike: probability that it is something just like the ring, however plain: such is rare, but lies anywhere.
+        looks: log odds that it is a ring, by what the plane shows of it that shows less.
         probability: of it, among all hypotheses.
         believed: probability that the ring is there or right beside it; of the most probable hypothesis only.
     """
@@ -100,6 +104,7 @@ class Hypothesis:
     slack_mm: float
     along_mm: float = 0.0
     alike: float = 0.0
+    looks: float = 0.0
     probability: float = 0.0
     believed: float = 0.0
 
@@ -149,10 +154,12 @@ class Association:
     Attributes:
         hypotheses: those that are not negligible.
         absent: probability that the ring is out of view, or hidden.
+        alike: all that both planes plainly show to be a ring, this one or its like.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     absent: float
+    alike: tuple[Detection, ...] = ()
 
     @property
     def best(self) -> Hypothesis | None:
@@ -192,6 +199,7 @@ def associate(
     sightings: int,
     tuning: AssociationTuning,
     pending: Pending | None = None,
+    twins: Twins = NO_TWINS,
 ) -> Association:
     """Weigh the detections of one pair.
 
@@ -205,6 +213,7 @@ def associate(
         sightings: pairs that tell of it, besides the seed pair.
         tuning: what images and motion are worth.
         pending: what the pair before told, if it was not believed; None otherwise.
+        twins: what else looks like the ring.
     """
     believed = 0.0 if pending is None else pending.probability
     unmoved = math.log(1.0 - tuning.surge_probability - tuning.jump_probability) + math.log1p(-believed)
@@ -235,13 +244,19 @@ def associate(
     ]
     if not hypotheses:
         return Association((), 1.0)
+    alike = tuple(one.detection for one in hypotheses if one.is_whole and one.looks >= tuning.plain)
+    if twins.known:
+        hypotheses = [
+            replace(one, log_odds=one.log_odds + twins.log_odds(one.detection, alike)) if one.is_whole else one
+            for one in hypotheses
+        ]
     log_odds = np.array([one.log_odds for one in hypotheses])
     probabilities = np.exp(log_odds - np.logaddexp.reduce([0.0, *log_odds]))
     weighed = [replace(one, probability=float(share)) for one, share in zip(hypotheses, probabilities, strict=True)]
     weighed.sort(key=lambda one: -one.probability)
     best, others = weighed[0], [one for one in weighed[1:] if one.probability >= tuning.weight_kept]
     believed = best.probability + sum(one.probability for one in others if best.is_beside(one, tuning.beside_m))
-    return Association((replace(best, believed=believed), *others), max(0.0, 1.0 - float(probabilities.sum())))
+    return Association((replace(best, believed=believed), *others), max(0.0, 1.0 - float(probabilities.sum())), alike)
 
 
 def _hypothesis(
@@ -273,15 +288,13 @@ def _hypothesis(
     motion_odds = float(np.logaddexp.reduce(odds)) if len(odds) > 1 else odds[0]
     outcome = outcomes[odds.index(max(odds))]
     gap_mm, slack_mm, along_mm = _disagreement(detection, outcome.between, model)
-    log_odds = sum(
-        _look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()
-    )
-    log_odds += _place_odds(outcome.at_a.displacement - foreseen.displacement, foreseen.covariance, tuning)
+    looks = [_look_odds(fit, detection.alignment.likeness[plane], tuning) for plane, fit in detection.planes.items()]
+    log_odds = sum(looks) + _place_odds(outcome.at_a.displacement - foreseen.displacement, foreseen.covariance, tuning)
     if len(detection.planes) == len(PLANES):
         log_odds += _gap_odds(1e-3 * gap_mm, 1e-3 * slack_mm, tuning)
     # Which shows whatever the ring does, and anything else.
     alike = tuning.alike / (tuning.alike + usualness * math.exp(motion_odds))
-    return Hypothesis(detection, outcome, log_odds, gap_mm, slack_mm, along_mm, alike)
+    return Hypothesis(detection, outcome, log_odds, gap_mm, slack_mm, along_mm, alike, min(looks))
 
 
 def _look_odds(fit: PlaneFit, likeness: float, tuning: AssociationTuning) -> float:

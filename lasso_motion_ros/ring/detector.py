@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -54,6 +54,7 @@ class Expectation:
         stretch: logarithm of its size to start from.
         support: what is usual where the ring is seen.
         is_followed: whether the prediction is worth a look about it.
+        twins: (T, 3) m from the ring to what else looks like it.
     """
 
     motion: RespiratoryMotion
@@ -61,6 +62,7 @@ class Expectation:
     stretch: float
     support: float
     is_followed: bool
+    twins: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,6 +207,28 @@ class RingDetector:
             if near is passes[-1] or self._is_enough(detections, expected):
                 break
             tried = [candidate for candidate in candidates if self._is_inside(candidate, place.images)]
+        if len(expected.twins) and detections:
+            detections = self._with_twins(detections, place.images, expected, prior)
+        return detections
+
+    def _with_twins(
+        self,
+        detections: list[Detection],
+        images: dict[Plane, WorkingImage],
+        expected: Expectation,
+        prior: RingPrior,
+    ) -> list[Detection]:
+        """The detections, with what lies to one of them as the ring and its twins lie to each other, either way."""
+        for one in [one for one in detections if len(one.planes) == len(PLANES)]:
+            for offset in np.concatenate([expected.twins, -expected.twins]):
+                centres = {plane: fit.centre + offset for plane, fit in one.planes.items()}
+                if not self._is_inside(SearchCandidate(0.0, centres), images):
+                    continue
+                with self._stages("alignment"):
+                    alignment = align(
+                        images, self._template, self._model.arms, centres, prior, expected.turn, expected.stretch
+                    )
+                detections = self._joined(detections, alignment)
         return detections
 
     def _is_enough(self, detections: list[Detection], expected: Expectation) -> bool:

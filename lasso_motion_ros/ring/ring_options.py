@@ -17,6 +17,7 @@ from lasso_motion_ros.ring.seed_curves import POINTS
 from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
+from lasso_motion_ros.ring.twins import TwinTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
 from lasso_motion_ros.ring.withdrawal import WithdrawalTuning
 
@@ -34,6 +35,7 @@ class RingOptions:
         curve: how breathing repeats, and when the ring slides off it.
         companions: what else that moves with the heart tells of the ring's place.
         contradiction: when the planes show two things.
+        twins: what else looks like the ring.
         withdrawal: when a part of the ring is gone.
         state: what the states ask for.
         validation: what else is asked of a detection.
@@ -50,6 +52,7 @@ class RingOptions:
     curve: CurveTuning = field(default_factory=CurveTuning)
     companions: CompanionTuning = field(default_factory=CompanionTuning)
     contradiction: ContradictionTuning = field(default_factory=ContradictionTuning)
+    twins: TwinTuning = field(default_factory=TwinTuning)
     withdrawal: WithdrawalTuning = field(default_factory=WithdrawalTuning)
     state: StateTuning = field(default_factory=StateTuning)
     validation: ValidationTuning = field(default_factory=ValidationTuning)

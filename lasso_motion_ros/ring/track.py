@@ -32,6 +32,7 @@ from lasso_motion_ros.ring.seed_template import SeedView
 from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.template import RingTemplate
 from lasso_motion_ros.ring.track_state import TrackBelief
+from lasso_motion_ros.ring.twins import Twins
 from lasso_motion_ros.ring.withdrawal import Withdrawal
 
 Array = npt.NDArray[np.float64]
@@ -58,6 +59,7 @@ class Track:
         agreement: of the planes at the seed: what the calibration is worth.
         companions: what moves with the heart beside it.
         contradiction: of the planes since: whether one of them shows something else.
+        twins: what else looks like it, and where.
         withdrawal: whether a part of it is gone, in both planes the same.
         electrodes: what both planes show along its curve.
         own_turn: how far it turns by itself.
@@ -109,6 +111,7 @@ class Track:
     agreement: SeedAgreement
     companions: Companions
     contradiction: PlaneContradiction
+    twins: Twins
     withdrawal: Withdrawal
     electrodes: RingEvidence
     own_turn: OwnTurn
@@ -307,6 +310,7 @@ class Track:
         self.rotation, self.belief, self.curve, self.is_followed = BreathingRotation(), TrackBelief(), curve, True
         self.seat, self.contradiction = self.seat.anew(), self.contradiction.anew()
         self.companions, self.was_told_away = self.companions.anew(self.last_s), False
+        self.twins = Twins(self.twins.tuning)
 
     @property
     def seen_at(self) -> Array:

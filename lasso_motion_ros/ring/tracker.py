@@ -35,6 +35,7 @@ from lasso_motion_ros.ring.seed_template import seed_template
 from lasso_motion_ros.ring.slide import Slide
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_result import covariance_since_reference, with_curve, with_pose, without_pose
+from lasso_motion_ros.ring.twins import Twins
 from lasso_motion_ros.ring.validation import (
     contradiction,
     drawn_in,
@@ -144,6 +145,7 @@ class RingTracker:
             agreement=agreement,
             companions=Companions(options.companions),
             contradiction=PlaneContradiction.first(options.contradiction),
+            twins=Twins(options.twins),
             withdrawal=Withdrawal.first(options.withdrawal),
             electrodes=RingEvidence(model.points, template.shown, model.diameter_mm, catheter),
             own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
@@ -192,6 +194,7 @@ class RingTracker:
                 track.sightings,
                 options.association,
                 pending,
+                track.twins,
             )
         # Validate: is it believed, and is it in its place?
         with self._stages("judgement"):
@@ -203,6 +206,7 @@ class RingTracker:
             track.unlearned_turn = track.home_turn + track.turn_of(best)
         if best is not None and shows_looks(track, best, config.judgement, options.validation, options.state):
             track.unlearned = pair, best
+            track.twins = track.twins.after(best.detection, association.alike)
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)
@@ -369,4 +373,5 @@ def _beats(pair: FramePair, detector: RingDetector) -> Beats | None:
 
 def _expectation(track: Track) -> Expectation:
     """What is known before the next pair is looked at."""
-    return Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed)
+    twins = np.array([twin.offset for twin in track.twins.known]).reshape(-1, 3)
+    return Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed, twins)

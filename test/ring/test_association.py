@@ -10,7 +10,8 @@ import pytest
 from support.ring_fits import detection_at, detection_of, plane_fit
 
 from lasso_motion_ros.motion.respiration import RespiratoryMotion
-from lasso_motion_ros.ring.association import Association, AssociationTuning, Hypothesis, Pending, associate
+from lasso_motion_ros.ring.association import NO_TWINS, Association, AssociationTuning, Hypothesis, Pending, associate
+from lasso_motion_ros.ring.twins import Twin, Twins, TwinTuning
 
 CENTRE = np.array([0.005, -0.010, 0.020])
 MODEL = SimpleNamespace(centre=CENTRE)
@@ -54,9 +55,10 @@ def weighed(
     tuning=TUNING,
     pending=None,
     late_s=0.0,
+    twins=NO_TWINS,
 ):
     times = {plane: time_s + late_s * (plane == "b") for plane in planes}
-    return associate(detections, motion, time_s, times, MODEL, usual, sightings, tuning, pending)
+    return associate(detections, motion, time_s, times, MODEL, usual, sightings, tuning, pending, twins)
 
 
 def total(association):
@@ -232,6 +234,20 @@ def test_a_twin_that_shows_a_little_more_does_not_win_against_what_was_foretold(
     best = weighed(detection_at(FORETOLD, evidence=1.55), detection_at(FORETOLD + 0.6 * ASIDE, evidence=1.75)).best
     np.testing.assert_allclose(best.displacement, breathing(NEXT), atol=3e-4)
     assert best.believed > 0.9
+
+
+def test_a_known_twin_tells_which_of_two_is_the_ring():
+    # The twin comes to where the ring was foretold, and the ring has gone on.
+    away = 0.8 * ASIDE
+    ring, twin = detection_at(FORETOLD - away), detection_at(FORETOLD)
+    assert weighed(ring, twin).best.detection is twin
+    told = weighed(ring, twin, twins=Twins(TwinTuning(), (Twin(away, 8),)))
+    assert told.best.detection is ring
+    # What hardly shows a ring is nobody's twin.
+    faint = detection_at(FORETOLD - away, **HARDLY)
+    assert weighed(faint, twin, twins=Twins(TwinTuning(), (Twin(away, 8),))).best.detection is twin
+    assert told.alike == (ring, twin)
+    assert weighed(faint, twin).alike == (twin,)
 
 
 def test_of_the_ring_and_itself_slipped_by_more_than_misleads_neither_is_believed():

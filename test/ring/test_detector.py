@@ -285,6 +285,17 @@ def test_two_rings_are_two_detections(track):
         assert plain[0].support > 1.8
 
 
+def test_where_a_twin_tells_that_the_ring_would_be_it_is_looked_for(track, aligned):
+    away = np.array([0.002, 0.009, 0.018])
+    found = detect(track, lasso_pair(1, DOWN), twins=away[None])
+    assert len(aligned) == 3  # the ring, and either way from it
+    for centres, place in zip(aligned[1:], (DOWN + away, DOWN - away), strict=True):
+        for plane, centre in centres.items():
+            across = found[0].planes[plane].across
+            np.testing.assert_allclose(across @ (centre - LOOP.centre - place), 0.0, atol=2e-4)
+    assert off_mm(found[0], DOWN) < 0.05
+
+
 def test_what_is_given_up_is_no_detection(monkeypatch, track, aligned):
     def fits(*_):
         raise AssertionError("nobody needs to know")

@@ -20,6 +20,7 @@ from lasso_motion_ros.ring.seed_agreement import SeedAgreement
 from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track import Track
 from lasso_motion_ros.ring.track_state import TrackBelief
+from lasso_motion_ros.ring.twins import Twin, Twins, TwinTuning
 from lasso_motion_ros.ring.withdrawal import Withdrawal, WithdrawalTuning
 
 CENTRE = np.array([0.005, -0.010, 0.020])
@@ -44,6 +45,7 @@ def track(late_s=0.0):
         agreement=SeedAgreement(0.0, ""),
         companions=Companions(CompanionTuning()),
         contradiction=PlaneContradiction.first(ContradictionTuning()),
+        twins=Twins(TwinTuning()),
         withdrawal=Withdrawal.first(WithdrawalTuning()),
         electrodes=None,
         own_turn=OwnTurn.expected(np.radians(2.5)),
@@ -167,6 +169,7 @@ def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     one.begin(8 * 300_000_000)
     best = hypothesis(one, aside, turn_deg=5.0)
     one.see(best)
+    one.twins = Twins(TwinTuning(), (Twin(aside),))  # beside where it was
     one.displacement, one.belief, one.is_followed = aside, TrackBelief(0.0, 1.0, 0.0), False
     curve = BreathingCurve(aside, one.last_s, CURVE)
     one.settle(curve)
@@ -177,6 +180,7 @@ def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     assert one.curve is curve
     assert one.is_followed
     assert one.contradiction.home_mm is None
+    assert one.twins.known == ()
     assert len(one.seat.times_s) == 0
     # It breathes on from there.
     np.testing.assert_allclose(one.motion.predict(one.last_s).displacement, aside, atol=1e-3)

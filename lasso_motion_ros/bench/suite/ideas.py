@@ -31,6 +31,7 @@ from lasso_motion_ros.ring.template import TemplateTuning
 from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.twins import TwinTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
 from lasso_motion_ros.ring.withdrawal import WithdrawalTuning
 from lasso_motion_ros.tracking.tracker import Tracker, TrackResult
@@ -170,6 +171,11 @@ IDEAS: Mapping[str, Idea] = {
             "sheath",
             "asking for half of what is usual",
             options=_with(validation=ValidationTuning(left_share=0.0)),
+        ),
+        Idea(
+            "twins",
+            "what else looks like the ring, and where it lies",
+            options=_with(twins=TwinTuning(most=0)),
         ),
         Idea(
             "withdrawal",

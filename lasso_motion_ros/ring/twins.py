@@ -1,0 +1,106 @@
+"""What else in view looks like the ring and moves with the heart, a second lasso say: how it lies to the ring.
+
+Two lassos in neighbouring veins look alike, and with the breath one goes where the other was. But they keep their
+distance: who of the two is the ring follows from where the other one lies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from lasso_motion_ros.ring.detection import Detection
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class TwinTuning:
+    """What is taken for a twin, and what it tells."""
+
+    nearest_m: float = 8e-3  # what lies nearer may be the ring itself, slipped along its own curve
+    same_m: float = 3e-3  # by so much the distance changes, as the heart turns
+    most: int = 4  # that are kept: the oldest goes first
+    remembered: int = 8  # sightings
+    # What a twin tells that is where it belongs, or a ring where the twin's ring would be: a share of this, the larger
+    # the oftener it was seen.
+    log_odds: float = 5.0
+
+
+@dataclass(frozen=True, eq=False)
+class Twin:
+    """One of them.
+
+    Attributes:
+        offset: (3,) from the ring's centre to where the ring would be if it were the twin, metres.
+        sightings: pairs in which both were seen.
+    """
+
+    offset: Array
+    sightings: int = 1
+
+
+@dataclass(frozen=True, eq=False)
+class Twins:
+    """All that are known.
+
+    Attributes:
+        tuning: what is taken for one.
+        known: the oldest first.
+    """
+
+    tuning: TwinTuning
+    known: tuple[Twin, ...] = ()
+
+    def after(self, ring: Detection, alike: Sequence[Detection]) -> Twins:
+        """What is known after a pair in which the ring was surely seen.
+
+        Args:
+            ring: where it was.
+            alike: all that plainly look like it in both planes, by themselves.
+        """
+        twins = list(self.known)
+        for detection in alike:
+            offset = _between(ring, detection)
+            if np.linalg.norm(offset) < self.tuning.nearest_m:
+                continue
+            number = next((n for n, twin in enumerate(twins) if self._is_same(twin.offset - offset)), None)
+            if number is None:
+                twins.append(Twin(offset))
+                continue
+            twin = twins[number]
+            count = min(twin.sightings + 1, self.tuning.remembered)
+            twins[number] = Twin(twin.offset + (offset - twin.offset) / count, count)
+        return replace(self, known=tuple(twins[max(len(twins) - self.tuning.most, 0) :]))
+
+    def log_odds(self, detection: Detection, alike: Sequence[Detection]) -> float:
+        """What the twins tell of a whole detection's being the ring, as a natural logarithm of the odds."""
+        told = 0.0
+        offsets = [_between(detection, other) for other in alike]
+        for twin in self.known:
+            is_there = any(self._is_same(offset - twin.offset) for offset in offsets)
+            is_behind = any(self._is_same(offset + twin.offset) for offset in offsets)
+            share = twin.sightings / (twin.sightings + 1.0)
+            told += (is_there - is_behind) * share * self.tuning.log_odds
+        return told
+
+    def _is_same(self, away: Array) -> bool:
+        return float(np.linalg.norm(away)) < self.tuning.same_m
+
+
+def _between(one: Detection, other: Detection) -> Array:
+    """(3,) m from one place to another, both seen by both planes."""
+    return _place(other) - _place(one)
+
+
+def _place(detection: Detection) -> Array:
+    """(3,) world metres: where the planes' rays pass each other most closely, each telling across its own."""
+    normal, right = np.zeros((3, 3)), np.zeros(3)
+    for fit in detection.planes.values():
+        towards = fit.across.T @ fit.across
+        normal += towards
+        right += towards @ fit.centre
+    return np.asarray(np.linalg.solve(normal, right))
