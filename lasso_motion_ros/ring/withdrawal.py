@@ -13,11 +13,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.core.compiled import has_kernels
 from lasso_motion_ros.geometry.frames import PLANES, Plane
 from lasso_motion_ros.ring.working_image import Image
 
@@ -47,32 +48,32 @@ class WithdrawalTuning:
 
 @dataclass(frozen=True, eq=False)
 class Withdrawal:
-    """What the pairs so far tell.
+    """What the pairs so far tell; of arrays the first axis is the planes'.
 
     Attributes:
         tuning: what is expected.
-        told: per plane, (A,) log odds that it shows nothing of the ring on each arc of `_arcs`.
-        variances: per plane, of a segment's evidence about what is usual of a whole ring.
+        told: (2, A) log odds that a plane shows nothing of the ring on each arc of `_arcs`.
+        variances: (2,) of a segment's evidence about what is usual of a whole ring.
         count: pairs that they were learned from.
         share: how much of it is gone by the last pair, if any is, 0 to 1.
     """
 
     tuning: WithdrawalTuning
-    told: dict[Plane, Array]
-    variances: dict[Plane, float]
+    told: Array
+    variances: Array
     count: float
     share: float = 0.0
 
     @staticmethod
     def first(tuning: WithdrawalTuning) -> Withdrawal:
         """Of a ring that is whole."""
-        told = {plane: np.full(len(_arcs()), -tuning.there) for plane in PLANES}
-        return Withdrawal(tuning, told, dict.fromkeys(PLANES, tuning.variance), tuning.pairs)
+        told = np.full((len(PLANES), len(_arcs())), -tuning.there)
+        return Withdrawal(tuning, told, np.full(len(PLANES), tuning.variance), tuning.pairs)
 
-    @property
+    @cached_property
     def probability(self) -> float:
         """Probability that a part of the ring is gone."""
-        odds = self.tuning.prior * float(np.exp(self.told["a"] + self.told["b"]).mean())
+        odds = self.tuning.prior * float(np.exp(self.told[0] + self.told[1]).mean())
         return odds / (1.0 + odds)
 
     @property
@@ -88,64 +89,57 @@ class Withdrawal:
             usual: per plane, (L,) that of the pairs so far in the mean.
         """
         tuning = self.tuning
-        planes = {plane: _Segments.of(shown[plane], usual[plane], tuning) for plane in PLANES}
-        tells = {plane: one.told(_arcs(), self.variances[plane], tuning) for plane, one in planes.items()}
-        told = {
-            plane: np.clip(tuning.kept * self.told[plane] + odds, -tuning.there, tuning.gone)
-            for plane, odds in tells.items()
-        }
-        likeliest = _arcs()[np.argmax(tells["a"] + tells["b"])]
-        later = replace(self, told=told, share=float(likeliest.mean()))
+        evidence = np.array([shown[plane] for plane in PLANES], dtype=np.float64)
+        of_ring = _by_segment(np.array([usual[plane] for plane in PLANES], dtype=np.float64))
+        middle = np.sort(of_ring, axis=1)[:, SEGMENTS // 2, None]
+        expected = np.maximum(np.minimum(of_ring, middle), tuning.weakest)
+        # What lies outside the image tells nothing.
+        expected[_by_segment(np.abs(evidence)) == 0.0] = 0.0
+        by_segment = _by_segment(evidence)
+        tells = _tells(by_segment, expected, self.variances, tuning)
+        told = np.minimum(np.maximum(tuning.kept * self.told + tells, -tuning.there), tuning.gone)
+        longest = _arcs()[np.argmax(tells[0] + tells[1])]
+        later = replace(self, told=told, share=float(longest.mean()))
         if later.probability > 0.5:
             return later
         count = min(self.count + 1.0, tuning.memory)
-        variances = {
-            plane: variance + (max(planes[plane].scatter(tuning), tuning.least_variance) - variance) / count
-            for plane, variance in self.variances.items()
-        }
-        return replace(later, variances=variances, count=count)
+        scatter = np.maximum(_scatter(by_segment, expected, tuning), tuning.least_variance)
+        return replace(later, variances=self.variances + (scatter - self.variances) / count, count=count)
 
 
-@dataclass(frozen=True, eq=False)
-class _Segments:
-    """The evidence of one plane, segment by segment of the curve.
+def _tells(shown: Array, expected: Array, variances: Array, tuning: WithdrawalTuning) -> Array:
+    """(2, A) log odds of nothing there against the ring there, for each arc, by the gain of the rest of the ring.
 
-    Attributes:
-        shown: (S,) in this pair.
-        expected: (S,) of the ring, if it is there.
+    Args:
+        shown: (2, S) evidence of each segment,
+        expected: and of the ring, if it is there; zero where nothing is known.
+        variances: (2,) of a segment's.
+        tuning: between which gains.
     """
+    if has_kernels():
+        from lasso_motion_ros.ring.kernels.withdrawal import tells
 
-    shown: Array
-    expected: Array
-
-    @staticmethod
-    def of(shown: Image, usual: Image, tuning: WithdrawalTuning) -> _Segments:
-        """From the evidence (L,) along the curve in this pair, and as it is usual."""
-        of_ring = _by_segment(usual)
-        expected = np.maximum(np.minimum(of_ring, np.median(of_ring)), tuning.weakest)
-        # What lies outside the image tells nothing.
-        return _Segments(_by_segment(shown), np.where(_by_segment(np.abs(shown)) > 0.0, expected, 0.0))
-
-    def told(self, arcs: Array, variance: float, tuning: WithdrawalTuning) -> Array:
-        """(A,) log odds of nothing there against the ring there, for each arc, by the gain of the rest of the ring."""
-        cross, energy = self.shown * self.expected, self.expected * self.expected
-        on_cross, on_energy = arcs @ cross, arcs @ energy
-        rest = (cross.sum() - on_cross) / np.maximum(energy.sum() - on_energy, 1e-6)
-        gain = np.clip(rest, *tuning.gains)
-        return np.asarray((gain * gain * on_energy - 2.0 * gain * on_cross) / (2.0 * variance))
-
-    def scatter(self, tuning: WithdrawalTuning) -> float:
-        """Mean squared difference from what is expected, the gain left out."""
-        gain = np.clip((self.shown @ self.expected) / max(float(self.expected @ self.expected), 1e-6), *tuning.gains)
-        off = np.square(self.shown - gain * self.expected)[self.expected > 0.0]
-        return float(off.mean()) if off.size else 0.0
+        odds: Array = tells(shown, expected, variances, _SHORTEST, _LONGEST, *tuning.gains)
+        return odds
+    cross, energy = shown * expected, expected * expected
+    on_cross, on_energy = cross @ _arcs().T, energy @ _arcs().T
+    rest = cross.sum(axis=1, keepdims=True) - on_cross
+    gain = np.clip(rest / np.maximum(energy.sum(axis=1, keepdims=True) - on_energy, 1e-6), *tuning.gains)
+    return np.asarray((gain * gain * on_energy - 2.0 * gain * on_cross) / (2.0 * variances[:, None]))
 
 
-def _by_segment(values: Image) -> Array:
-    """(S,) means of values (L,) along the curve."""
-    starts = np.arange(SEGMENTS) * len(values) // SEGMENTS
-    counts = np.diff(starts, append=len(values))
-    return np.asarray(np.add.reduceat(values.astype(np.float64), starts) / counts)
+def _scatter(shown: Array, expected: Array, tuning: WithdrawalTuning) -> Array:
+    """(2,) mean squared difference of (2, S) evidence from what is expected, the gain left out."""
+    is_known = expected > 0.0
+    gain = np.clip((shown * expected).sum(axis=1) / np.maximum((expected**2).sum(axis=1), 1e-6), *tuning.gains)
+    off = np.square(shown - gain[:, None] * expected) * is_known
+    return np.asarray(off.sum(axis=1) / np.maximum(is_known.sum(axis=1), 1))
+
+
+def _by_segment(values: Array) -> Array:
+    """(2, S) means of values (2, L) along the curve."""
+    starts = np.arange(SEGMENTS) * values.shape[1] // SEGMENTS
+    return np.asarray(np.add.reduceat(values, starts, axis=1) / np.diff(starts, append=values.shape[1]))
 
 
 @cache

@@ -42,6 +42,7 @@ MODULES = tuple(
         "ring.kernels.companion_slide",
         "ring.kernels.curve",
         "ring.kernels.combs",
+        "ring.kernels.withdrawal",
         "geometry.kernels",
         "seeding.kernels",
     )

@@ -38,6 +38,7 @@ from lasso_motion_ros.ring.temporal_filter import (
     sampled,
 )
 from lasso_motion_ros.ring.tracker import RingTracker
+from lasso_motion_ros.ring.withdrawal import Withdrawal, WithdrawalTuning
 from lasso_motion_ros.ring.working_image import WorkingImage, working_image
 
 pytestmark = pytest.mark.skipif(not has_kernels(), reason="the extra `fast` is not installed")
@@ -245,6 +246,21 @@ def test_a_slide_is_told_alike() -> None:
         assert compiled.log_odds == pytest.approx(plainly.log_odds, rel=1e-9, abs=1e-9)
         told += plainly.log_odds > 0.0
     assert 100 < told < 250
+
+
+def test_arcs_are_told_alike() -> None:
+    generator, withdrawal = np.random.default_rng(0), Withdrawal.first(WithdrawalTuning())
+    usual = {plane: generator.uniform(-0.2, 2.0, 120).astype(np.float32) for plane in VIEWS}
+    for _ in range(30):
+        shown = {plane: (usual[plane] + generator.normal(0.0, 0.4, 120)).astype(np.float32) for plane in VIEWS}
+        first, length = generator.integers(120, size=2)
+        for values in shown.values():
+            values[first : first + length] = generator.choice([0.0, 0.1])  # outside the image, or nothing of the ring
+        compiled, plainly = both(lambda shown=shown, before=withdrawal: before.after(shown, usual))
+        np.testing.assert_allclose(compiled.told, plainly.told, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(compiled.variances, plainly.variances, rtol=1e-9)
+        assert compiled.share == plainly.share
+        withdrawal = plainly
 
 
 @pytest.mark.parametrize(
