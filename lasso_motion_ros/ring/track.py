@@ -68,8 +68,7 @@ class Track:
         usual_support: what they show of it now.
         sightings: pairs in which it was believed to be seen.
         last_support: what the planes showed at the best place in the last pair; -1 where none was found.
-        contrast: per plane, of the ring when last seen, as a share of the grey behind it,
-        shown_at: and a world point (3,) m on the ray on which its centre was seen then.
+        contrast: per plane, of the ring when last seen, as a share of the grey behind it.
         depth: how its depth follows from where one plane has it.
         seat: how far it goes to and fro in its place.
         rotation: the part of its turning that follows the breath.
@@ -119,7 +118,6 @@ class Track:
     own_turn: OwnTurn
     usual_support: float
     contrast: dict[Plane, float]
-    shown_at: dict[Plane, Array]
     depth: BreathingDepth = field(default_factory=lambda: BreathingDepth.first(0.0, np.zeros(3)))
     seat: Seat = field(default_factory=lambda: Seat.first(SeatTuning()))
     rotation: BreathingRotation = field(default_factory=BreathingRotation)
@@ -209,7 +207,6 @@ class Track:
         """
         for plane, fit in best.detection.planes.items():
             self.contrast[plane] = max(fit.contrast, SMALLEST_CONTRAST)
-            self.shown_at[plane] = fit.centre
 
     def take_alone(self, best: Hypothesis, time_s: float) -> Array:
         """Take in where one plane alone shows it, with the depth that its breathing tells; (3, 3) m² of that place."""

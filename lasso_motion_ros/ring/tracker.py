@@ -151,7 +151,6 @@ class RingTracker:
             own_turn=OwnTurn.expected(np.radians(self._config.ring.turn_deg)),
             usual_support=seen.support,
             contrast={plane: fit.contrast for plane, fit in seen.alignment.planes.items()},
-            shown_at={plane: fit.centre for plane, fit in seen.alignment.planes.items()},
             reference_ns=pair.stamp_ns,
             reference_covariance=at_seed.covariance,
         )

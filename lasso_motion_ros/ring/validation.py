@@ -33,8 +33,7 @@ class ValidationTuning:
     )
     left_share: float = 0.5  # of it: with less it is not believed to be all there (docs/constants.md)
     # Where the filter is undone no ghost is left, but before it is recognised, and after an image that did not come.
-    ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone,
-    ghost_m: float = 1e-3  # and within how far of where that was: it stays there
+    ghost_contrast: float = 0.55  # of when it was last seen: what a filter over time leaves of a ring that has gone
 
 
 def refusal(
@@ -171,14 +170,8 @@ def misleading(
 
 
 def fading(track: Track, best: Hypothesis, tuning: ValidationTuning) -> str:
-    """Why a detection is only what a filter over time has left of the ring; empty if it is the ring.
-
-    What has gone is left where it was: elsewhere less contrast is what the filter lets through of a ring that moves.
-    """
-    planes = best.detection.planes.items()
-    if any(np.linalg.norm(fit.across @ (fit.centre - track.shown_at[plane])) > tuning.ghost_m for plane, fit in planes):
-        return ""
-    shares = [fit.contrast / track.contrast[plane] for plane, fit in planes]
+    """Why a detection is only what a filter over time has left of the ring; empty if it is the ring."""
+    shares = [fit.contrast / track.contrast[plane] for plane, fit in best.detection.planes.items()]
     left = sum(shares) / len(shares)
     if left < tuning.ghost_contrast:
         text = f"only {100 * left:.0f} % of its contrast is left"

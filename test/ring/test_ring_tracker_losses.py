@@ -74,19 +74,6 @@ def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(tracker, lag):
     assert states[-1] is TRACKING
 
 
-@pytest.mark.parametrize("share", [0.54, 0.6])
-def test_a_lasso_that_has_gone_on_is_no_trace_however_little_of_it_a_filter_lets_through(share):
-    # The pair after the seed: what the filter does is not known yet, and nearly half of the lasso is left where it was.
-    tracker = RingTracker(CONFIG)
-    tracker.initialise(pair(0), lasso_seed())
-    passed = faded(3, share, place=3)
-    left = faded(3, 1.0 - share, place=0)
-    images = {p: np.minimum(passed.frame(p).pixels, left.frame(p).pixels) for p in "ab"}
-    result = tracker.track(pair_of(1, images))
-    assert result.reason == ""
-    assert centre_error_mm(result, moved(3)) < 0.5
-
-
 @pytest.mark.parametrize("planes", ["a", "b"])
 def test_a_trace_in_one_plane_alone_is_not_the_lasso_either(tracker, planes):
     tracker.track(pair(WARM))

@@ -51,7 +51,6 @@ def track(late_s=0.0):
         own_turn=OwnTurn.expected(np.radians(2.5)),
         usual_support=2.2,
         contrast={"a": 0.2, "b": 0.2},
-        shown_at=dict.fromkeys("ab", CENTRE),
     )
 
 

@@ -57,7 +57,6 @@ def track(
     contradicts=0.0,
     size_mm=4.0,
     withdrawn=0.0,
-    away_mm=0.0,
     slide=Slide(),  # noqa: B008
     joined_slide=CompanionSlide.first(CompanionSlideTuning()),  # noqa: B008
     denied=False,
@@ -65,7 +64,6 @@ def track(
     home_turn = np.radians([home_turn_deg, 0.0, 0.0])
     return SimpleNamespace(
         contrast={"a": contrast, "b": contrast},
-        shown_at=dict.fromkeys("ab", HERE + np.array([away_mm * 1e-3, 0.0, 0.0])),
         turn_of=lambda found: found.detection.alignment.turn - home_turn,
         own_turn=own_turn,
         belief=belief,
@@ -347,12 +345,6 @@ def test_what_a_filter_over_time_leaves_of_it_is_not_the_lasso(share, said):
     assert found == (said and f"{said}: gone, and still in the images' filter over time?")
     alone = fading(track(), best(1.8, None, contrast=0.2 * share), ValidationTuning())
     assert alone == found
-
-
-def test_what_a_filter_over_time_leaves_lies_where_the_lasso_was():
-    weak = best(contrast=0.1)
-    assert fading(track(away_mm=0.5), weak, ValidationTuning()) != ""
-    assert fading(track(away_mm=3.0), weak, ValidationTuning()) == ""
 
 
 def test_what_shows_less_than_half_of_what_is_usual_is_not_believed_to_be_all_there():
