@@ -45,7 +45,8 @@ class FollowedRing:
         track: what it knows of the ring.
         begun_ns: stamp of the pair with which it began.
         looks: the last pair's stamp and the log odds of each look that has followed it, the last one last.
-        places: per pair's stamp, (3,) m by which the ring had moved until then.
+        places: per pair's stamp, (3,) m by which the ring had moved until then; of the pairs in which it was seen.
+        last_ns: stamp of the last pair that it was followed into, seen there or not.
     """
 
     tracker: RingTracker
@@ -53,9 +54,11 @@ class FollowedRing:
     begun_ns: int
     looks: tuple[tuple[int, float], ...] = ()
     places: dict[int, Array] = field(default_factory=dict)
+    last_ns: int = field(init=False)
 
     def __post_init__(self) -> None:
         self.places[self.begun_ns] = np.zeros(3)
+        self.last_ns = self.begun_ns
 
     @property
     def catheter(self) -> RingEvidence:
@@ -73,6 +76,7 @@ class FollowedRing:
         Whether a pose rests on that is another question: a heart that moves the ring by 5 mm between the planes'
         exposures forbids one, and hides no ring.
         """
+        self.last_ns = pair.stamp_ns
         self.tracker.track(pair)
         if self.track.displacement is not None:
             self.places[pair.stamp_ns] = self.track.displacement
@@ -80,7 +84,7 @@ class FollowedRing:
 
     def at(self, pair: FramePair) -> Array | None:
         """(L, 3) its curve in a pair that it was followed into, or in a later one; None where it is not seen."""
-        if pair.stamp_ns > max(self.places):
+        if pair.stamp_ns > self.last_ns:
             try:
                 self.follow(pair)
             except (LassoMotionError, ValueError, np.linalg.LinAlgError):

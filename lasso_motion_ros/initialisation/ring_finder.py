@@ -215,6 +215,8 @@ def _followed(
     except (LassoMotionError, ValueError, np.linalg.LinAlgError):
         return None
     _check(go_on)
+    if min(supports) < SMALLEST_SUPPORT:  # a ring is there in every pair
+        return None
     judgement = judge(
         ring.catheter,
         places_along(track.model, one.images),

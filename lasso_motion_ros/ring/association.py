@@ -75,7 +75,7 @@ class AssociationTuning:
     jump_reach_m: float = 0.024  # then it may be anywhere within this
     beside_m: float = 2e-3  # the same place, for what is asked of a pose
     weight_kept: float = 1e-3  # hypotheses of less are dropped
-    plain: float = 3.0  # log odds that either plane shows a ring there, this one or its like: it is one, then
+    plainly: float = 3.0  # log odds that either plane shows a ring there, this one or its like: it is one, then
     lives_on: float = 0.5  # chance that what was there, and not believed, is there in the next pair, too
     least_pending: float = 0.02  # probability: what has less is not followed on
 
@@ -154,12 +154,12 @@ class Association:
     Attributes:
         hypotheses: those that are not negligible.
         absent: probability that the ring is out of view, or hidden.
-        alike: all that both planes plainly show to be a ring, this one or its like.
+        rings: all that both planes plainly show to be a ring, this one or its like.
     """
 
     hypotheses: tuple[Hypothesis, ...]
     absent: float
-    alike: tuple[Detection, ...] = ()
+    rings: tuple[Detection, ...] = ()
 
     @property
     def best(self) -> Hypothesis | None:
@@ -244,10 +244,10 @@ def associate(
     ]
     if not hypotheses:
         return Association((), 1.0)
-    alike = tuple(one.detection for one in hypotheses if one.is_whole and one.looks >= tuning.plain)
+    rings = tuple(one.detection for one in hypotheses if one.is_whole and one.looks >= tuning.plainly)
     if twins.known:
         hypotheses = [
-            replace(one, log_odds=one.log_odds + twins.log_odds(one.detection, alike)) if one.is_whole else one
+            replace(one, log_odds=one.log_odds + twins.log_odds(one.detection, rings)) if one.is_whole else one
             for one in hypotheses
         ]
     log_odds = np.array([one.log_odds for one in hypotheses])
@@ -256,7 +256,7 @@ def associate(
     weighed.sort(key=lambda one: -one.probability)
     best, others = weighed[0], [one for one in weighed[1:] if one.probability >= tuning.weight_kept]
     believed = best.probability + sum(one.probability for one in others if best.is_beside(one, tuning.beside_m))
-    return Association((replace(best, believed=believed), *others), max(0.0, 1.0 - float(probabilities.sum())), alike)
+    return Association((replace(best, believed=believed), *others), max(0.0, 1.0 - float(probabilities.sum())), rings)
 
 
 def _hypothesis(

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from lasso_motion_ros.core.errors import ConfigurationError
 from lasso_motion_ros.ring.association import AssociationTuning
 from lasso_motion_ros.ring.breathing_curve import CurveTuning
 from lasso_motion_ros.ring.detection import DetectionTuning
@@ -19,7 +20,7 @@ from lasso_motion_ros.ring.temporal_filter import DisplayChainTuning
 from lasso_motion_ros.ring.track_state import StateTuning
 from lasso_motion_ros.ring.twins import TwinTuning
 from lasso_motion_ros.ring.validation import ValidationTuning
-from lasso_motion_ros.ring.withdrawal import WithdrawalTuning
+from lasso_motion_ros.ring.withdrawal import SEGMENTS, WithdrawalTuning
 
 
 @dataclass(frozen=True)
@@ -59,3 +60,7 @@ class RingOptions:
     refined: bool = True
     rotation: bool = True
     points: int = POINTS
+
+    def __post_init__(self) -> None:
+        if self.points < SEGMENTS:
+            raise ConfigurationError(f"points must be {SEGMENTS} or more, found {self.points}")

@@ -205,7 +205,7 @@ class RingTracker:
             track.unlearned_turn = track.home_turn + track.turn_of(best)
         if best is not None and shows_looks(track, best, config.judgement, options.validation, options.state):
             track.unlearned = pair, best
-            track.twins = track.twins.after(best.detection, association.alike)
+            track.twins = track.twins.after(best.detection, association.rings)
         track.last_support = -1.0 if best is None else best.detection.support
         if best is None or reason:
             return self._lost(track, pair, reason)

@@ -25,8 +25,12 @@ class TwinTuning:
     same_m: float = 3e-3  # by so much the distance changes, as the heart turns
     most: int = 4  # that are kept: the oldest goes first
     remembered: int = 8  # sightings
+    # It moves with the heart where the ring went so far between two sightings, and its distance changed by less than
+    # this share of that.
+    moved_m: float = 1e-3
+    kept_share: float = 0.5
     # What a twin tells that is where it belongs, or a ring where the twin's ring would be: a share of this, the larger
-    # the oftener it was seen.
+    # the oftener it was seen; and all of them together no more.
     log_odds: float = 5.0
 
 
@@ -36,11 +40,24 @@ class Twin:
 
     Attributes:
         offset: (3,) from the ring's centre to where the ring would be if it were the twin, metres.
+        first: likewise when both were seen first,
+        ring: and where the ring was then, (3,) world metres.
         sightings: pairs in which both were seen.
+        moves: whether it is known to move with the ring: what lies still tells nothing.
     """
 
     offset: Array
+    first: Array
+    ring: Array
     sightings: int = 1
+    moves: bool = False
+
+    def seen(self, offset: Array, ring: Array, tuning: TwinTuning) -> Twin:
+        """With one more sighting: its offset, and where the ring was, (3,) m."""
+        count = min(self.sightings + 1, tuning.remembered)
+        went_m, changed_m = float(np.linalg.norm(ring - self.ring)), float(np.linalg.norm(offset - self.first))
+        moves = self.moves or (went_m >= tuning.moved_m and changed_m < tuning.kept_share * went_m)
+        return replace(self, offset=self.offset + (offset - self.offset) / count, sightings=count, moves=moves)
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,45 +72,41 @@ class Twins:
     tuning: TwinTuning
     known: tuple[Twin, ...] = ()
 
-    def after(self, ring: Detection, alike: Sequence[Detection]) -> Twins:
+    def after(self, ring: Detection, rings: Sequence[Detection]) -> Twins:
         """What is known after a pair in which the ring was surely seen.
 
         Args:
             ring: where it was.
-            alike: all that plainly look like it in both planes, by themselves.
+            rings: all that plainly look like it in both planes, by themselves.
         """
-        twins = list(self.known)
-        for detection in alike:
-            offset = _between(ring, detection)
+        twins, place = list(self.known), _place(ring)
+        for detection in rings:
+            offset = _place(detection) - place
             if np.linalg.norm(offset) < self.tuning.nearest_m:
                 continue
             number = next((n for n, twin in enumerate(twins) if self._is_same(twin.offset - offset)), None)
             if number is None:
-                twins.append(Twin(offset))
-                continue
-            twin = twins[number]
-            count = min(twin.sightings + 1, self.tuning.remembered)
-            twins[number] = Twin(twin.offset + (offset - twin.offset) / count, count)
+                twins.append(Twin(offset, offset, place))
+            else:
+                twins[number] = twins[number].seen(offset, place, self.tuning)
         return replace(self, known=tuple(twins[max(len(twins) - self.tuning.most, 0) :]))
 
-    def log_odds(self, detection: Detection, alike: Sequence[Detection]) -> float:
+    def log_odds(self, detection: Detection, rings: Sequence[Detection]) -> float:
         """What the twins tell of a whole detection's being the ring, as a natural logarithm of the odds."""
         told = 0.0
-        offsets = [_between(detection, other) for other in alike]
+        place = _place(detection)
+        offsets = [_place(other) - place for other in rings]
         for twin in self.known:
+            if not twin.moves:
+                continue
             is_there = any(self._is_same(offset - twin.offset) for offset in offsets)
             is_behind = any(self._is_same(offset + twin.offset) for offset in offsets)
             share = twin.sightings / (twin.sightings + 1.0)
             told += (is_there - is_behind) * share * self.tuning.log_odds
-        return told
+        return float(np.clip(told, -self.tuning.log_odds, self.tuning.log_odds))
 
     def _is_same(self, away: Array) -> bool:
         return float(np.linalg.norm(away)) < self.tuning.same_m
-
-
-def _between(one: Detection, other: Detection) -> Array:
-    """(3,) m from one place to another, both seen by both planes."""
-    return _place(other) - _place(one)
 
 
 def _place(detection: Detection) -> Array:

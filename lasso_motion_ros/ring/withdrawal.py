@@ -93,8 +93,8 @@ class Withdrawal:
         of_ring = _by_segment(np.array([usual[plane] for plane in PLANES], dtype=np.float64))
         middle = np.sort(of_ring, axis=1)[:, SEGMENTS // 2, None]
         expected = np.maximum(np.minimum(of_ring, middle), tuning.weakest)
-        # What lies outside the image tells nothing.
-        expected[_by_segment(np.abs(evidence)) == 0.0] = 0.0
+        # What lies outside the image tells nothing, nor does what lies there in part.
+        expected[_by_segment((evidence == 0.0).astype(np.float64)) > 0.0] = 0.0
         by_segment = _by_segment(evidence)
         tells = _tells(by_segment, expected, self.variances, tuning)
         told = np.minimum(np.maximum(tuning.kept * self.told + tells, -tuning.there), tuning.gone)
@@ -109,6 +109,8 @@ class Withdrawal:
 
 def _tells(shown: Array, expected: Array, variances: Array, tuning: WithdrawalTuning) -> Array:
     """(2, A) log odds of nothing there against the ring there, for each arc, by the gain of the rest of the ring.
+
+    Of an arc of which less than the shortest one is known, nothing.
 
     Args:
         shown: (2, S) evidence of each segment,
@@ -125,7 +127,9 @@ def _tells(shown: Array, expected: Array, variances: Array, tuning: WithdrawalTu
     on_cross, on_energy = cross @ _arcs().T, energy @ _arcs().T
     rest = cross.sum(axis=1, keepdims=True) - on_cross
     gain = np.clip(rest / np.maximum(energy.sum(axis=1, keepdims=True) - on_energy, 1e-6), *tuning.gains)
-    return np.asarray((gain * gain * on_energy - 2.0 * gain * on_cross) / (2.0 * variances[:, None]))
+    is_known = (expected > 0.0).astype(np.float64) @ _arcs().T > _SHORTEST - 0.5
+    odds = (gain * gain * on_energy - 2.0 * gain * on_cross) / (2.0 * variances[:, None])
+    return np.asarray(np.where(is_known, odds, 0.0))
 
 
 def _scatter(shown: Array, expected: Array, tuning: WithdrawalTuning) -> Array:

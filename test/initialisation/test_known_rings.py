@@ -70,3 +70,13 @@ def test_what_is_seen_of_a_ring_does_not_hang_on_whether_a_pose_rests_on_it() ->
     assert not ring.track.is_followed
     assert seen > 1.5
     assert ring.follow(lasso_pair(3, None)) < 1.5
+
+
+def test_no_pair_is_followed_into_twice() -> None:
+    # The next look begins with pairs that this one has followed it into, and in which it was not seen.
+    ring = followed(2)
+    for index in (2, 3):
+        ring.follow(lasso_pair(index, None))
+    assert ring.at(pair(2)) is None
+    assert ring.track.last_s == pytest.approx(3 * PERIOD_NS * 1e-9)
+    assert ring.at(pair(4)) is not None

@@ -241,13 +241,16 @@ def test_a_known_twin_tells_which_of_two_is_the_ring():
     away = 0.8 * ASIDE
     ring, twin = detection_at(FORETOLD - away), detection_at(FORETOLD)
     assert weighed(ring, twin).best.detection is twin
-    told = weighed(ring, twin, twins=Twins(TwinTuning(), (Twin(away, 8),)))
+    told = weighed(ring, twin, twins=Twins(TwinTuning(), (Twin(away, away, CENTRE, 8, moves=True),)))
     assert told.best.detection is ring
     # What hardly shows a ring is nobody's twin.
     faint = detection_at(FORETOLD - away, **HARDLY)
-    assert weighed(faint, twin, twins=Twins(TwinTuning(), (Twin(away, 8),))).best.detection is twin
-    assert told.alike == (ring, twin)
-    assert weighed(faint, twin).alike == (twin,)
+    assert (
+        weighed(faint, twin, twins=Twins(TwinTuning(), (Twin(away, away, CENTRE, 8, moves=True),))).best.detection
+        is twin
+    )
+    assert told.rings == (ring, twin)
+    assert weighed(faint, twin).rings == (twin,)
 
 
 def test_of_the_ring_and_itself_slipped_by_more_than_misleads_neither_is_believed():

@@ -175,7 +175,7 @@ def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     one.begin(8 * 300_000_000)
     best = hypothesis(one, aside, turn_deg=5.0)
     one.see(best)
-    one.twins = Twins(TwinTuning(), (Twin(aside),))  # beside where it was
+    one.twins = Twins(TwinTuning(), (Twin(aside, aside, CENTRE),))  # beside where it was
     one.displacement, one.belief, one.is_followed = aside, TrackBelief(0.0, 1.0, 0.0), False
     curve = BreathingCurve(aside, one.last_s, CURVE)
     one.settle(curve)

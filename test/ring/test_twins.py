@@ -12,7 +12,7 @@ from lasso_motion_ros.ring.twins import Twin, Twins, TwinTuning
 TUNING = TwinTuning()
 RING = np.array([0.005, -0.010, 0.020])
 AWAY = np.array([0.002, 0.009, 0.018])  # 20 mm
-KNOWN = Twins(TUNING, (Twin(AWAY, 4),))
+KNOWN = Twins(TUNING, (Twin(AWAY, AWAY, RING, 4, moves=True),))
 
 
 def twins_after(*offsets):
@@ -73,7 +73,9 @@ def test_who_is_the_ring_follows_from_where_the_other_one_lies(at, others, told)
 
 def test_the_oftener_it_was_seen_the_more_it_tells():
     one, alike = detection_at(RING), [detection_at(RING + AWAY)]
-    told = [Twins(TUNING, (Twin(AWAY, sightings),)).log_odds(one, alike) for sightings in (1, 2, 8)]
+    told = [
+        Twins(TUNING, (Twin(AWAY, AWAY, RING, sightings, moves=True),)).log_odds(one, alike) for sightings in (1, 2, 8)
+    ]
     np.testing.assert_allclose(told, TUNING.log_odds * np.array([1 / 2, 2 / 3, 8 / 9]))
 
 
@@ -97,3 +99,23 @@ def test_a_twin_that_comes_to_where_the_ring_was_foretold_is_not_taken_for_it():
     for result, step in zip(results, steps_mm, strict=True):
         assert result.motion is None or centre_error_mm(result, 1e-3 * step * down) < 0.5
     assert results[3].state is TRACKING
+
+
+def test_what_lies_still_tells_nothing_for_it_does_not_move_with_the_heart():
+    still, twins = RING + AWAY, Twins(TUNING)
+    for step_mm in (0.0, 2.0, 4.0):
+        ring = detection_at(RING + step_mm * np.array([0.0, 0.0, -1e-3]))
+        twins = twins.after(ring, [ring, detection_at(still)])
+    assert all(not twin.moves for twin in twins.known)
+    assert twins.log_odds(detection_at(RING), [detection_at(still)]) == 0.0
+    # Nor does a twin, before the ring has gone anywhere.
+    ring = detection_at(RING)
+    early = Twins(TUNING).after(ring, [detection_at(still)]).after(ring, [detection_at(still)])
+    assert early.log_odds(ring, [detection_at(still)]) == 0.0
+
+
+def test_all_twins_together_tell_no_more_than_one_that_is_known_well():
+    other = np.array([-0.015, 0.004, 0.0])
+    twins = Twins(TUNING, tuple(Twin(away, away, RING, 8, moves=True) for away in (AWAY, other)))
+    alike = [detection_at(RING + away) for away in (AWAY, other)]
+    assert twins.log_odds(detection_at(RING), alike) == TUNING.log_odds

@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from lasso_motion_ros.core.errors import ConfigurationError
+from lasso_motion_ros.ring.ring_options import RingOptions
 from lasso_motion_ros.ring.withdrawal import SEGMENTS, Withdrawal, WithdrawalTuning
 
 TUNING = WithdrawalTuning()
@@ -114,10 +116,17 @@ def test_a_ring_comes_out_again():
 def test_what_lies_outside_the_image_tells_nothing():
     cut = seen(noise=0.2)
     for values in cut.values():
-        values[: POINTS // 3] = 0.0  # as outside the image
+        values[: POINTS // 3 + 2] = 0.0  # as outside the image, a segment in part
+        values[POINTS // 3 + 2 : POINTS // 3 + 5] = 1e-3
     assert after(*[cut] * 10).probability < 0.05
 
 
 def test_the_noise_is_not_learned_from_what_is_missing():
     gone = [seen((0, 50), (0, 50), noise=0.2, seed=n) for n in range(10)]
     np.testing.assert_array_equal(after(*gone).variances, WHOLE.variances)
+
+
+def test_a_curve_of_fewer_points_than_segments_is_refused():
+    assert RingOptions(points=SEGMENTS).points == SEGMENTS
+    with pytest.raises(ConfigurationError, match="points must be 24 or more, found 23"):
+        RingOptions(points=SEGMENTS - 1)

@@ -36,15 +36,19 @@ def tells(
             all_cross += shown[p, s] * expected[p, s]
             all_energy += expected[p, s] * expected[p, s]
         for first in range(count):
-            cross, energy = 0.0, 0.0
+            cross, energy, known = 0.0, 0.0, 0
             for length in range(1, longest + 1):
                 s = (first + length - 1) % count
                 cross += shown[p, s] * expected[p, s]
                 energy += expected[p, s] * expected[p, s]
+                known += expected[p, s] > 0.0
                 if length < shortest:
+                    continue
+                at = (length - shortest) * count + first
+                if known < shortest:
+                    odds[p, at] = 0.0
                     continue
                 gain = (all_cross - cross) / max(all_energy - energy, 1e-6)
                 gain = min(max(gain, least_gain), most_gain)
-                at = (length - shortest) * count + first
                 odds[p, at] = (gain * gain * energy - 2.0 * gain * cross) / (2.0 * variances[p])
     return odds
