@@ -39,7 +39,7 @@ class DetectorTuning:
     unforeseen_speed_m_s: float = 0.04  # of the motion between the two planes' exposures
     expectation_m: float = 0.004  # standard deviation of what is expected, besides the filter's own, in the search
     rival_score: float = 0.85  # of the best candidate's in the search: one that comes so near is aligned, too
-    enough_share: float = 0.8  # of the support that is usual, or foreseen: then nothing else is looked for
+    enough_share: float = 0.8  # of the support that is usual: then nothing else is looked for
     band_margin_mm: float = 8.0  # the working image's filters reach this far
     edge_px: float = HALF_WIDTH + 4.0  # from the border: samples beside the curve, and a step or two
 
@@ -52,8 +52,7 @@ class Expectation:
         motion: so far; asked for predictions and not changed.
         turn: (3,) rotation vector of the ring to start from, rad.
         stretch: logarithm of its size to start from.
-        support: what is usual where the ring is seen,
-        foreseen: and what this pair will show of it, if it is there.
+        support: what is usual where the ring is seen.
         is_followed: whether the prediction is worth a look about it.
         twins: (T, 3) m from the ring to what else looks like it.
     """
@@ -62,7 +61,6 @@ class Expectation:
     turn: Array
     stretch: float
     support: float
-    foreseen: float
     is_followed: bool
     twins: Array = field(default_factory=lambda: np.zeros((0, 3)))
 
@@ -185,7 +183,7 @@ class RingDetector:
             fresh = [candidate for candidate in candidates if not any(map(candidate.is_like, tried))]
             detections = self._aligned(fresh, place.images, expected, prior, detections)
             is_new = bool(fresh) and fresh[0] is candidates[0]
-            if self._tuning.from_afar and is_new and not self._is_enough(detections, expected.support):
+            if self._tuning.from_afar and is_new and not self._is_enough(detections, expected):
                 # A ring that has turned much looks otherwise, and its peak in the search is off.
                 start = candidates[0].centres
                 with self._stages("alignment"):
@@ -194,20 +192,19 @@ class RingDetector:
                     )
                 detections = self._joined(detections, turned)
             for size in self._tuning.sizes if near is passes[0] else ():
-                if self._is_enough(detections, expected.support):
+                if self._is_enough(detections, expected):
                     break
                 sized = replace(expected, stretch=size * config.ring.stretch)
                 # A quarter of a squared score is about the log likelihood of its place, half a squared size its cost.
                 least = max((one.score for one in candidates), default=0.0) ** 2 + 2.0 * size**2
                 likelier = [one for one in self._by_size(place, sized.stretch, config) if one.score**2 > least]
                 detections = self._aligned(likelier, place.images, sized, prior, detections)
-            if self._tuning.electrodes and near is passes[0] and not self._is_enough(detections, expected.support):
+            if self._tuning.electrodes and near is passes[0] and not self._is_enough(detections, expected):
                 others = self._by_electrodes(place, expected, config)
                 fresh = [candidate for candidate in others if not any(map(candidate.is_like, candidates))]
                 detections = self._aligned(fresh, place.images, expected, prior, detections)
                 candidates = [*candidates, *fresh]
-            # All of the image is looked at only for what is less than foreseen: this costs most of all.
-            if near is passes[-1] or self._is_enough(detections, expected.foreseen):
+            if near is passes[-1] or self._is_enough(detections, expected):
                 break
             tried = [candidate for candidate in candidates if self._is_inside(candidate, place.images)]
         if len(expected.twins) and detections:
@@ -234,9 +231,8 @@ class RingDetector:
                 detections = self._joined(detections, alignment)
         return detections
 
-    def _is_enough(self, detections: list[Detection], support: float) -> bool:
-        """Whether the best one shows about as much as the ring does, if it is there."""
-        return bool(detections) and detections[0].support >= self._tuning.enough_share * support
+    def _is_enough(self, detections: list[Detection], expected: Expectation) -> bool:
+        return bool(detections) and detections[0].support >= self._tuning.enough_share * expected.support
 
     def _is_inside(self, candidate: SearchCandidate, images: dict[Plane, WorkingImage]) -> bool:
         """Whether all samples of the ring would come from the images, which may be parts of the whole."""
@@ -345,10 +341,7 @@ class RingDetector:
         """The detections with those that the candidates lead to, until the ring is found and no rival comes near it."""
         best_score = max((candidate.score for candidate in candidates), default=0.0)
         for candidate in candidates:
-            if (
-                self._is_enough(detections, expected.support)
-                and candidate.score < self._tuning.rival_score * best_score
-            ):
+            if self._is_enough(detections, expected) and candidate.score < self._tuning.rival_score * best_score:
                 break
             with self._stages("alignment"):
                 alignment = align(

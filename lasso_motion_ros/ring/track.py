@@ -37,8 +37,6 @@ from lasso_motion_ros.ring.withdrawal import Withdrawal
 
 Array = npt.NDArray[np.float64]
 
-# By so much the seed pair shows more than later ones: the template was made of it (docs/constants.md).
-SEED_FLATTERY = 0.14
 USUAL_SHARE = 0.1  # at least, of the newest pair, in what is usual: at first it is their mean
 SMALLEST_CONTRAST = 1e-6
 # Pairs after which the electrodes, and the seed pair, are looked at anew: each time some twice as many.
@@ -194,11 +192,6 @@ class Track:
         self.usual_support += share * (best.detection.support - self.usual_support)
         self.last_turn, self.last_stretch = best.detection.alignment.turn, best.detection.alignment.stretch
         self.remember_contrast(best)
-
-    @property
-    def foreseen_support(self) -> float:
-        """What the next pair will show of it, if it is there: what is usual, less what the seed pair adds to that."""
-        return self.usual_support * (1.0 - SEED_FLATTERY / (self.sightings + 1.0))
 
     def remember_contrast(self, best: Hypothesis) -> None:
         """Take the contrast of what was detected for that of the ring when last seen.

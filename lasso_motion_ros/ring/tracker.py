@@ -130,7 +130,7 @@ class RingTracker:
             between=model.between,
             beats=_beats(pair, detector),
         )
-        anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, seen.support, is_followed=False)
+        anywhere = Expectation(motion, np.zeros(3), 0.0, seen.support, is_followed=False)
         require_clicked_place(detector.detect(pair, anywhere, self._config, whole), model)
         track = Track(
             model=model,
@@ -373,5 +373,4 @@ def _beats(pair: FramePair, detector: RingDetector) -> Beats | None:
 def _expectation(track: Track) -> Expectation:
     """What is known before the next pair is looked at."""
     twins = np.array([twin.offset for twin in track.twins.known]).reshape(-1, 3)
-    usual, foreseen = track.usual_support, track.foreseen_support
-    return Expectation(track.motion, track.turn, track.stretch, usual, foreseen, track.is_followed, twins)
+    return Expectation(track.motion, track.turn, track.stretch, track.usual_support, track.is_followed, twins)

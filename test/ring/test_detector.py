@@ -58,7 +58,6 @@ def track():
 
 def detect(track, pair, config=CONFIG, *, tuning=None, **expected):
     values = {"turn": track.turn, "stretch": track.stretch, "support": track.usual_support, "is_followed": True}
-    values["foreseen"] = track.usual_support
     if tuning is not None:
         track.detector._tuning = tuning
     return track.detector.detect(pair, Expectation(track.motion, **(values | expected)), config)
@@ -123,9 +122,7 @@ def looked_at(monkeypatch):
 @pytest.mark.parametrize("is_as_expected", [True, False])
 def test_what_was_worked_out_ahead_is_taken_if_all_is_as_expected_then(track, looked_at, is_as_expected):
     pair = lasso_pair(1, DOWN)
-    expected = Expectation(
-        track.motion, track.turn, track.stretch, track.usual_support, track.usual_support, is_followed=True
-    )
+    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=True)
     track.detector.prepare(pair.a, expected, CONFIG)
     assert looked_at == [pair.a]
     config = CONFIG if is_as_expected else TrackerConfig(search=SearchConfig(near_mm=CONFIG.search.near_mm + 1.0))
@@ -136,9 +133,7 @@ def test_what_was_worked_out_ahead_is_taken_if_all_is_as_expected_then(track, lo
 
 def test_what_was_worked_out_ahead_about_the_prediction_is_not_taken_for_the_whole(track, looked_at):
     pair = lasso_pair(1, FAR)
-    expected = Expectation(
-        track.motion, track.turn, track.stretch, track.usual_support, track.usual_support, is_followed=True
-    )
+    expected = Expectation(track.motion, track.turn, track.stretch, track.usual_support, is_followed=True)
     track.detector.prepare(pair.a, expected, CONFIG)
     found = detect(track, pair)
     assert looked_at == [pair.a, pair.b, pair.a, pair.b]
@@ -158,9 +153,7 @@ def test_of_a_ring_that_is_not_followed_all_that_may_be_asked_for_is_worked_out_
             name,
             lambda image, *args, _look=look, **kind: searched.append(image) or _look(image, *args, **kind),
         )
-    ahead = Expectation(
-        track.motion, track.turn + turned, track.stretch, track.usual_support, track.usual_support, is_followed=False
-    )
+    ahead = Expectation(track.motion, track.turn + turned, track.stretch, track.usual_support, is_followed=False)
     track.detector.prepare(pair.a, ahead, CONFIG)
     assert looked_at == [pair.a]
     assert len(searched) == 4  # by the template in three sizes, and by electrodes
@@ -171,16 +164,6 @@ def test_of_a_ring_that_is_not_followed_all_that_may_be_asked_for_is_worked_out_
     assert searched.count(begun) == (1 if moved is None and turned else 0)
     alone = detect(track, pair, is_followed=False)
     assert [one.support for one in found] == [one.support for one in alone]
-
-
-@pytest.mark.parametrize("is_foreseen", [True, False])
-def test_all_of_the_image_is_looked_at_for_less_than_was_foreseen(track, looked_at, is_foreseen):
-    # Right after the seed pair the usual support is that pair's, of which the template was made.
-    usual = 1.5 * track.usual_support
-    pair = lasso_pair(1, DOWN)
-    found = detect(track, pair, support=usual, foreseen=track.usual_support if is_foreseen else usual)
-    assert len(looked_at) == (2 if is_foreseen else 4)
-    assert off_mm(found[0], DOWN) < 0.05
 
 
 def test_plainly_there_nothing_else_is_looked_for(monkeypatch, track, aligned):

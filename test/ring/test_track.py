@@ -160,13 +160,6 @@ def test_the_reference_of_one_plane_alone_is_known_as_well_as_its_place():
     np.testing.assert_array_equal(one.reference_covariance, one.motion.at_a.covariance)
 
 
-def test_the_seed_pair_flatters_what_is_foreseen_the_less_the_more_pairs_there_are():
-    one = track()
-    assert one.foreseen_support == pytest.approx(2.2 * 0.86)
-    one.sightings = 6
-    assert one.foreseen_support == pytest.approx(2.2 * 0.98)
-
-
 def test_said_to_belong_elsewhere_it_belongs_there_as_it_lies():
     one = track()
     for index in range(1, 8):
