@@ -212,8 +212,6 @@ class RingTracker:
         if reason := fading(track, best, options.validation):
             track.remember_contrast(best)
             return self._lost(track, pair, reason)
-        if reason := drawn_in(track, options.state):
-            return self._lost(track, pair, reason)
         track.see(best)
         if track.belief.elsewhere > options.state.displaced:
             return self._displaced(track, pair, best, departure)
@@ -232,11 +230,11 @@ class RingTracker:
         with self._stages("report"):
             position = covariance_since_reference(track, position, best)
             misleads, doubt = misleading(track, position, association, best, options.state)
-            contradicts = contradiction(track, options.state)
-            if contradicts or misleads > options.state.misleads_pose:
+            denied = contradiction(track, options.state) or drawn_in(track, options.state)
+            if denied or misleads > options.state.misleads_pose:
                 # It is seen, and followed and learned on; only no pose rests on it.
                 track.displacement = None
-                return without_pose(track, pair, TrackerState.LOST, contradicts or doubt)
+                return without_pose(track, pair, TrackerState.LOST, denied or doubt)
             if misleads > options.state.misleads_tracking and not reason:
                 state, reason = TrackerState.DEGRADED, doubt
             result = with_curve(track, pair, state, reason, best, np.radians(config.ring.turn_deg))

@@ -58,7 +58,6 @@ def shows_looks(
 ) -> bool:
     """Whether what a detection shows is learned to be how the ring looks, whether a pose rests on it or not."""
     is_ring = best.believed * (1.0 - best.alike) * (1.0 - track.contradiction.probability)
-    is_ring *= 1.0 - track.withdrawal.probability
     return (
         best.is_whole
         and is_ring >= states.learned
