@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
+from lasso_motion_ros.geometry.triangulation import nearest_to_rays
 from lasso_motion_ros.ring.detection import Detection
 
 Array = npt.NDArray[np.float64]
@@ -79,6 +80,8 @@ class Twins:
             ring: where it was.
             rings: all that plainly look like it in both planes, by themselves.
         """
+        if all(one is ring for one in rings):  # as nearly always
+            return self
         twins, place = list(self.known), _place(ring)
         for detection in rings:
             offset = _place(detection) - place
@@ -93,12 +96,12 @@ class Twins:
 
     def log_odds(self, detection: Detection, rings: Sequence[Detection]) -> float:
         """What the twins tell of a whole detection's being the ring, as a natural logarithm of the odds."""
-        told = 0.0
-        place = _place(detection)
+        moving = [twin for twin in self.known if twin.moves]
+        if not moving:
+            return 0.0
+        told, place = 0.0, _place(detection)
         offsets = [_place(other) - place for other in rings]
-        for twin in self.known:
-            if not twin.moves:
-                continue
+        for twin in moving:
             is_there = any(self._is_same(offset - twin.offset) for offset in offsets)
             is_behind = any(self._is_same(offset + twin.offset) for offset in offsets)
             share = twin.sightings / (twin.sightings + 1.0)
@@ -110,10 +113,6 @@ class Twins:
 
 
 def _place(detection: Detection) -> Array:
-    """(3,) world metres: where the planes' rays pass each other most closely, each telling across its own."""
-    normal, right = np.zeros((3, 3)), np.zeros(3)
-    for fit in detection.planes.values():
-        towards = fit.across.T @ fit.across
-        normal += towards
-        right += towards @ fit.centre
-    return np.asarray(np.linalg.solve(normal, right))
+    """(3,) world metres: where the planes' rays pass each other most closely."""
+    fits = detection.planes.values()
+    return nearest_to_rays(np.array([fit.centre for fit in fits]), np.array([fit.ray for fit in fits]))
